@@ -10,16 +10,8 @@ from typing import Any
 
 import gcs
 from gcs.scenario.schema.scenario import Scenario
+from tools.markdown import rows
 
-HEAD = """# The Python API
-
-<!-- made by tools/reference.py from the code of gcs; change that -->
-
-The commands call nothing else. `import gcs` loads nothing yet; each name is loaded when it is first used. Arrays are of
-float64 in SI units, north, east and down; their shapes stand with them (V vehicles, N instants). Everything raises
-`GcsError`, whose message says what happened and whose `hint` says what to do. The README plans, exports and flies in
-ten lines; [scenario.md](scenario.md) has the keys of a scenario.
-"""
 CHAPTERS = {
     "Scenario": ("load_scenario", "Scenario"),
     "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "cost_terms", "CostTerm", "Replanner", "NamedStates"),
@@ -35,8 +27,8 @@ _REMARK = re.compile(r"^    (\w+): [^#\n]+?  # (.+)$", re.M)
 
 
 def api_reference() -> str:
-    """The page."""
-    lines = [HEAD]
+    """Every public name, by chapter."""
+    lines: list[str] = []
     for chapter, names in CHAPTERS.items():
         lines.append(f"## {chapter}\n")
         for name in names:
@@ -51,12 +43,11 @@ def _entry(name: str, thing: Any) -> Iterator[str]:
     yield f"### `gcs.{name}`\n\n{inspect.getdoc(thing)}\n"
     if issubclass(thing, Scenario):
         return
-    rows = [*_fields(thing), *_members(thing)]
-    if rows:
-        yield "\n".join(["| | |", "| --- | --- |", *rows]) + "\n"
+    if found := [*_fields(thing), *_members(thing)]:
+        yield "| | |\n| --- | --- |\n" + rows(found)
 
 
-def _fields(thing: type) -> Iterator[str]:
+def _fields(thing: type) -> Iterator[tuple[str, str]]:
     """What is kept, with its type and, where it may be left out, what it is then."""
     if not dataclasses.is_dataclass(thing):
         return
@@ -66,19 +57,19 @@ def _fields(thing: type) -> Iterator[str]:
             continue
         default = "" if field.default is dataclasses.MISSING else f" = {_value(field.default)}"
         remark = f"; {said[field.name]}" if field.name in said else ""
-        yield f"| `{field.name}` | {_cell(f'`{field.type}{default}`{remark}')} |"
+        yield f"`{field.name}`", f"`{field.type}{default}`{remark}"
 
 
-def _members(thing: type) -> Iterator[str]:
+def _members(thing: type) -> Iterator[tuple[str, str]]:
     """Methods and properties with the first sentence of what they do."""
     for name, member in vars(thing).items():
         if name.startswith("_"):
             continue
         found = member.__func__ if isinstance(member, classmethod | staticmethod) else member
         if isinstance(found, property):
-            yield f"| `{name}` | {_cell(_first(found))} |"
+            yield f"`{name}`", _first(found)
         elif inspect.isfunction(found):
-            yield f"| {_cell(f'`{_call(name, found)}`')} | {_cell(_first(found))} |"
+            yield f"`{_call(name, found)}`", _first(found)
 
 
 def _first(thing: object) -> str:
@@ -104,7 +95,3 @@ def _value(default: Any) -> str:
     if isinstance(default, str):
         return repr(str(default))
     return repr(default) if default is None or isinstance(default, bool | int | float | tuple) else "..."
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")

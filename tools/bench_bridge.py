@@ -1,32 +1,24 @@
 """How fast do emulated vehicles fly? Steps, filters and messages of 1, 6, 50 and 200 vehicles on one core.
 
-./tools/run python tools/bench_bridge.py [--vehicles 1 6 50 200] [--autopilot ardupilot] [--profile 6] [--json FILE]
+./tools/run python tools/bench_bridge.py [--vehicles 1 6 50 200] [--autopilot ardupilot] [--json FILE]
 
 Vehicles of the `field` preset fly a mission on board, each with its filter, and tell forty messages a second of flight,
 each from a port of its own. Nothing waits and nothing sleeps; seconds are those of the processor, so that whatever else
 runs on the machine takes no part. Each size has a process of its own, so that none finds warm what another left behind.
-The profile is of a run of its own: looking costs time, shares are what it is good for.
 """
 
 from __future__ import annotations
 
 import argparse
-import cProfile
 import json
 import math
-import os
-import pstats
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.mission_protocol.item_messages import with_home
@@ -39,8 +31,8 @@ from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
+from tools.bench.frame import apart, serve, show
 
-ROOT = Path(__file__).resolve().parent.parent
 GOALS = {6: 40.0, 200: 1.0}  # times real time
 WARM_S = 20.0  # of flight, before anything is measured
 SIDE_M = 60.0
@@ -122,24 +114,6 @@ def filter_costs(world: World) -> dict[str, float]:
     return {f"{name}_us": 1e6 * total / count / vehicles for name, (total, count) in costs.items()}
 
 
-def profile(vehicles: int, autopilot: str, lines: int) -> str:
-    """The costliest functions of some seconds of flight, by their own time."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground, under_way(vehicles, autopilot, ground) as world:
-        profiler = cProfile.Profile()
-        profiler.enable()
-        for _ in range(max(200, 6000 // vehicles)):
-            world.step()
-        profiler.disable()
-    stats: Any = pstats.Stats(profiler)
-    total_s, rows = stats.total_tt, []
-    for (file, _, name), (_, calls, own_s, whole_s, _) in stats.stats.items():
-        where = Path(file).name if file.startswith(os.sep) else "built in"
-        rows.append((own_s, whole_s, calls, f"{where}: {name}"))
-    rows.sort(reverse=True)
-    told = [f"{own / total_s:6.1%} {whole / total_s:6.1%} {calls:9d}  {what}" for own, whole, calls, what in rows]
-    return "\n".join([f"{'own':>6} {'whole':>6} {'calls':>9}  function, {vehicles} vehicles", *told[:lines]])
-
-
 def _ask_for_telemetry(vehicle: Conversation) -> None:
     for number, rate_hz in RATES_HZ.items():
         params = {f"param{i}": 0.0 for i in range(1, 8)} | {"param1": float(number), "param2": 1e6 / rate_hz}
@@ -167,62 +141,21 @@ def _place(ned_m: np.ndarray, origin: Origin) -> tuple[int, int]:
 
 def main() -> None:
     """Run, print, and write what was asked for."""
+    serve(measure)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vehicles", type=int, nargs="+", default=[1, 6, 50, 200])
     parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default="ardupilot")
     parser.add_argument("--seconds", type=float, default=8.0, help="of processor time for each measurement")
-    parser.add_argument("--profile", type=int, default=6, help="vehicles of the profile; 0 for none")
-    parser.add_argument("--lines", type=int, default=16, help="of the profile")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.one is not None:
-        print(json.dumps(measure(options.one, options.autopilot, options.seconds)))
-        return
-    rows = [_in_its_own_process(vehicles, options) for vehicles in options.vehicles]
-    _show(rows, options.autopilot)
-    if options.profile:
-        print(profile(options.profile, options.autopilot, options.lines))
+    rows = [apart(__file__, vehicles, options.autopilot, options.seconds) for vehicles in options.vehicles]
+    show(f"emulated vehicles on a mission, {options.autopilot}, one core", rows)
+    for vehicles, goal in GOALS.items():
+        for row in (r for r in rows if r["vehicles"] == vehicles):
+            met = "met" if row["times_real_time"] >= goal else "MISSED"
+            print(f"{vehicles} vehicles: {row['times_real_time']:.1f} times real time, asked {goal:g}: {met}")
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-
-
-def _in_its_own_process(vehicles: int, options: argparse.Namespace) -> dict[str, Any]:
-    command = [sys.executable, __file__, "--one", str(vehicles), "--autopilot", options.autopilot]
-    command += ["--seconds", str(options.seconds)]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment)
-    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return result
-
-
-def _show(rows: list[dict[str, Any]], autopilot: str) -> None:
-    table = Table(title=f"emulated vehicles on a mission, {autopilot}, one core")
-    for column in (
-        "vehicles",
-        "steps/s",
-        "times real time",
-        "goal",
-        "filter, a step",
-        "an update",
-        "messages/s",
-        "each",
-    ):
-        table.add_column(column, justify="right")
-    for row in rows:
-        goal = GOALS.get(row["vehicles"])
-        met = "" if goal is None else f"{goal:g}: {'met' if row['times_real_time'] >= goal else 'MISSED'}"
-        table.add_row(
-            str(row["vehicles"]),
-            f"{row['steps_per_s']:,.0f}",
-            f"{row['times_real_time']:.2f}",
-            met,
-            f"{row['propagate_us']:.1f} µs",
-            f"{row['update_us']:.0f} µs",
-            f"{row['messages_per_s']:,.0f}",
-            f"{row['messages_per_vehicle_and_s_of_flight']:.0f}/s",
-        )
-    Console(width=110).print(table)
 
 
 if __name__ == "__main__":

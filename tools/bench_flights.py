@@ -12,21 +12,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
-from rich.table import Table
 
 import gcs
+from tools.bench.frame import ROOT, apart, serve, show
 
-ROOT = Path(__file__).resolve().parent.parent
 WIND = {"simulation1": ("1@270", "0.3"), "simulation2": ("1@270", "0.3"), "field": ("3@270", "light")}
 MODES = ("stream", "mission", "follow")
 # Name in the table: key of the record, whether large values are the bad ones.
@@ -40,7 +35,7 @@ FIGURES = {
 }
 
 
-def fly_one(plan_file: Path, mode: str, seed: int, folder: Path) -> dict[str, Any]:
+def fly_one(plan_file: Path | str, mode: str, seed: int, folder: Path | str) -> dict[str, Any]:
     """One flight in this process, or why it ended early."""
     plan, _ = gcs.load_plan(plan_file)
     wind, gusts = WIND[plan.scenario.name]
@@ -94,56 +89,34 @@ def summary(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return rows
 
 
-def show(rows: list[dict[str, Any]]) -> None:
-    """The rows as a table."""
-    table = Table("mission", "mode", "held", *FIGURES, title="mean / 95 % / worst of flights")
-    for row in rows:
-        cells = [" / ".join(f"{value:.2f}" for value in row.get(key, ())) for key, _ in FIGURES.values()]
-        table.add_row(row["mission"], row["mode"], f"{row['held']} of {row['flights']}", *cells)
-    Console(width=170).print(table)
-
-
 def run(missions: list[str], modes: list[str], seeds: int, together: int) -> list[dict[str, Any]]:
     """All flights, so many at a time."""
-    with tempfile.TemporaryDirectory() as name, Progress() as progress:
-        plans = {}
+    with tempfile.TemporaryDirectory() as name:
+        orders = []
         for mission in missions:
             plan = gcs.make_plan(gcs.load_scenario(ROOT / "missions" / mission))
-            plans[mission] = Path(name) / f"{mission}.skein"
-            gcs.save_plan(plan, gcs.verify(plan), plans[mission])
-        orders = [(mission, mode, seed) for mission in missions for mode in modes for seed in range(seeds)]
-        task = progress.add_task("flights", total=len(orders))
-
-        def one(order: tuple[str, str, int]) -> dict[str, Any]:
-            mission, mode, seed = order
-            folder = Path(name) / f"{mission}-{mode}-{seed}"
-            line = [sys.executable, __file__, "--one", str(plans[mission]), mode, str(seed), str(folder)]
-            done = subprocess.run(line, check=True, capture_output=True, text=True, cwd=ROOT)
-            progress.advance(task)
-            record: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-            return record
-
+            file = Path(name) / f"{mission}.skein"
+            gcs.save_plan(plan, gcs.verify(plan), file)
+            orders += [
+                (str(file), mode, seed, f"{name}/{mission}-{mode}-{seed}") for mode in modes for seed in range(seeds)
+            ]
         with ThreadPoolExecutor(together) as pool:
-            return list(pool.map(one, orders))
+            return list(pool.map(lambda order: apart(__file__, *order), orders))
 
 
 def main() -> None:
     """Fly what was asked for."""
+    serve(fly_one)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--mission", nargs="+", choices=list(WIND), default=list(WIND))
     parser.add_argument("--mode", nargs="+", choices=MODES, default=list(MODES))
     parser.add_argument("--together", type=int, default=2, help="flights at a time; each wants a core")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.one is not None:
-        plan, mode, seed, folder = options.one
-        print(json.dumps(fly_one(Path(plan), mode, int(seed), Path(folder))))
-        return
     records = run(options.mission, options.mode, options.seeds, options.together)
     rows = summary(records)
-    show(rows)
+    show("flights, each figure as mean / 95 % / worst", [row | {"ended": len(row["ended"])} for row in rows])
     if options.json is not None:
         options.json.write_text(json.dumps({"flights": records, "rows": rows}, indent=1) + "\n")
 

@@ -1,13 +1,10 @@
 """How often does the planner find its way? Random maps, planned, verified and counted.
 
-./tools/run python tools/bench_maps.py [--maps 200] [--seed 1] [--jobs 2] [--json FILE] [--course]
+./tools/run python tools/bench_maps.py [--maps 200] [--seed 1] [--jobs 2] [--json FILE]
 
 Each map: 5 to 25 mountains up to 60 m, 0 to 6 no-fly disks, a ceiling between 12 and 35 m, six vehicles from a random
 place to another at least 500 m away, with time for 2.5 to 3.5 m/s along the straight line. Maps without a way under
 the ceiling are found by the route search and counted apart. Beside it: the share a straight-line guess would reach.
-
-`--course` measures instead what `frame = "course"` costs: four vehicles, one change and one zone, planned in both
-frames in one process; CPU time counts.
 """
 
 from __future__ import annotations
@@ -19,7 +16,6 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -32,41 +28,12 @@ from gcs.plan.search.routes import find_routes, survey
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Mountains, NoFlyZone, Scenario, Terrain
+from tools.bench.frame import ROOT, show
 
-ROOT = Path(__file__).resolve().parent.parent
 SIDE_M = 1500.0
 HEIGHT_M = 3.0  # of start and end
 ROOM_M = 20.0  # between the ends and the edge of the map
 FLAT_M = 1.36  # ground no higher than the ripple: an end may stand there
-COURSE_MOST = 3.0  # times the inertial frame's CPU time
-FOUR = """
-schema_version = 1
-name = "four"
-title = "four quadrotors past a zone"
-vehicle_type = "quad500"
-origin = { lat_deg = 47.39, lon_deg = 8.54, alt_amsl_m = 0.0 }
-time = { flight_s = 120.0 }
-start = { position_m = [0.0, 0.0, 15.0], roll_pitch_yaw_deg = [0.0, 0.0, 45.0] }
-end = { position_m = [282.84, 282.84, 15.0], roll_pitch_yaw_deg = [0.0, 0.0, 45.0] }
-no_fly = [{ polygon_m = [[100.0, 130.0], [160.0, 110.0], [190.0, 170.0], [140.0, 200.0]] }]
-[limits]
-north_m = [-140.0, 410.0]
-east_m = [-130.0, 420.0]
-height_m = [0.0, 40.0]
-clearance_min_m = 5.0
-separation_min_m = 4.0
-[formation]
-count = 4
-start_shape = "line"
-shape = [
-    { name = "line", generator = "line", spacing_m = 8.0, heading_deg = 45.0 },
-    { name = "column", generator = "column", spacing_m = 8.0, heading_deg = 45.0 },
-]
-change = [{ kind = "reshape", to = "column", at_s = 30.0 }]
-change_speed_mps = 2.0
-change_accel_mps2 = 1.0
-frame = "FRAME"
-"""
 
 
 @dataclass(frozen=True)
@@ -155,24 +122,6 @@ def attempt(number: int, seed: int) -> Outcome:
     return Outcome(number, kind, seconds, words, straight)
 
 
-def course_ratio() -> float:
-    """CPU time of the plan of `FOUR` with its course over that in the inertial frame."""
-    taken_s = {}
-    for frame in ("inertial", "course"):
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / "scenario.toml"
-            file.write_text(FOUR.replace("FRAME", frame))
-            scenario = gcs.load_scenario(file)
-        began = time.process_time()
-        plan = gcs.make_plan(scenario)
-        taken_s[frame] = time.process_time() - began
-        verdict = "verified" if gcs.verify(plan).ok else "not verified"
-        print(f"{frame} frame: {taken_s[frame]:.1f} s CPU, objective {plan.objective:.4f}, {verdict}", flush=True)
-    ratio = taken_s["course"] / taken_s["inertial"]
-    print(f"course frame / inertial frame: {ratio:.2f} (wanted: {COURSE_MOST:g} or less)")
-    return ratio
-
-
 def main() -> None:
     """Run the series and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -180,26 +129,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--course", action="store_true")
     options = parser.parse_args()
-    if options.course:
-        raise SystemExit(int(course_ratio() > COURSE_MOST))
-    outcomes: list[Outcome] = []
     with ProcessPoolExecutor(options.jobs) as pool:
-        for outcome in pool.map(attempt, range(options.maps), [options.seed] * options.maps):
-            outcomes.append(outcome)
-            print(f"map {outcome.number}: {outcome.kind} in {outcome.seconds:.1f} s {outcome.words}", flush=True)
+        outcomes = list(pool.map(attempt, range(options.maps), [options.seed] * options.maps))
+    rows = [asdict(outcome) for outcome in outcomes]
+    show("random maps", rows)
     possible = [o for o in outcomes if o.kind != "no way"]
-    verified = [o for o in possible if o.kind == "verified"]
-    straight = sum(o.straight for o in possible)
-    print()
-    print(f"{len(outcomes)} maps, {len(outcomes) - len(possible)} without a way under their ceiling")
-    print(f"verified: {len(verified)} of {len(possible)} = {len(verified) / len(possible):.1%}")
-    print(f"straight-line guess: {straight} of {len(possible)} = {straight / len(possible):.1%}")
-    times = [o.seconds for o in verified]
-    print(f"time to a verified plan: median {statistics.median(times):.1f} s, worst {max(times):.1f} s")
+    verified = [o.seconds for o in possible if o.kind == "verified"]
+    print(f"verified: {len(verified)} of {len(possible)} with a way under their ceiling")
+    print(f"straight-line guess: {sum(o.straight for o in possible)} of {len(possible)}")
+    print(f"time to a verified plan: median {statistics.median(verified):.1f} s, worst {max(verified):.1f} s")
     if options.json:
-        options.json.write_text(json.dumps([asdict(o) for o in outcomes], indent=2))
+        options.json.write_text(json.dumps(rows, indent=2))
 
 
 if __name__ == "__main__":

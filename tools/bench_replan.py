@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import time
 from dataclasses import asdict, dataclass
@@ -30,8 +29,8 @@ from gcs.plan.replanning.replanner import LEAST_S
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone
+from tools.bench.frame import ROOT, show
 
-ROOT = Path(__file__).resolve().parent.parent
 ASIDE_M, BELOW_M, SPEED_MPS = 20.0, 3.0, 0.2
 RADII_M = (10.0, 30.0)
 AHEAD_S, LEFT_S = 20.0, 30.0  # a disk stands so far ahead at least, and so far from the end
@@ -137,43 +136,34 @@ def main() -> None:
     parser.add_argument("--missions", default="simulation1,field")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    written = {}
+    written, rows = {}, []
     for name in options.missions.split(","):
         outcomes, cold, build_s, built = measure(name, options.replans, options.seed)
-        cold_s = statistics.median(cold)
-        print(
-            f"{name}: first plan {cold_s:.2f} s (median of {len(cold)}), built once in {build_s:.2f} s, {built} later"
-        )
-        for words, chosen in (
-            ("without a zone", [o for o in outcomes if not o.zone]),
-            ("with a new zone", [o for o in outcomes if o.zone]),
-            ("all", outcomes),
-        ):
-            if chosen:
-                _tell(words, chosen, cold_s)
+        for words, zones in (("no new zone", (False,)), ("a new zone", (True,)), ("all", (False, True))):
+            chosen = [o for o in outcomes if o.zone in zones]
+            counts = summary(chosen, statistics.median(cold))
+            rows.append({"mission": name, "zone": words, "built later": built, **counts})
         for outcome in outcomes:
             if outcome.kind != "verified":
-                print(f"  {outcome.kind} at {outcome.t_s:.1f} s after {outcome.seconds:.2f} s: {outcome.words}")
+                print(f"{outcome.kind} at {outcome.t_s:.1f} s after {outcome.seconds:.2f} s: {outcome.words}")
         written[name] = {"cold_s": cold, "build_s": build_s, "built": built, "replans": [asdict(o) for o in outcomes]}
-    print(
-        f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; goal: a median of at most {GOAL:g} of the first plan"
-    )
+    show(f"re-plans; wanted: a median of at most {GOAL:g} of the first plan", rows)
     if options.json:
         options.json.write_text(json.dumps(written, indent=1) + "\n")
 
 
-def _tell(words: str, chosen: list[Outcome], cold_s: float) -> None:
-    verified = [o for o in chosen if o.kind == "verified"]
-    reasons = sum(o.kind == "infeasible" for o in chosen)
-    seconds = np.array([o.seconds for o in verified])
-    median, most = np.median(seconds), np.quantile(seconds, 0.95)
-    iterations = statistics.median(o.iterations for o in verified)
-    verify_s = statistics.median(o.verify_s for o in verified)
-    print(
-        f"  {words}: verified {len(verified)} of {len(chosen)}, {reasons} more infeasible; median {median:.3f} s "
-        f"= {median / cold_s:.2f}, p95 {most:.3f} s = {most / cold_s:.2f} of the first plan; "
-        f"{iterations:.0f} iterations; verifier {verify_s:.2f} s"
-    )
+def summary(chosen: list[Outcome], first_s: float) -> dict[str, Any]:
+    """Counts, and times over that of the first plan."""
+    seconds = np.array([o.seconds for o in chosen if o.kind == "verified"])
+    median_s, most_s = np.quantile(seconds, (0.5, 0.95)) if len(seconds) else (np.nan, np.nan)
+    return {
+        "re-plans": len(chosen),
+        "verified": len(seconds),
+        "infeasible": sum(o.kind == "infeasible" for o in chosen),
+        "median s": median_s,
+        "of first": median_s / first_s,
+        "p95 of first": most_s / first_s,
+    }
 
 
 if __name__ == "__main__":

@@ -17,13 +17,12 @@ from __future__ import annotations
 import argparse
 import json
 import re
-import resource
 import statistics
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,8 +33,9 @@ from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Boundary, NoFlyZone, RoutePoint, Scenario
+from tools.bench.frame import ROOT, apart, serve, show
+from tools.bench.memory import peak_mb
 
-ROOT = Path(__file__).resolve().parent.parent
 MISSION = ROOT / "missions" / "simulation1"
 LEG_M, TURN_RAD, HEIGHT_M = (60.0, 160.0), np.radians(110.0), (8.0, 14.0)
 SPEED_MPS = 3.5
@@ -44,7 +44,7 @@ ROOM_M = 40.0  # between points and the edge of the map
 LOW_M = 12.0  # ground under a point: room for a climb below the ceiling
 BESIDE_M = 25.0  # between points and zones
 ZONES, ZONE_M = 4, (15.0, 45.0)
-GOAL_20, GOAL_SHARE = 4.0, 0.98
+GOAL_SHARE = 0.98
 _TRIES = 2000
 
 
@@ -92,15 +92,17 @@ def _zone(base: Scenario, rng: np.random.Generator) -> NoFlyZone:
 def _walk(base: Scenario, count: int, zones: tuple[NoFlyZone, ...], rng: np.random.Generator) -> Array:
     """Places (count, 4) of a walk from the start over low ground: north, east, height, and that over the ground."""
     place, course = np.array(base.start.position_m[:2]), np.pi / 4.0
+    box = base.limits.north_m, base.limits.east_m
     found: list[list[float]] = []
     for _ in range(_TRIES * count):
         if len(found) == count:
             break
         turned = course + rng.uniform(-TURN_RAD, TURN_RAD)
         ahead = place + rng.uniform(*LEG_M) * np.array([np.cos(turned), np.sin(turned)])
-        inside = all(low + ROOM_M < at < high - ROOM_M for at, (low, high) in zip(ahead, _box(base), strict=True))
+        inside = all(low + ROOM_M < at < high - ROOM_M for at, (low, high) in zip(ahead, box, strict=True))
+        free = all(float(outside_m(zone, np.zeros(1), ahead[:1], ahead[1:])[0]) > BESIDE_M for zone in zones)
         ground_m = float(ground_height_m(base.terrain, ahead[:1], ahead[1:])[0])
-        if not inside or ground_m > LOW_M or not _is_free(zones, ahead):
+        if not inside or ground_m > LOW_M or not free:
             course += rng.uniform(-0.3, 0.3)  # out of a corner in the end
             continue
         place, course = ahead, turned
@@ -109,18 +111,8 @@ def _walk(base: Scenario, count: int, zones: tuple[NoFlyZone, ...], rng: np.rand
     return np.array(found)
 
 
-def _box(base: Scenario) -> tuple[tuple[float, float], tuple[float, float]]:
-    return base.limits.north_m, base.limits.east_m
-
-
-def _is_free(zones: tuple[NoFlyZone, ...], place: Array) -> bool:
-    north, east = place[:1], place[1:]
-    return all(float(outside_m(zone, np.zeros(1), north, east)[0]) > BESIDE_M for zone in zones)
-
-
-def planned(task: tuple[int, int, int]) -> Row:
-    """The row of one route: (points, seed, zones)."""
-    points, seed, zones = task
+def planned(points: int, seed: int, zones: int) -> dict[str, Any]:
+    """The row of one route."""
     scenario = drawn(points, seed, zones)
     rounds: list[MeshRound] = []
     began = time.process_time()
@@ -137,59 +129,35 @@ def planned(task: tuple[int, int, int]) -> Row:
         words = f"{type(failure).__name__}: {failure.message}"
         if isinstance(failure, Infeasible) and not re.search(r"leg \d+.*\d", failure.message):
             words = f"names no leg: {words}"
-    memory_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     iterations = sum(done.iterations for done in rounds)
-    return Row(points, ok, plan_s, verify_s, len(rounds), iterations, memory_MB, words)
+    return asdict(Row(points, ok, plan_s, verify_s, len(rounds), iterations, peak_mb(), words))
 
 
-def _apart(tasks: list[tuple[int, int, int]], jobs: int) -> list[Row]:
-    """Rows of tasks, each in a fresh process, for its memory."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
-        return list(pool.map(planned, tasks))
-
-
-def _growth(args: argparse.Namespace) -> list[Row]:
+def growth(numbers: list[int], seed: int, repeat: int) -> list[Row]:
+    """A to B, then so many points: of each the run of the median time."""
     rows = []
-    print("points  verified  plan CPU s  x A to B  verify CPU s  solves  iterations  memory MB", flush=True)
-    for points in [0, *args.points]:
-        runs = _apart([(points, args.seed, 0)] * args.repeat, 1)
-        row = sorted(runs, key=lambda run: run.plan_s)[len(runs) // 2]
-        rows.append(row)
-        name = f"{points:6}" if points else "A to B"
-        verdict = "yes" if row.verified else "NO"
-        ratio = row.plan_s / rows[0].plan_s
-        print(
-            f"{name}  {verdict:>8}  {row.plan_s:10.2f}  {ratio:8.2f}  {row.verify_s:12.2f}  {row.solves:6}"
-            f"  {row.iterations:10}  {row.memory_MB:9.0f}  {row.words}",
-            flush=True,
-        )
-    by_points = {row.points: row.plan_s for row in rows}
-    if 20 in by_points:
-        print(f"20 points: {by_points[20] / by_points[0]:.2f} x A to B (goal: at most {GOAL_20:g})")
+    for points in [0, *numbers]:
+        runs = sorted((Row(**apart(__file__, points, seed, 0)) for _ in range(repeat)), key=lambda run: run.plan_s)
+        rows.append(runs[len(runs) // 2])
+        print(f"{points} points: {rows[-1].plan_s / rows[0].plan_s:.2f} x A to B", flush=True)
     return rows
 
 
-def _random(args: argparse.Namespace) -> list[Row]:
-    rng = np.random.default_rng(args.seed)
-    tasks = [
-        (int(rng.integers(5, 31)), args.seed * 1000 + n, int(rng.integers(0, ZONES + 1))) for n in range(args.random)
-    ]
-    rows = []
-    with ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
-        for number, row in enumerate(pool.map(planned, tasks)):
-            rows.append(row)
-            verdict = "verified" if row.verified else f"FAILED {row.words}"
-            print(f"{number:4}: {row.points:2} points, {row.plan_s:6.1f} s, {row.solves} solves: {verdict}", flush=True)
+def at_random(count: int, seed: int, jobs: int) -> list[Row]:
+    """Routes of 5 to 30 points among zones."""
+    rng = np.random.default_rng(seed)
+    tasks = [(int(rng.integers(5, 31)), seed * 1000 + n, int(rng.integers(0, ZONES + 1))) for n in range(count)]
+    with ThreadPoolExecutor(jobs) as pool:
+        rows = [Row(**found) for found in pool.map(lambda task: apart(__file__, *task), tasks)]
     share = sum(row.verified for row in rows) / len(rows)
     median_s = statistics.median(row.plan_s for row in rows)
-    print(
-        f"verified: {100.0 * share:.1f} % of {len(rows)} (goal: {100.0 * GOAL_SHARE:g} %); median {median_s:.1f} s CPU"
-    )
+    print(f"verified: {share:.1%} of {len(rows)} (wanted: {GOAL_SHARE:.0%}); median {median_s:.1f} s CPU")
     return rows
 
 
 def main() -> None:
     """Plan the routes that the command line asks for, and print a row for each."""
+    serve(planned)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points", type=int, nargs="+", default=[2, 5, 20, 50, 100])
     parser.add_argument("--repeat", type=int, default=3)
@@ -198,9 +166,11 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    rows = _random(args) if args.random else _growth(args)
+    rows = at_random(args.random, args.seed, args.jobs) if args.random else growth(args.points, args.seed, args.repeat)
+    written = [asdict(row) for row in rows]
+    show("routes planned and verified, CPU seconds", written)
     if args.json:
-        args.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
+        args.json.write_text(json.dumps(written, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Writes docs/commands.md, every command with its options:  ./tools/run python tools/commands_reference.py"""
+"""Every command with its options as a page, docs/commands.md; `tools/reference.py` writes it."""
 
 from __future__ import annotations
 
@@ -8,34 +8,15 @@ from typing import Any
 import typer
 
 from gcs.cli.main import PANELS, app
-from gcs.files import atomic_write
-from tools.reference import DOCS
+from tools.markdown import table
 
-HEAD = """# Commands of gcs
-
-<!-- made by tools/commands_reference.py from the commands in gcs/cli; change those -->
-
-`gcs` alone prints the first steps, and `gcs COMMAND --help` prints what this page has. In a checkout, put
-`./tools/run` before each command. Every command takes `--debug`, which prints the traceback of an error. Commands with
-`--json` print one JSON object on stdout; stderr then has warnings only. The how-to lists the
-[exit codes](howto.md#exit-codes). `sim-bridge` has [its own page](sim_bridge.md).
-
-`gcs --install-completion` has your shell complete commands, options, missions, plans, flights and the words that an
-option takes. `gcs` must be found on the PATH: `. .venv/bin/activate` in a checkout. Completion opens no link, so it
-does not offer the vehicles on one: a port that it opened would take frames from the station that flies.
-
-`--to` names where results go, in every command. `--out` and `-o` are its older names in `plan` and `replan`, and `--to`
-is the older name of `--until` in `replay`.
-
-Options in **bold** must be given.
-"""
 _EVERYWHERE = ("debug", "json", "help")
 
 
 def commands_reference() -> str:
-    """The page."""
+    """Every command, by panel."""
     group: Any = typer.main.get_command(app)
-    parts = [HEAD]
+    parts: list[str] = []
     for panel in PANELS.values():
         commands = [command for command in group.commands.values() if command.rich_help_panel == panel]
         parts.append(f"## {panel}\n")
@@ -52,7 +33,7 @@ def _command(command: Any) -> str:
     rows = [_row(p) for p in (*arguments, *options) if p.name not in _EVERYWHERE]
     parts = [f"### `{usage}`", text]
     if rows:
-        parts.append("\n".join(["| argument, option | what | if left out |", "| --- | --- | --- |", *rows]))
+        parts.append(table(("argument, option", "what", "if left out"), rows).rstrip())
     if not any(p.name == "json" for p in options):
         parts.append("It has no `--json`.")
     if examples:
@@ -67,13 +48,12 @@ def split_help(help_text: str) -> tuple[str, list[str]]:
     return text.strip(), [line.strip() for line in lines if line.strip()]
 
 
-def _row(parameter: Any) -> str:
+def _row(parameter: Any) -> tuple[str, str, str]:
     is_option = parameter.opts[0].startswith("-")
     name = ", ".join(parameter.opts) if is_option else parameter.metavar
     if is_option and not parameter.is_flag:
         name += f" {parameter.metavar or parameter.opts[0].strip('-').replace('-', '_').upper()}"
-    name = f"**`{name}`**" if parameter.required else f"`{name}`"
-    return f"| {name} | {_cell(parameter.help)} | {_cell(_default(parameter))} |"
+    return f"**`{name}`**" if parameter.required else f"`{name}`", parameter.help, _default(parameter)
 
 
 def _default(parameter: Any) -> str:
@@ -84,12 +64,3 @@ def _default(parameter: Any) -> str:
         return ""
     default = parameter.default
     return f"`{' '.join(map(str, default)) if isinstance(default, tuple) else default}`"
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
-
-
-if __name__ == "__main__":
-    atomic_write(DOCS / "commands.md", commands_reference())
-    print(DOCS / "commands.md")

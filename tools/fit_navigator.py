@@ -63,23 +63,10 @@ def _px4(values: Sequence[float]) -> Navigator:
     return replace(PX4, following=replace(PX4.following, unwinding=values[0]), height_error_m=values[1])
 
 
+_USED = (ARDUPILOT.following.lag_s, ARDUPILOT.following.drag_ps), (PX4.following.unwinding, PX4.height_error_m)
 MODELS = (
-    Model(
-        "ardupilot",
-        "arducopter-4.5.6",
-        ("lag_s", "drag_ps"),
-        (0.2, 0.2),
-        (ARDUPILOT.following.lag_s, ARDUPILOT.following.drag_ps),
-        _ardupilot,
-    ),
-    Model(
-        "px4",
-        "px4-1.17dev",
-        ("unwinding", "height_error_m"),
-        (2.0, 0.5),
-        (PX4.following.unwinding, PX4.height_error_m),
-        _px4,
-    ),
+    Model("ardupilot", "arducopter-4.5.6", ("lag_s", "drag_ps"), (0.2, 0.2), _USED[0], _ardupilot),
+    Model("px4", "px4-1.17dev", ("unwinding", "height_error_m"), (2.0, 0.5), _USED[1], _px4),
 )
 
 

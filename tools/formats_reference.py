@@ -1,8 +1,7 @@
-"""Writes docs/formats.md, every export format:  ./tools/run python tools/formats_reference.py"""
+"""Tables and lists of docs/formats.md, by order; `tools/reference.py` writes them."""
 
 from __future__ import annotations
 
-from gcs.files import atomic_write
 from gcs.flight.recording.tlog import FRAMES_MAX
 from gcs.mission.drawings import kml_drawing
 from gcs.mission.formats.foreign.oddities import Odd
@@ -15,54 +14,9 @@ from gcs.reading.bounded_json import JSON_VALUES_MAX
 from gcs.reading.bounded_parquet import ROWS_MAX
 from gcs.reading.bounded_xml import XML_ELEMENTS_MAX
 from gcs.scenario.environment.heightmap import PIXELS_MAX
-from tools.reference import DOCS
+from tools.markdown import table
 
-HEAD = """# Export formats
-
-<!-- made by tools/formats_reference.py from gcs/mission/formats/registry.py; change that -->
-
-`gcs export PLAN --to FOLDER` writes these files, and `index.json` with the hash of each. `--format NAME` chooses
-formats, any number of times; `all` chooses every one. `gcs.export(plan, folder, formats=["plan"])` takes the same
-names. Formats in **bold** are written without `--format`. `uavN` is the vehicle with system id N.
-
-Every mission is read back from the bytes of its file, flown as the autopilot would fly it, and verified before the
-folder is handed over. `gcs check` reads the missions, fences and rally points of any program.
-[extending.md](extending.md#an-export-format) adds a format. The columns of states, of `record.parquet` and of
-`truth.npz` are in [python.md](python.md#the-columns-of-states).
-
-| name | files | what it is for | content |
-| --- | --- | --- | --- |
-"""
-FOREIGN = """
-## Files of other programs
-
-`gcs check` finds the format from the first line that counts, whatever the suffix. It reads, besides the formats above:
-
-- tables of version 100 and 120 (`QGC WPL`),
-- MAVProxy's list of fence points: lines of latitude and longitude; the return point, the vertices, the first again,
-- MAVProxy's list of rally points: `RALLY` lines with latitude, longitude and altitude above home,
-- QGroundControl's `.mission` of version 1.0 and 2.
-
-Files are read as generously as MAVProxy and QGroundControl read them. Each oddity is a warning (`format`) with its file
-and line. Equal ones in a file are one warning with the first line and their number.
-
-"""
-REFUSED = """
-What could fly otherwise than it is written is refused with its line: a position that is missing or not on Earth, text
-where a number must be, a jump to a number that is not exactly one item, a fence whose last point does not repeat the
-first vertex, a rally altitude that is not above home, complex items.
-"""
-LIMITS = """
-## Limits of files that are read
-
-Files of others are checked before they are read: the exit code is 6, of a scenario 3, of a key or a fault file 2. The
-error states the value and the limit. Only regular files are read, no pipes and no devices; a signing key may come from
-a pipe. Numbers must be finite.
-
-| file | largest size |
-| --- | --- |
-"""
-FURTHER = f"""
+LIMITS = f"""
 - JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
 - A mission has at most {ITEMS_MAX:,} items.
 - A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
@@ -71,26 +25,27 @@ FURTHER = f"""
 - Parquet has at most {ROWS_MAX:,} rows.
 - An elevation model has at most {PIXELS_MAX:,} pixels where the scenario is, and blocks of at most 256 MiB.
 - `gcs replay` takes at most {FRAMES_MAX:,} frames; `gcs report` takes any number.
-
-A plan file (`.skein`) is an archive with these arrays and no other member. Its checksum shows damage. It proves nothing
-about the writer, so every command that leads to vehicles or files verifies the plan again.
-
-| array | type | dimensions | largest size |
-| --- | --- | --- | --- |
-"""
-CONTENTS = """
-## Contents
-
-The content of a format is what its writer is given and its reader returns. `RALLY` is a list of rally points.
-
-| content | one file for | type |
-| --- | --- | --- |
 """
 
 
-def formats_reference() -> str:
-    """The page."""
-    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _foreign() + _limits() + _contents()
+def formats_reference() -> tuple[str, ...]:
+    """Formats; what is read although other programs write it otherwise; limits; arrays of a plan file; contents."""
+    sizes = ((kind.name, in_mib(kind.largest_bytes)) for kind in FILE_KINDS)
+    arrays = (
+        (f"`{name}`", f"`{kind.dtype}`", str(kind.dimensions), in_mib(kind.largest_bytes))
+        for name, kind in ARRAYS.items()
+    )
+    contents = (
+        (f"`{content.name}`", "each vehicle" if content.per_vehicle else "the formation", f"`{content}`")
+        for content in Content
+    )
+    return (
+        table(("name", "files", "what it is for", "content"), map(_cells, FORMATS)),
+        "".join(f"- {odd}\n" for odd in Odd),
+        table(("file", "largest size"), sizes) + LIMITS,
+        table(("array", "type", "dimensions", "largest size"), arrays),
+        table(("content", "one file for", "type"), contents),
+    )
 
 
 def _cells(row: Format) -> tuple[str, ...]:
@@ -98,32 +53,3 @@ def _cells(row: Format) -> tuple[str, ...]:
     stem = "uavN" if row.content.per_vehicle else FLEET
     files = " or ".join(f"`{stem}{suffix}`" for suffix in row.suffixes)
     return name, files, row.purpose, f"`{row.content.name}`"
-
-
-def _foreign() -> str:
-    """What is read although other programs write it otherwise."""
-    return FOREIGN + "".join(f"- {odd}\n" for odd in Odd) + REFUSED
-
-
-def _limits() -> str:
-    """How large a file of others may be."""
-    sizes = "".join(f"| {kind.name} | {in_mib(kind.largest_bytes)} |\n" for kind in FILE_KINDS)
-    arrays = "".join(
-        f"| `{name}` | `{kind.dtype}` | {kind.dimensions} | {in_mib(kind.largest_bytes)} |\n"
-        for name, kind in ARRAYS.items()
-    )
-    return LIMITS + sizes + FURTHER + arrays
-
-
-def _contents() -> str:
-    """The types that hold each content."""
-    rows = (
-        f"| `{content.name}` | {'each vehicle' if content.per_vehicle else 'the formation'} | `{content}` |\n"
-        for content in Content
-    )
-    return CONTENTS + "".join(rows)
-
-
-if __name__ == "__main__":
-    atomic_write(DOCS / "formats.md", formats_reference())
-    print(DOCS / "formats.md")

@@ -9,13 +9,9 @@ their limits allow. Errors are those of true positions against the reference, th
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from gcs.scenario.load import load_scenario
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
@@ -25,8 +21,8 @@ from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.body.presets import PRESETS
 from sim_bridge.dynamics.body.sensors import RTK
 from sim_bridge.dynamics.body.wind_field import parse_wind
+from tools.bench.frame import ROOT, show
 
-MISSIONS = Path(__file__).resolve().parent.parent / "missions"
 SCENARIO_OF = {"f150": "simulation1", "field": "field"}
 WINDS = {
     "f150": (("", ""), ("1@240", ""), ("1@240", "light"), ("2@240", "light")),
@@ -37,21 +33,9 @@ SETTLE_S = 10.0
 UP_M, AWAY_M = 6.0, 60.0
 
 
-class Errors(NamedTuple):
-    """Distances from the reference."""
-
-    rms_m: float
-    max_m: float
-
-    @classmethod
-    def of(cls, distances_m: NDArray[np.float64]) -> Errors:
-        """Of all vehicles and instants."""
-        return cls(float(np.sqrt(np.mean(distances_m**2))), float(distances_m.max()))
-
-
-def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> tuple[Errors, Errors]:
-    """Standing and flying."""
-    preset, scenario = PRESETS[name], load_scenario(MISSIONS / SCENARIO_OF[name])
+def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> dict[str, float]:
+    """Distances of all vehicles from the reference, standing and flying, in m."""
+    preset, scenario = PRESETS[name], load_scenario(ROOT / "missions" / SCENARIO_OF[name])
     motion = MotionLimits.of(preset.quadrotor, scenario.limits)
     airframes = Airframes(
         preset.quadrotor,
@@ -73,7 +57,11 @@ def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> tupl
     for north_m in (AWAY_M, -AWAY_M):
         pieces = _go(airframes, pieces, (north_m, 0.0, 0.0), motion)
         flying.append(_follow(airframes, pieces, max(piece.end_s for piece in pieces) - airframes.t_s))
-    return Errors.of(standing), Errors.of(np.concatenate(flying))
+    found = {}
+    for where, off_m in (("hover", standing), ("on the way", np.concatenate(flying))):
+        found[f"{where}, RMS"] = float(np.sqrt(np.mean(off_m**2)))
+        found[f"{where}, most"] = float(off_m.max())
+    return found
 
 
 def _go(
@@ -109,15 +97,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of hover")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    table = Table(title="distance from the reference, m")
-    for column in ("preset", "wind, m/s", "gusts", "hover, RMS", "largest", "on the way, RMS", "largest"):
-        table.add_column(column)
-    for name, winds in WINDS.items():
-        for wind, gusts in winds:
-            standing, flying = measure(name, wind, gusts, options.seconds, options.seed)
-            figures = [f"{value:.3f}" for value in (*standing, *flying)]
-            table.add_row(name, wind.partition("@")[0] or "none", gusts or "none", *figures)
-    Console(width=110).print(table)
+    rows = [
+        {"preset": name, "wind": wind or "none", "gusts": gusts or "none"}
+        | measure(name, wind, gusts, options.seconds, options.seed)
+        for name, winds in WINDS.items()
+        for wind, gusts in winds
+    ]
+    show("distance from the reference, m", rows)
 
 
 if __name__ == "__main__":

@@ -19,17 +19,28 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from scipy.stats import linregress
 
 import gcs
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from tools.bench.process_sample import Sample, sample
+from tools.bench.frame import ROOT
+from tools.bench.memory import Sample, sample
 
-ROOT = Path(__file__).resolve().parent.parent
+GCS = str(Path(sys.executable).with_name("gcs"))
+OPTIONS = {
+    "hours": 10.0,
+    "speedup": 1.0,
+    "vehicles": 6,
+    "leg": 7200.0,
+    "every": 60.0,
+    "port": 14650,
+    "autopilot": "ardupilot",
+}
 COLUMNS = ("leg", "wall_s", "flown_s", "process", "rss_mb", "files", "threads", "cpu_s", "log_mb")
 SETTLED_SHARE = 0.15  # of a leg: imports, upload and take-off
 LIMIT_MB_PER_H = 1.0  # of flight
@@ -53,13 +64,10 @@ def long_scenario(vehicles: int, leg_s: float) -> Scenario:
 
 def slope(hours: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
     """Return the least-squares slope of values per hour, and its standard error; NaN for fewer than three."""
-    if len(hours) < 3:
+    if len(set(hours)) < 3:
         return float("nan"), float("nan")
-    t_h, y = np.asarray(hours) - np.mean(hours), np.asarray(values) - np.mean(values)
-    spread = float(t_h @ t_h)
-    per_h = float(t_h @ y) / spread
-    rest = y - per_h * t_h
-    return per_h, float(np.sqrt(rest @ rest / (len(y) - 2) / spread))
+    line = linregress(hours, values)
+    return float(line.slope), float(line.stderr)
 
 
 def verdict(rows: Sequence[dict[str, Any]], leg: int, process: str) -> dict[str, Any]:
@@ -88,23 +96,22 @@ class LogSpan:
     """The time between the first and the last frame of a growing log, by the vehicles' clocks."""
 
     def __init__(self) -> None:
-        self._read_bytes = 0
-        self._rest = b""
+        self._at = 0  # of the first frame that was not whole yet
         self._first_us = self._last_us = 0
 
     def seconds(self, path: Path) -> float:
         """Read what was added since the last call."""
         with path.open("rb") as file:
-            file.seek(self._read_bytes)
-            data = file.read()
-        self._read_bytes += len(data)
-        data, at = self._rest + data, 0
+            file.seek(self._at)
+            data, at = file.read(), 0
         while at + 11 <= len(data):
+            after = at + 8 + _frame_bytes(data[at + 8 : at + 11])
+            if after > len(data):
+                break
             self._last_us = int.from_bytes(data[at : at + 8])
             self._first_us = self._first_us or self._last_us  # 0 until the vehicles' time is known
-            at += 8 + _frame_bytes(data[at + 8 : at + 11])
-        self._rest = data[at:] if at <= len(data) else b""
-        self._read_bytes += max(at - len(data), 0)
+            at = after
+        self._at += at
         return (self._last_us - self._first_us) / 1e6
 
 
@@ -122,19 +129,19 @@ class Leg:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self._span = LogSpan()
-        line = [sys.executable, "-m", "sim_bridge", str(scenario), "--udp", f"127.0.0.1:{options.port}"]
-        line += ["--speedup", str(options.speedup), "--autopilot", options.autopilot, "--until-eof"]
+        address = f"127.0.0.1:{options.port}"
+        bridge = [sys.executable, "-m", "sim_bridge", str(scenario), "--udp", address, "--until-eof"]
+        bridge += ["--speedup", str(options.speedup), "--autopilot", options.autopilot]
         with (folder / "bridge.txt").open("wb") as log:
             self.bridge = subprocess.Popen(
-                line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, start_new_session=True
+                bridge, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, start_new_session=True
             )
         if self.bridge.stdout is None or not self.bridge.stdout.readline():
             raise SystemExit(f"sim-bridge did not start: {(folder / 'bridge.txt').read_text()}")
-        command = [str(Path(sys.executable).with_name("gcs")), "fly", str(plan), "--to", str(folder), "--yes-arm"]
-        command += ["--link", f"udpin:127.0.0.1:{options.port}"]
+        fly = [GCS, "fly", str(plan), "--to", str(folder), "--yes-arm", "--link", f"udpin:{address}"]
         with (folder / "ground.txt").open("wb") as log:
             self.ground = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True
+                fly, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True
             )
 
     def log_mb(self) -> float:
@@ -158,19 +165,18 @@ class Leg:
         """Land, if it still flies, and return the exit status of `gcs fly`."""
         if self.ground.poll() is None:
             self.ground.send_signal(signal.SIGINT)
-        try:
-            status = self.ground.wait(LAND_S)
-        except subprocess.TimeoutExpired:
-            self.ground.kill()
-            status = self.ground.wait()
+        status = _ended(self.ground, LAND_S)
         if self.bridge.stdin is not None:
             self.bridge.stdin.close()
-        try:
-            self.bridge.wait(30.0)
-        except subprocess.TimeoutExpired:
-            self.bridge.kill()
-            self.bridge.wait()
+        _ended(self.bridge, 30.0)
         return status
+
+
+def _ended(process: subprocess.Popen[bytes], patience_s: float) -> int:
+    with suppress(subprocess.TimeoutExpired):
+        return process.wait(patience_s)
+    process.kill()
+    return process.wait()
 
 
 def soak(options: argparse.Namespace) -> dict[str, Any]:
@@ -179,59 +185,41 @@ def soak(options: argparse.Namespace) -> dict[str, Any]:
     to.mkdir(parents=True, exist_ok=True)
     scenario, plan = to / "scenario.json", to / "soak.skein"
     scenario.write_text(long_scenario(options.vehicles, options.leg).model_dump_json(indent=2), encoding="utf-8")
-    subprocess.run([Path(sys.executable).with_name("gcs"), "plan", scenario, "--to", plan], check=True)
+    subprocess.run([GCS, "plan", scenario, "--to", plan], check=True)
     rows: list[dict[str, Any]] = []
     ended: list[int] = []
     flown_s, leg = 0.0, 0
     with (to / "samples.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
-        while flown_s < 3600.0 * options.hours:
+        while flown_s < 3600.0 * options.hours and sum(status != 0 for status in ended) <= _FAILED_LEGS_MAX:
             leg += 1
             flight = Leg(to / f"leg{leg}", scenario, plan, options)
-            began_s = time.monotonic()
-            before_s = flown_s
+            began_s, before_s = time.monotonic(), flown_s
             try:
                 while flight.ground.poll() is None and flown_s < 3600.0 * options.hours:
                     with suppress(subprocess.TimeoutExpired):
                         flight.ground.wait(options.every)
-                    wall_s = time.monotonic() - began_s
                     leg_s = flight.flown_s()
                     flown_s = before_s + leg_s
-                    log_mb = round(flight.log_mb(), 3)
+                    times = {"leg": leg, "wall_s": round(time.monotonic() - began_s, 1), "flown_s": round(leg_s, 1)}
                     for name, seen in flight.samples().items():
-                        rows.append(_row(leg, wall_s, leg_s, name, seen, log_mb))
+                        rows.append(times | {"process": name, **asdict(seen), "log_mb": round(flight.log_mb(), 3)})
                         table.writerow(rows[-1])
                     file.flush()
-                    result = _result(options, rows, ended)
-                    (to / "verdict.json").write_text(json.dumps(result, indent=2), encoding="utf-8")
+                    _judge(to, options, rows, ended)
             finally:
                 ended.append(flight.end())
-            if sum(status != 0 for status in ended) > _FAILED_LEGS_MAX:
-                break
-    result = _result(options, rows, ended)
-    (to / "verdict.json").write_text(json.dumps(result, indent=2), encoding="utf-8")
-    return result
+    return _judge(to, options, rows, ended)
 
 
-def _row(leg: int, wall_s: float, flown_s: float, name: str, seen: Sample, log_mb: float) -> dict[str, Any]:
-    return {
-        "leg": leg,
-        "wall_s": round(wall_s, 1),
-        "flown_s": round(flown_s, 1),
-        "process": name,
-        "rss_mb": round(seen.rss_mb, 3),
-        "files": seen.files,
-        "threads": seen.threads,
-        "cpu_s": seen.cpu_s,
-        "log_mb": log_mb,
-    }
-
-
-def _result(options: argparse.Namespace, rows: Sequence[dict[str, Any]], ended: Sequence[int]) -> dict[str, Any]:
+def _judge(
+    to: Path, options: argparse.Namespace, rows: Sequence[dict[str, Any]], ended: Sequence[int]
+) -> dict[str, Any]:
+    """Write the verdict so far."""
     legs = sorted({r["leg"] for r in rows})
     found = [verdict(rows, leg, process) for leg in legs for process in ("gcs", "sim-bridge")]
-    return {
+    result = {
         "speedup": options.speedup,
         "vehicles": options.vehicles,
         "flown_h": round(sum(v["flown_h"] for v in found if v["process"] == "gcs"), 3),
@@ -239,19 +227,16 @@ def _result(options: argparse.Namespace, rows: Sequence[dict[str, Any]], ended: 
         "legs": found,
         "grows": any(v["grows"] for v in found),
     }
+    (to / "verdict.json").write_text(json.dumps(result, indent=2), encoding="utf-8")
+    return result
 
 
 def main() -> None:
     """Read the options and fly."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("to", type=Path)
-    parser.add_argument("--hours", type=float, default=10.0)
-    parser.add_argument("--speedup", type=float, default=1.0)
-    parser.add_argument("--vehicles", type=int, default=6)
-    parser.add_argument("--leg", type=float, default=7200.0)
-    parser.add_argument("--every", type=float, default=60.0)
-    parser.add_argument("--port", type=int, default=14650)
-    parser.add_argument("--autopilot", default="ardupilot")
+    for name, default in OPTIONS.items():
+        parser.add_argument(f"--{name}", type=type(default), default=default)
     options = parser.parse_args()
     result = soak(options)
     print(json.dumps(result, indent=2))

@@ -21,7 +21,7 @@ from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from sim_bridge import Fleet
 from sim_bridge.protocol.ftp_server import _nak
-from tools.upload.air import mission_of
+from tests.air import mission_of
 
 ITEMS = mission_of(60, seed=3)
 ITEM, FILE = 73, 110

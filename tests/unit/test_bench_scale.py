@@ -1,4 +1,4 @@
-"""A thousand vehicles make the same nonlinear program as six: no more unknowns, hardly more constraints."""
+"""Sixty vehicles make the same nonlinear program as six: no more unknowns, hardly more constraints."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
 
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.program.transcription import Program, transcribe
@@ -23,25 +22,24 @@ def program(vehicles: int) -> Program:
 
 
 def test_the_program_does_not_grow_with_the_fleet() -> None:
-    six, thousand = program(6), program(1000)
-    assert thousand.layout.size == six.layout.size
-    assert len(thousand.g_names) == len(six.g_names)
+    six, many = program(6), program(60)
+    assert many.layout.size == six.layout.size
+    assert len(many.g_names) == len(six.g_names)
     # ... and it watches other vehicles where the ground is another.
-    watched = {name for name, _ in thousand.g_names if name.startswith("clearance of vehicle")}
-    assert len(watched) > 50
+    watched = {name for name, _ in many.g_names if name.startswith("clearance of vehicle")}
+    assert len(watched) > 20
 
 
-@pytest.mark.parametrize("changes", [False, True])
-def test_the_benchmark_flies_what_it_says(changes: bool) -> None:
-    task = scenario(50, changes=changes)
+def test_the_benchmark_flies_what_it_says() -> None:
+    task = scenario(50, changes=True)
     assert len(task.formation.sysids) == 50
-    assert len(task.formation.change) == 3 * changes
+    assert len(task.formation.change) == 3
     assert np.all(np.diff(task.formation.sysids) == 1)
 
 
 def test_a_small_program_started_by_a_large_one_is_small() -> None:
     """The kernel's ru_maxrss survives exec; what is measured must not."""
-    ballast = np.ones(40_000_000)  # 320 MB
+    ballast = np.ones(10_000_000)  # 80 MB
     code = "from tools.bench.memory import peak_mb; print(peak_mb())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert float(done.stdout) < 100.0 < ballast.nbytes / 1e6 < peak_mb()
+    assert float(done.stdout) < 40.0 < ballast.nbytes / 1e6 < peak_mb()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.link.mission_protocol.strategy import Transfer
-from tools.bench_upload import cell, compared, middle
-from tools.upload.air import Air, Weather, mission_of
+from tests.air import Air, Weather, mission_of
+from tools.bench_upload import cell
 
 
 @pytest.mark.parametrize("autopilot", [Autopilot.ARDUPILOT, Autopilot.PX4])
@@ -25,21 +23,6 @@ def test_a_file_is_faster_than_items_in_every_weather() -> None:
         as_file, by_items = (cell(Autopilot.ARDUPILOT, weather, uploads=5, items=60, transfer=way) for way in ways)
         assert (as_file["errors"], as_file["wrong"]) == (0, 0)
         assert as_file["held_s"] < by_items["held_s"] / 4
-
-
-def test_laps_are_compared_within_their_cell() -> None:
-    def lap(client: str, vehicles: int, sent_s: float, failures: int = 0) -> dict[str, Any]:
-        echo_s = 0.1 if client == "ours" else None
-        row = {"round_trip_s": 0.1, "loss": 0.0, "client": client, "vehicles": vehicles, "echo_s": echo_s}
-        return {**row, "sent_s": sent_s, "verified_s": None, "messages": None, "failures": failures, "wrong": 0}
-
-    six = middle([lap("ours", 6, 9.0), lap("ours", 6, 30.0, 1), lap("ours", 6, 11.0)])
-    assert (six["sent_s"], six["failures"]) == (11.0, 1)
-    rows = compared([six, lap("ours", 1, 10.0), lap("MAVSDK", 6, 22.0)], items=99)
-    assert [row["of_floor"] for row in rows] == [pytest.approx(1.1), pytest.approx(1.0), None]
-    assert [row["of_one"] for row in rows] == [pytest.approx(1.1), None, None]
-    assert [row["of_mavsdk"] for row in rows] == [0.5, None, None]
-    assert compared([six, lap("MAVSDK", 6, 22.0, failures=6)], items=99)[0]["of_mavsdk"] is None
 
 
 @pytest.mark.parametrize("autopilot", [Autopilot.ARDUPILOT, Autopilot.PX4])

@@ -10,8 +10,35 @@ import pytest
 import gcs
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import MeshRound
-from tools.bench_maps import FOUR
 
+FOUR = """
+schema_version = 1
+name = "four"
+title = "four quadrotors past a zone"
+vehicle_type = "quad500"
+origin = { lat_deg = 47.39, lon_deg = 8.54, alt_amsl_m = 0.0 }
+time = { flight_s = 120.0 }
+start = { position_m = [0.0, 0.0, 15.0], roll_pitch_yaw_deg = [0.0, 0.0, 45.0] }
+end = { position_m = [282.84, 282.84, 15.0], roll_pitch_yaw_deg = [0.0, 0.0, 45.0] }
+no_fly = [{ polygon_m = [[100.0, 130.0], [160.0, 110.0], [190.0, 170.0], [140.0, 200.0]] }]
+[limits]
+north_m = [-140.0, 410.0]
+east_m = [-130.0, 420.0]
+height_m = [0.0, 40.0]
+clearance_min_m = 5.0
+separation_min_m = 4.0
+[formation]
+count = 4
+start_shape = "line"
+shape = [
+    { name = "line", generator = "line", spacing_m = 8.0, heading_deg = 45.0 },
+    { name = "column", generator = "column", spacing_m = 8.0, heading_deg = 45.0 },
+]
+change = [{ kind = "reshape", to = "column", at_s = 30.0 }]
+change_speed_mps = 2.0
+change_accel_mps2 = 1.0
+frame = "FRAME"
+"""
 ZONE_M = "[[100.0, 130.0], [160.0, 110.0], [190.0, 170.0], [140.0, 200.0]]"  # of FOUR
 
 

@@ -41,17 +41,20 @@ def test_flight_and_every_change_are_drawn(changing: Plan, tmp_path: Path) -> No
         assert is_drawn(save(draw_change(changing, move), tmp_path / "change.png"))
 
 
+@pytest.mark.slow
 def test_changes_of_height_get_a_panel(changing: Plan) -> None:
     across, in_lanes = (len(draw_change(changing, move).axes) for move in (changing.moves[1], changing.moves[-1]))
     assert changing.moves[-1].way == "in one altitude lane"
     assert in_lanes == across + 1
 
 
+@pytest.mark.slow
 def test_a_formation_is_drawn_close_up(changing: Plan, tmp_path: Path) -> None:
     camera = camera_near(changing, 60.0, (30.0, 10.0, 8.0))
     assert is_drawn(save(draw_view(changing, 60.0, camera, samples=1), tmp_path / "close_up.png"))
 
 
+@pytest.mark.slow
 def test_the_camera_sees_the_formation_before_itself(changing: Plan) -> None:
     camera = camera_near(changing, 60.0, (30.0, 10.0, 8.0))
     places = changing.states(np.array([60.0]))[:, 0, :3] * (1.0, 1.0, -1.0)
@@ -61,6 +64,7 @@ def test_the_camera_sees_the_formation_before_itself(changing: Plan) -> None:
     assert float(pixels[1]) == pytest.approx(camera.horizon * HEIGHT - camera.focal * WIDTH * 8.0 / float(ahead))
 
 
+@pytest.mark.slow
 def test_ground_hides_what_is_behind_it_and_nothing_else(repo_root: Path) -> None:
     """From the south of Simulation 1's 48 m mountain: the sky is above it, and a place behind it is not seen."""
     terrain = gcs.load_scenario(repo_root / "missions" / "simulation1").terrain
@@ -74,6 +78,7 @@ def test_ground_hides_what_is_behind_it_and_nothing_else(repo_root: Path) -> Non
     assert over[2] > over[0] + 0.05 and below[2] < below[0] + 0.05  # blue above the top, ground below it
 
 
+@pytest.mark.slow
 def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None:
     from PIL import Image
 
@@ -82,6 +87,7 @@ def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None
         assert film.n_frames == np.ceil(changing.flight_s / 75.0)
 
 
+@pytest.mark.slow
 def test_measures_are_the_verifiers(changing: Plan) -> None:
     t_s = np.arange(0.0, changing.flight_s, 0.05)
     report = verify(changing)
@@ -91,6 +97,7 @@ def test_measures_are_the_verifiers(changing: Plan) -> None:
     assert report.separation_min_m <= nearest_m(changing, t_s).min() <= 1.05 * report.separation_min_m
 
 
+@pytest.mark.slow
 def test_size_is_the_formations_not_its_heading(changing: Plan) -> None:
     _, rotation, shrinking, back = changing.moves
     during = size(changing, np.linspace(rotation.start_s, rotation.end_s, 20))
@@ -107,6 +114,7 @@ def test_chain_is_the_shortest_that_joins_all() -> None:
     assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) == pytest.approx(np.full(4, np.sqrt(2.0)))
 
 
+@pytest.mark.slow
 def test_rigid_scenario_differs_in_its_changes_alone(changing: Plan) -> None:
     rigid = figures.rigid(changing.scenario)
     assert rigid.formation.change == ()

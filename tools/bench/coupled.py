@@ -1,17 +1,14 @@
 """Six vehicles as one coupled program, the way a formation is written without a virtual rigid body.
 
 Knows: CasADi, the same mesh, dynamics, cost and constraints as the leader's, six times, and every pair's separation at
-every node. Run as `python -m tools.bench.coupled problem.json result.json LIMIT_S`.
+every node.
 """
 
 from __future__ import annotations
 
 import itertools
-import json
-import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -27,7 +24,7 @@ from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
-from tools.bench.describe import alone, six, straight
+from tools.bench.describe import alone, straight
 
 
 def each_vehicle(scenario: Scenario) -> list[Problem]:
@@ -46,13 +43,12 @@ def each_vehicle(scenario: Scenario) -> list[Problem]:
     return problems
 
 
-def solve(mesh: Mesh, limit_s: float, scenario: Scenario | None = None, clock: str = "wall") -> dict[str, Any]:
-    """One program for all, by default six, its derivatives CasADi's own; `limit_s` bounds the solver's time.
+def solve(mesh: Mesh, limit_s: float, scenario: Scenario, clock: str = "wall") -> dict[str, Any]:
+    """One program for all, its derivatives CasADi's own; `limit_s` bounds the solver's time.
 
     The time is that of the `clock`: wall or cpu.
     """
     began, began_cpu = time.perf_counter(), time.process_time()
-    scenario = scenario or six()
     problems = each_vehicle(scenario)
     programs = [transcribe(problem, mesh, straight(problem), ControlForm.LAGRANGE) for problem in problems]
     guesses = [p.scaled(straight(q)) for p, q in zip(programs, problems, strict=True)]
@@ -124,15 +120,3 @@ def _one_vehicle(
     return ca.sum2(parts.cost.map(nodes)(z, shares)), ca.vertcat(
         motion / unit, ca.vec(parts.path.map(nodes)(z, np.zeros((parts.path.size1_in(1), nodes))))
     )
-
-
-def main(problem: str, answer: str, limit_s: str) -> None:
-    """Solve and write the result."""
-    ca.has_nlpsol("ipopt")  # loads the library: that is part of importing
-    given = json.loads(Path(problem).read_text())
-    result = solve(Mesh(np.array(given["joints_s"]), tuple(given["degrees"])), float(limit_s))
-    Path(answer).write_text(json.dumps(result))
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:4])

@@ -1,7 +1,4 @@
-"""Simulation 1's leader alone as plain numbers, on a mesh: what every contender is given.
-
-Knows: Skein's own problem. Does not know: contenders.
-"""
+"""Simulation 1's leader alone, from A to B or through points, as plain numbers on a mesh: what contenders are given."""
 
 from __future__ import annotations
 
@@ -11,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh import Mesh, end_refined
+from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S
+from gcs.plan.nlp.program.leg_rows import leg_times
 from gcs.plan.nlp.program.program_bounds import STATE_UNIT
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.variables import NU
@@ -19,10 +19,13 @@ from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS, yaw_rate
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.ocp.stage_functions import REST_SMOOTHING_MPS
 from gcs.plan.search.initial_guess import along, straight_route
+from gcs.plan.search.legs.leg_routes import routes_through
+from gcs.plan.search.legs.leg_schedule import on_time
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from tools.bench_route import drawn
 
 MISSION = Path(__file__).resolve().parents[2] / "missions" / "simulation1"
 
@@ -68,13 +71,28 @@ def converged(problem: Problem) -> Mesh:
     return Mesh(problem.start_s + joints, (3,) * (len(joints) - 1))
 
 
-def numbers(problem: Problem, mesh: Mesh) -> dict[str, Any]:
-    """Everything contender.py's Leader reads; arrays as lists."""
+def on_route() -> Scenario:
+    """The paper's formation through five points."""
+    return drawn(5, 1)
+
+
+def route_problem() -> tuple[Problem, Mesh, Trajectory]:
+    """The leader through the points, with Skein's first mesh and its first guess."""
+    problem = flight_problem(alone(on_route()))
+    route = routes_through(problem)[0]
+    problem = on_time(problem, route)
+    return problem, first_mesh(problem, LONGEST_S, SHORTEST_S, DEGREE), along(problem, route)
+
+
+def numbers(problem: Problem, mesh: Mesh, guess: Trajectory | None = None) -> dict[str, Any]:
+    """Everything that `Leader` reads; arrays as lists. The guess is a straight track unless there is a better one."""
     scenario = problem.scenario
     assert scenario.terrain.ripple is not None and not scenario.no_fly and len(scenario.formation.vehicle) == 1
     program = transcribe(problem, mesh, straight(problem))
-    times = np.linspace(problem.start_s, problem.end_s, 201)
-    guess = straight(problem)
+    assert all(not point.radius_m and not point.hold_s for point in problem.points)
+    times = np.linspace(problem.start_s, problem.end_s, 201) if guess is None else guess.state.x
+    guess = guess or straight(problem)
+    legs = leg_times(problem, mesh)
     mountains = scenario.terrain.mountains
     turning = next(term for term in TERMS if term.rate is yaw_rate)
     late = TERMINAL_WEIGHTS[problem.objective.terminal_weight](program.layout.node_times_s(), problem.end_s)
@@ -82,6 +100,9 @@ def numbers(problem: Problem, mesh: Mesh) -> dict[str, Any]:
         "end_s": problem.end_s,
         "joints_s": mesh.joints_s.tolist(),
         "degrees": list(mesh.degrees),
+        "leg_of_interval": mesh.leg_of_interval.tolist(),
+        "points_ned_m": [point.place_ned_m.tolist() for point in problem.points],
+        "stretch": [1.0, 1.0] if legs is None else [float(legs.low[0]), float(legs.high[0])],
         "state_unit": STATE_UNIT.tolist(),
         "control_unit": program.unit[-NU:].tolist(),
         "control_shift": program.shift[-NU:].tolist(),

@@ -40,18 +40,14 @@ class Findings:
     @property
     def verified(self) -> bool:
         """All of it within the verifier's tolerances."""
-        return (
-            self.clearance_m <= LENGTH_TOLERANCE_M
-            and self.limit <= LIMIT_TOLERANCE
-            and self.control <= LIMIT_TOLERANCE
-            and self.window_m <= WINDOW_TOLERANCE_M
-            and self.jump_m <= LENGTH_TOLERANCE_M
-        )
+        lengths, shares = (self.clearance_m, self.jump_m), (self.limit, self.control)
+        held = max(lengths) <= LENGTH_TOLERANCE_M and max(shares) <= LIMIT_TOLERANCE
+        return held and self.window_m <= WINDOW_TOLERANCE_M
 
 
-def trajectory(result: dict[str, Any], joints_s: list[float]) -> Trajectory:
+def trajectory(result: dict[str, Any]) -> Trajectory:
     """The polynomials through a contender's points."""
-    joints = np.array(result.get("joints_s", joints_s))
+    joints = np.array(result["joints_s"])
     return Trajectory(
         *(PPoly(_coefficients(result[f"{part}_tau"], result[part], joints), joints) for part in ("state", "control"))
     )

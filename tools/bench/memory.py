@@ -1,19 +1,49 @@
-"""How much memory a process has had at most.
+"""What a process uses: memory, open files, threads, processor time. Knows: Linux.
 
-Knows: Linux. Does not know: what was measured. The kernel's own figure, ru_maxrss, will not do: it survives exec, so a
-small program that a large one starts is reported to be as large as that.
+The kernel's own figure of the peak, ru_maxrss, will not do: it survives exec, so a small program that a large one
+starts is reported to be as large as that.
 """
 
 from __future__ import annotations
 
+import os
 import re
+from dataclasses import dataclass
 from pathlib import Path
+
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 def peak_mb() -> float:
     """Peak resident memory of this process since its program began, in MB. Raises OSError without /proc."""
-    status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
-    found = re.search(r"^VmHWM:\s+(\d+) kB$", status, re.M)
+    return _of(_status("self"), "VmHWM") / 1024
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One look at a process."""
+
+    rss_mb: float
+    files: int
+    threads: int
+    cpu_s: float
+
+
+def sample(pid: int) -> Sample:
+    """Look at a process. Raises OSError when it is gone."""
+    folder, status = Path("/proc") / str(pid), _status(str(pid))
+    times = (folder / "stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+    cpu_s = (int(times[11]) + int(times[12])) / _TICKS_PER_S
+    files = len(list((folder / "fd").iterdir()))
+    return Sample(_of(status, "VmRSS") / 1024, files, _of(status, "Threads"), cpu_s)
+
+
+def _status(process: str) -> str:
+    return (Path("/proc") / process / "status").read_text(encoding="ascii", errors="replace")
+
+
+def _of(status: str, name: str) -> int:
+    found = re.search(rf"^{name}:\s+(\d+)", status, re.M)
     if found is None:
-        raise OSError("/proc/self/status does not tell VmHWM")
-    return int(found[1]) / 1024
+        raise ProcessLookupError(f"/proc/*/status does not tell {name}: the process has ended")
+    return int(found[1])

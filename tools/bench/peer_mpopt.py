@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from mpopt import mp
 
-from tools.bench.contender import Result, Stopwatch, run
+from tools.bench.contender import Result, run, timed
 from tools.bench.leader import NU, NX, Leader
 
 ca.has_nlpsol("ipopt")  # loads the library: that is part of importing
@@ -38,25 +38,16 @@ def solve(leader: Leader) -> Result:
     times = [leader.joints_s[0], *(t for i, tau in enumerate(taus) for t in leader.times_s(i, tau[1:]))]
     x, u = leader.guess(times)
     start = np.concatenate([x.T.ravel(), u.T.ravel(), [0.0, leader.end_s]])
-    watch, inner = Stopwatch(), optimiser.nlp_solver
-
-    def timed(**arguments):
-        with watch.watching():
-            return inner(**arguments)
-
-    optimiser.nlp_solver = timed
-    solution = optimiser.solve(initial_solution={"x0": start}, mpopt_options={"nlp_sw_params": leader.shares})
-    stats = inner.stats()
-    result = Result(float(solution["f"]), stats["iter_count"], watch.seconds, stats["return_status"], stats["success"])
+    spent_s, inner = [], optimiser.nlp_solver
+    optimiser.nlp_solver = timed(inner, spent_s)
+    solution = optimiser.solve(initial_solution={"x0": start}, mpopt_options={"nlp_sw_params": leader.shares_of(0)})
+    result = Result.of(solution["f"], inner.stats(), sum(spent_s))
     y = np.asarray(solution["x"]).ravel()
     x = y[: NX * len(times)].reshape(NX, -1).T
     u = y[NX * len(times) : (NX + NU) * len(times)].reshape(NU, -1).T
     at = 0
     for degree, tau in zip(leader.degrees, taus, strict=True):
-        result.state_tau.append(tau)
-        result.control_tau.append(tau)
-        result.state.append(x[at : at + degree + 1])
-        result.control.append(u[at : at + degree + 1])
+        result.add(tau, x[at : at + degree + 1], tau, u[at : at + degree + 1])
         at += degree
     return result
 

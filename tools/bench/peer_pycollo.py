@@ -41,7 +41,7 @@ def solve(leader: Leader) -> Result:
     phase.guess.integral_variables = np.array([1.0])
     count = len(leader.degrees)
     phase.mesh.number_mesh_sections = count
-    phase.mesh.mesh_section_sizes = leader.shares
+    phase.mesh.mesh_section_sizes = leader.shares_of(0)
     phase.mesh.number_mesh_section_nodes = [d + 1 for d in leader.degrees]
     settings = problem.settings
     settings.nlp_tolerance, settings.max_nlp_iterations, settings.max_mesh_iterations = 1e-6, 500, 1
@@ -50,15 +50,8 @@ def solve(leader: Leader) -> Result:
     problem.initialise()
     problem.solve()
     iteration = problem._backend.mesh_iterations[0]
-    stats = problem._backend.nlp_solver.stats()
     found = iteration.solution
-    result = Result(
-        float(found.objective),
-        stats["iter_count"],
-        stats["t_wall_total"],
-        stats["return_status"],
-        stats["success"],
-    )
+    result = Result.of(found.objective, problem._backend.nlp_solver.stats())
     y, dy, control = (np.asarray(part[0]) for part in (found._y, found._dy, found._u))
     tau = 0.5 * (np.asarray(iteration.mesh.tau[0]) + 1.0) * leader.end_s
     at = 0
@@ -70,10 +63,8 @@ def solve(leader: Leader) -> Result:
         more = np.linspace(0.0, 1.0, degree + 2)
         slopes = np.polynomial.polynomial.polyfit(nodes, dy[:NX, span].T * h, degree)
         integral = np.polynomial.polynomial.polyint(slopes)
-        result.state_tau.append(more)
-        result.state.append(y[:NX, at] + np.polynomial.polynomial.polyval(more, integral).T)
-        result.control_tau.append(nodes)
-        result.control.append(control[:, span].T)
+        state = y[:NX, at] + np.polynomial.polynomial.polyval(more, integral).T
+        result.add(more, state, nodes, control[:, span].T)
         at += degree
     return result
 

@@ -8,7 +8,7 @@ import numpy as np
 from rockit import DirectCollocation, Ocp
 from rockit.sampling_method import FunctionGrid
 
-from tools.bench.contender import Result, run
+from tools.bench.contender import IPOPT, Result, run
 from tools.bench.leader import NU, NX, Leader
 
 ca.has_nlpsol("ipopt")  # loads the library: that is part of importing
@@ -35,32 +35,15 @@ def solve(leader: Leader) -> Result:
     shares = list(leader.joints_s / leader.end_s)
     method = DirectCollocation(N=count, degree=degree, scheme="legendre", grid=FunctionGrid(lambda _: shares))
     ocp.method(method)
-    options = {
-        "ipopt.tol": 1e-6,
-        "ipopt.max_iter": 500,
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "print_time": 0,
-        "record_time": True,
-    }
-    ocp.solver("ipopt", options)
+    ocp.solver("ipopt", dict(IPOPT))
     solution = ocp.solve()
-    stats = solution.stats
-    result = Result(
-        float(solution.value(ocp.objective)),
-        stats["iter_count"],
-        stats["t_wall_total"],
-        stats["return_status"],
-        stats["success"],
-    )
+    result = Result.of(solution.value(ocp.objective), solution.stats)
     at_joints, at_roots = (solution.sample(x, grid=grid)[1] for grid in ("control", "integrator_roots"))
     controls = solution.sample(u, grid="control")[1]
     nodes = np.asarray(ca.collocation_points(degree, "legendre"))
     for i in range(count):
-        result.state_tau.append([0.0, *nodes])
-        result.state.append([at_joints[i], *at_roots[degree * i : degree * (i + 1)]])
-        result.control_tau.append([0.0, 1.0])
-        result.control.append(controls[i : i + 2])
+        state = [at_joints[i], *at_roots[degree * i : degree * (i + 1)]]
+        result.add([0.0, *nodes], state, [0.0, 1.0], controls[i : i + 2])
     return result
 
 

@@ -1,6 +1,7 @@
-"""Runs every contender on every mesh, each time in a process of its own, taking turns so that noise falls on all alike.
+"""A race: every contender in an environment and a process of its own, taking turns; its solution verified; a table.
 
-Knows: processes and time limits. Does not know: solvers, goals, tables.
+Peers need libraries that contradict each other and ours: each has an environment under .bench/, made on first use. One
+that does not install, start or solve is named, with the reason, and left out.
 """
 
 from __future__ import annotations
@@ -10,27 +11,56 @@ import os
 import statistics
 import subprocess
 import sys
-from collections import defaultdict
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-LIMIT_S = 300.0
-# One thread each: on a machine with few cores threads measure the neighbours.
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+from gcs.plan.ocp.problem import Problem
+from tools.bench.findings import Findings, look, trajectory
+from tools.bench.frame import ONE_THREAD, ROOT, show
+
+CACHE = ROOT / ".bench"
+LIMIT_S, INSTALL_LIMIT_S = 300.0, 900.0
+KEYS = (
+    *("cold_s", "cold_cpu_s", "flight_cpu_s", "plan_cpu_s", "verified_cpu_s", "solver_s"),
+    *("iterations", "solves", "objective", "points_s", "status"),
+)
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A name and how to start it: `command` before the two file names, `arguments` after."""
+    """A name, the module that runs it, and its arguments; a peer also has a package of the index."""
 
     name: str
-    command: tuple[str, ...]
-    arguments: tuple[str, ...]
-    is_peer: bool
-    limit_s: float = LIMIT_S
+    module: str
+    arguments: tuple[str, ...] = ()
+    package: str = ""
+    pythons: tuple[str, ...] = ()  # that it has wheels for, newest first; none: the one that runs this
+
+    @property
+    def is_peer(self) -> bool:
+        """It is another planner."""
+        return bool(self.package)
+
+
+YAPSS = tuple(
+    Contender(name, "peer_yapss", (mu_strategy,), "yapss")
+    for name, mu_strategy in (("yapss-lg", "adaptive"), ("yapss-lg, monotone mu", "monotone"))
+)
+MAPTOR = Contender("maptor", "peer_maptor", (), "maptor")
+PEERS = (
+    *YAPSS,
+    Contender("mpopt", "peer_mpopt", (), "mpopt", ("3.10", "3.9", "3.8")),  # pins numpy 1.22
+    MAPTOR,
+    Contender("rockit", "peer_rockit", (), "rockit-meco"),
+    Contender("pycollo", "peer_pycollo", (), "pycollo"),
+)
+
+
+class Unavailable(Exception):
+    """A contender that cannot take part, and why."""
 
 
 @dataclass
@@ -41,6 +71,7 @@ class Record:
     mesh: str
     runs: list[dict[str, Any]] = field(default_factory=list)
     failure: str = ""
+    findings: Findings | None = None  # of the leader
 
     def median(self, key: str) -> float:
         """Of a number over all runs; infinite where there is none."""
@@ -52,60 +83,129 @@ class Record:
         return self.runs[-1]
 
 
-def skein(name: str, what: str) -> Contender:
-    """Skein in this environment."""
-    return Contender(name, (sys.executable, "-m", "tools.bench.skein"), (what,), is_peer=False)
+@dataclass(frozen=True)
+class Goal:
+    """A ratio that shall be at most (or at least) some number."""
+
+    name: str
+    value: float
+    bound: float
+    at_least: bool = False
+
+    @property
+    def met(self) -> bool:
+        """The bound is kept."""
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
 
 
-def run(
-    entries: list[tuple[Contender, str]],
-    problems: dict[str, Path],
+Judge = Callable[[list[Record]], list[Goal]]
+
+
+def hold(
+    problem: Problem,
+    meshes: dict[str, dict[str, Any]],
+    entries: Iterable[tuple[Contender, str]],
+    judge: Judge,
     repetitions: int,
-    scratch: Path,
-    on_run: Callable[[str], None] = lambda _: None,
-) -> list[Record]:
-    """Records in the order of `entries` (contender, mesh). One that fails is not run again."""
+    json_path: Path | None,
+) -> None:
+    """Run `entries` (contender, mesh) on the numbers of `meshes`, look at their solutions, judge, print and write."""
     records = [Record(contender, mesh) for contender, mesh in entries]
-    for repetition in range(repetitions):
-        for record in records:
-            if record.failure:
-                continue
-            on_run(f"{repetition + 1}/{repetitions}: {record.contender.name} on {record.mesh}")
-            try:
-                record.runs.append(once(record.contender, problems[record.mesh], scratch / "answer.json"))
-            except RuntimeError as error:
-                record.failure = str(error)
-    return records
+    with tempfile.TemporaryDirectory() as name:
+        files = {mesh: Path(name) / f"problem{i}.json" for i, mesh in enumerate(meshes)}
+        for mesh, file in files.items():
+            file.write_text(json.dumps(meshes[mesh]))
+        for repetition in range(repetitions):
+            for record in (r for r in records if not r.failure):
+                print(f"{repetition + 1}/{repetitions}: {record.contender.name}, {record.mesh}", file=sys.stderr)
+                try:
+                    record.runs.append(once(record.contender, files[record.mesh], Path(name) / "answer.json"))
+                except Unavailable as error:
+                    record.failure = str(error)
+    for record in records:
+        if record.runs:
+            record.findings = look(problem, trajectory(record.result))
+    goals = judge(records)
+    verdicts = [asdict(goal) | {"met": goal.met} for goal in goals]
+    show("goals", verdicts)
+    show("contenders, one thread each", [_row(record) for record in records])
+    if json_path:
+        written = {"goals": verdicts, "records": [_as_json(record) for record in records]}
+        json_path.write_text(json.dumps(written, indent=1) + "\n")
 
 
 def once(contender: Contender, problem: Path, answer: Path) -> dict[str, Any]:
-    """One run; RuntimeError says what went wrong."""
+    """One run; Unavailable says what went wrong."""
     answer.unlink(missing_ok=True)
-    command = [*contender.command, str(problem), str(answer), *contender.arguments]
-    try:
-        done = subprocess.run(
-            command,
-            cwd=ROOT,
-            env=os.environ | ONE_THREAD,
-            capture_output=True,
-            text=True,
-            timeout=contender.limit_s,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise RuntimeError(f"stopped after {contender.limit_s:g} s") from error
-    if done.returncode or not answer.exists():
-        lines = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
-        raise RuntimeError(lines[-1])
+    python = environment(contender) if contender.is_peer else Path(sys.executable)
+    line = [str(python), "-m", f"tools.bench.{contender.module}", str(problem), str(answer), *contender.arguments]
+    _run(line, LIMIT_S, ONE_THREAD)
     result: dict[str, Any] = json.loads(answer.read_text())
     if not result["success"]:
-        raise RuntimeError(f"no solution: {result['status']} after {result['iterations']} iterations")
+        raise Unavailable(f"no solution: {result['status']} after {result['iterations']} iterations")
     return result
 
 
-def by_mesh(records: list[Record]) -> dict[str, list[Record]]:
-    """Grouped, in order."""
-    groups: dict[str, list[Record]] = defaultdict(list)
-    for record in records:
-        groups[record.mesh].append(record)
-    return groups
+def environment(peer: Contender) -> Path:
+    """The peer's own Python, installed on first use; raises Unavailable."""
+    home = CACHE / peer.package
+    python = home / "bin" / "python"
+    stamp = home / ".installed"  # written last: without it the installation did not finish
+    if not stamp.exists():
+        print(f"installing {peer.package} into {home} (once)", file=sys.stderr)
+        interpreter, chosen = _interpreter(peer)
+        _run([interpreter, "-m", "venv", "--clear", str(home)], INSTALL_LIMIT_S, chosen)
+        # A numerical library built from source takes ten minutes and lacks its neighbours' binary interface.
+        wheels = ["-m", "pip", "-q", "install", "--only-binary", "numpy,scipy,casadi"]
+        _run([str(python), *wheels, peer.package], INSTALL_LIMIT_S, {})
+        stamp.touch()
+    return python
+
+
+def _interpreter(peer: Contender) -> tuple[str, dict[str, str]]:
+    """A command and the environment variables that it needs."""
+    if not peer.pythons:
+        return sys.executable, {}
+    for wanted in peer.pythons:
+        # Where several Pythons are managed by pyenv, its stand-ins start the newest one of the family by this name.
+        command, chosen = f"python{wanted}", {"PYENV_VERSION": wanted}
+        try:
+            _run([command, "-c", "pass"], INSTALL_LIMIT_S, chosen)
+        except Unavailable:
+            continue
+        return command, chosen
+    raise Unavailable(f"needs Python {' or '.join(peer.pythons)}, which is not installed")
+
+
+def _run(line: list[str], limit_s: float, variables: dict[str, str]) -> None:
+    settings: dict[str, Any] = {"capture_output": True, "text": True, "timeout": limit_s, "cwd": ROOT}
+    try:
+        done = subprocess.run(line, check=False, env=os.environ | variables, **settings)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise Unavailable(str(error)) from error
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
+        raise Unavailable(next((line for line in lines if line.startswith("ERROR")), lines[-1]))
+
+
+def _row(record: Record) -> dict[str, Any]:
+    """One line of the table; violations are the largest between nodes."""
+    row: dict[str, Any] = {"mesh": record.mesh, "contender": record.contender.name}
+    for key in ("cold_cpu_s", "solver_s", "iterations", "flight_cpu_s", "verified_cpu_s"):
+        row[key] = record.median(key) if record.runs and key in record.result else None
+    found = record.findings
+    for key in ("objective", "clearance_m", "limit", "limit_name", "control", "window_m", "verified"):
+        row[key] = None if found is None else getattr(found, key)
+    return row | {"failure": record.failure}
+
+
+def _as_json(record: Record) -> dict[str, Any]:
+    found = record.findings
+    return {
+        "contender": record.contender.name,
+        "mesh": record.mesh,
+        "failure": record.failure,
+        "runs": [{key: run[key] for key in KEYS if key in run} for run in record.runs],
+        "versions": record.result["versions"] if record.runs else {},
+        "findings": asdict(found) | {"verified": found.verified} if found else None,
+    }

@@ -19,18 +19,14 @@ from gcs.files import atomic_write
 from tools.paper.peer_tables import (
     Table,
     bridge,
-    export,
     first_share,
     legs,
     maps,
     planner,
     planner_times,
-    race,
-    readers,
     replan,
     route,
     scale,
-    stream,
     upload,
 )
 from tools.paper.run import DOCS, ROOT, Log, Run, about, about_line
@@ -42,7 +38,7 @@ PEERS = ("mavsdk", "pymavlink")
 TABLES: dict[str, tuple[str, tuple[str, ...], tuple[Callable[[Any], Table], ...]]] = {
     "planner": (
         "One vehicle's plan beside other solvers",
-        ("--repetitions", "3", "--coupled-limit-s", "0"),
+        ("--repetitions", "3"),
         (planner, planner_times),
     ),
     "scale": ("Large formations", ("--repeat", "3"), (scale,)),
@@ -50,14 +46,12 @@ TABLES: dict[str, tuple[str, tuple[str, ...], tuple[Callable[[Any], Table], ...]
     "maps": ("Random maps", ("--maps", "30"), (maps,)),
     "route": ("Drawn routes", ("--points", "2", "5", "20", "50", "100", "--repeat", "1"), (route,)),
     "legs": ("A drawn route beside other solvers", ("--repetitions", "3"), (legs,)),
-    "export": ("Exports, and reading them", ("--repeat", "1"), (export, readers)),
     "upload": (
         "Uploads over bad links",
-        ("--uploads", "20", "--race", "0.05:0", "0.05:0.2"),
-        (upload, race),
+        ("--uploads", "20"),
+        (upload,),
     ),
-    "stream": ("Setpoint streams", ("--seconds", "20"), (stream,)),
-    "bridge": ("Emulated vehicles", ("--seconds", "3", "--profile", "0"), (bridge,)),
+    "bridge": ("Emulated vehicles", ("--seconds", "3"), (bridge,)),
 }
 ALL = (*TABLES, "flights")  # whose table is a section of its own
 

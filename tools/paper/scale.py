@@ -16,7 +16,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from tools.bench.describe import leader_problem, uniform
-from tools.bench.race import ONE_THREAD
+from tools.bench.frame import ONE_THREAD
 from tools.bench_scale import SPACING_M
 from tools.paper.drawing import save
 from tools.paper.run import CORES, ROOT, Run

@@ -1,6 +1,6 @@
 """The contingency policy as one table: incident, state of the vehicle and choice -> new state, order and rule.
 
-`gcs.flight.contingency.decisions` executes `POLICY`; tools/policy_table.py prints it into docs/flying.md. The first row
+`gcs.flight.contingency.decisions` executes `POLICY`; tools/reference.py prints it into docs/flying.md. The first row
 that applies counts.
 """
 

@@ -20,7 +20,7 @@ from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.strategy import Preferred
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.wire.message import GROUND, Message
-from tools.upload.air import VEHICLE, Air, Weather, mission_of
+from tests.air import VEHICLE, Air, Weather, mission_of
 
 ITEMS = mission_of(60, seed=2)
 DELAY_S = 0.05

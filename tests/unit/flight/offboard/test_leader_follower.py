@@ -22,7 +22,7 @@ from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
-from tools.follow.closed_loop import Followed, FollowerResponse, Link, follow
+from tests.unit.flight.offboard.closed_loop import Followed, FollowerResponse, Link, follow
 
 T0 = 1_700_000_000.0
 

@@ -17,7 +17,7 @@ from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from tests.hostile.man_in_the_middle import Lies
-from tools.replay.recording import find, read
+from tests.replay.recording import find, read
 
 START_S = 1_700_000_000.0
 HERE = Origin(-35.36, 149.16, 584.0)

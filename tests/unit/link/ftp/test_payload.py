@@ -31,7 +31,7 @@ from gcs.link.mission_protocol.strategy import FILE_ITEMS_MIN, Transfer, planned
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
-from tools.upload.air import VEHICLE, Air, Weather, mission_of
+from tests.air import VEHICLE, Air, Weather, mission_of
 
 CALM = Weather(0.05, 0.0, 0.0, 0.0)
 PATH = path_of(MissionType.MISSION)

@@ -20,7 +20,7 @@ from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MissionType
 from sim_bridge.protocol.missions.ftp_files import crc32, piece_of
-from tools.upload.air import VEHICLE, Air, Weather, mission_of
+from tests.air import VEHICLE, Air, Weather, mission_of
 
 CALM = Weather(0.05, 0.0, 0.0, 0.0)
 ITEMS = mission_of(20, seed=1)

@@ -20,7 +20,7 @@ from gcs.link.mission_protocol.verified_upload import UploadState, VerifiedUploa
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import FenceCommand, MissionResult, MissionType
 from gcs.mission.model import MissionItem
-from tools.upload.air import VEHICLE, Air, Weather, mission_of
+from tests.air import VEHICLE, Air, Weather, mission_of
 
 BOTH = pytest.mark.parametrize("autopilot", [Autopilot.ARDUPILOT, Autopilot.PX4])
 CALM = Weather(0.05, 0.0, 0.0, 0.0)

@@ -25,7 +25,7 @@ from gcs.mavlink import Capability, FenceCommand, MissionType
 from gcs.mission.model import MissionItem
 from sim_bridge.personality import ARDUPILOT, PX4
 from sim_bridge.protocol.missions.ftp_files import items_in
-from tools.upload.air import VEHICLE, Air, Weather, mission_of
+from tests.air import VEHICLE, Air, Weather, mission_of
 
 PATH = path_of(MissionType.MISSION)
 OTHER = Station(254, 190)

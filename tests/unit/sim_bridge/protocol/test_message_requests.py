@@ -14,7 +14,7 @@ from gcs.mavlink_names import SENSORS
 from gcs.scenario.load import load_scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
 from sim_bridge.sim.vehicle_factory import VehicleFactory
-from tools.replay.stage import Stage
+from tests.replay.harness import Harness
 
 # Of ten requests, each made when the message of the one before was there: accepted, least and most as recorded.
 RECORDED = {
@@ -39,30 +39,30 @@ class Asked:
         scenario = load_scenario(repo_root / "missions" / "field")
         origin = scenario.origin
         home = Origin(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
-        self.stage = Stage(
+        self.harness = Harness(
             personality, scenario, Station(1, 1), home, boots_s=None, epoch_unix_s=1.8e9, standing=frozenset()
         )
         self.ground = Codec(255, 190)
 
     def heard(self, name: str) -> bool:
-        return any(told.message.name == name for told in self.stage.told)
+        return any(told.message.name == name for told in self.harness.told)
 
     def command(self, number: int, *params: float) -> int:
         values = {f"param{n}": float(v) for n, v in enumerate((*params, *(0.0,) * 7)[:7], start=1)}
         fields = {"target_system": 1, "target_component": 1, "command": int(number), "confirmation": 0}
-        before = len(self.stage.told)
-        self.stage.receive(self.ground.encode(Message("COMMAND_LONG", fields | values)), self.stage.t_s)
-        acks = (told.message for told in self.stage.told[before:] if told.message.name == "COMMAND_ACK")
+        before = len(self.harness.told)
+        self.harness.receive(self.ground.encode(Message("COMMAND_LONG", fields | values)), self.harness.t_s)
+        acks = (told.message for told in self.harness.told[before:] if told.message.name == "COMMAND_ACK")
         return int(next(acks).fields["result"])
 
     def accepted_of_ten(self, number: MessageId) -> list[int]:
         results = []
         for _ in range(10):
-            self.stage.told.clear()
+            self.harness.told.clear()
             results.append(self.command(MavCommand.REQUEST_MESSAGE, number))
-            until_s = self.stage.t_s + 0.3
-            while not self.heard(number.name) and self.stage.t_s < until_s:
-                self.stage.run_until(self.stage.t_s)
+            until_s = self.harness.t_s + 0.3
+            while not self.heard(number.name) and self.harness.t_s < until_s:
+                self.harness.run_until(self.harness.t_s)
         return results
 
 
@@ -71,7 +71,7 @@ def test_px4_denies_what_it_has_sent_already(repo_root: Path, number: MessageId)
     vehicle = Asked(PX4, repo_root)
     for streamed in (MessageId.SYS_STATUS, MessageId.GLOBAL_POSITION_INT):  # as the recorded script did
         vehicle.command(MavCommand.SET_MESSAGE_INTERVAL, streamed, 500_000.0)
-    vehicle.stage.run_until(1.13)
+    vehicle.harness.run_until(1.13)
     results = vehicle.accepted_of_ten(number)
     assert set(results) <= {MavResult.ACCEPTED, MavResult.DENIED}
     accepted, (least, most) = results.count(MavResult.ACCEPTED), RECORDED[number]
@@ -96,9 +96,9 @@ def test_without_remote_control_it_arms_all_the_same(
     repo_root: Path, personality: Personality, ailing: set[str]
 ) -> None:
     asked = Asked(personality, repo_root)
-    asked.stage.run_until(1.0)
+    asked.harness.run_until(1.0)
     asked.command(MavCommand.REQUEST_MESSAGE, MessageId.SYS_STATUS)
-    fields = next(told.message.fields for told in asked.stage.told if told.message.name == "SYS_STATUS")
+    fields = next(told.message.fields for told in asked.harness.told if told.message.name == "SYS_STATUS")
     bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"]
     assert {name for bit, name in enumerate(SENSORS) if bits >> bit & 1} - {"arming checks"} == ailing
     flight = personality.identity.autopilot.traits.flight
@@ -112,11 +112,11 @@ def test_the_sticks_of_a_remote_control_are_streamed_where_there_is_one(
 ) -> None:
     asked = Asked(personality, repo_root)
     assert asked.command(MavCommand.SET_MESSAGE_INTERVAL, MessageId.RC_CHANNELS, 500_000.0) == MavResult.ACCEPTED
-    asked.stage.run_until(3.0)
+    asked.harness.run_until(3.0)
     assert not asked.heard("RC_CHANNELS")
-    asked.stage.vehicle.autopilot.channels_us = (1500, 1500, 1000, 1500)
-    asked.stage.run_until(6.0)
-    fields = [told.message.fields for told in asked.stage.told if told.message.name == "RC_CHANNELS"]
+    asked.harness.vehicle.autopilot.channels_us = (1500, 1500, 1000, 1500)
+    asked.harness.run_until(6.0)
+    fields = [told.message.fields for told in asked.harness.told if told.message.name == "RC_CHANNELS"]
     assert 5 <= len(fields) <= 7
     assert (fields[0]["chancount"], fields[0]["chan3_raw"], fields[0]["chan5_raw"]) == (4, 1000, 65535)
 
@@ -139,11 +139,11 @@ def test_a_charge_in_percent_is_not_rounded_up_for_the_error_of_a_sum(repo_root:
     told = []
     for percent in (99, 57, 29, 18, 7):
         asked = Asked(ARDUPILOT, repo_root)
-        asked.stage.run_until(1.0)
-        asked.stage.airframes.battery.drain(0, percent / 100.0)
-        asked.stage.told.clear()
+        asked.harness.run_until(1.0)
+        asked.harness.airframes.battery.drain(0, percent / 100.0)
+        asked.harness.told.clear()
         asked.command(MavCommand.REQUEST_MESSAGE, MessageId.SYS_STATUS)
         told += [
-            one.message.fields["battery_remaining"] for one in asked.stage.told if one.message.name == "SYS_STATUS"
+            one.message.fields["battery_remaining"] for one in asked.harness.told if one.message.name == "SYS_STATUS"
         ]
     assert told == [99, 57, 29, 18, 7]

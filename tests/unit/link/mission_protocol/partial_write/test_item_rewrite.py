@@ -14,7 +14,7 @@ from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MissionResult
 from gcs.mission.model import Command, MissionItem
-from tools.upload.air import VEHICLE, Air, Weather
+from tests.air import VEHICLE, Air, Weather
 
 CALM = Weather(0.1, 0.0, 0.0, 0.0)
 AP = Autopilot.ARDUPILOT

@@ -9,11 +9,10 @@ from collections import Counter
 from itertools import pairwise
 
 from gcs.mavlink import MavCommand
-from tools.replay.player import TIMERS_MAY_DIFFER, Played
-from tools.replay.recording import Recording, Step
-from tools.replay.saying import TALK
-from tools.replay.talk import Uttered, heard, is_talk, said_here
-from tools.replay.verdict import Verdict
+from tests.replay.player import TIMERS_MAY_DIFFER, Played
+from tests.replay.recording import Recording, Step
+from tests.replay.transcript import Uttered, Verdict, heard, is_dialogue, said_here
+from tests.replay.wording import DIALOGUE
 
 _SHORTEST_S = 2.5
 _EDGES = 1.5  # messages that fall on this or that side of a stretch's ends
@@ -49,8 +48,8 @@ def _changes_rates(step: Step) -> bool:
 def _counted(said: list[Uttered], start_s: float, end_s: float, streams: frozenset[str]) -> Counter[str]:
     counted: Counter[str] = Counter()
     for one in said:
-        question = one.name == "TIMESYNC" and not is_talk(one, None, frozenset())
-        if start_s <= one.t_s < end_s and (one.name not in TALK or one.name in streams or question):
+        question = one.name == "TIMESYNC" and not is_dialogue(one, None, frozenset())
+        if start_s <= one.t_s < end_s and (one.name not in DIALOGUE or one.name in streams or question):
             # what was left out before the first one was left out of the stretch before
             counted[one.name] += one.count if counted[one.name] else 1
     return counted

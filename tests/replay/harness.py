@@ -1,7 +1,4 @@
-"""One emulated vehicle on a stage: bytes in, what it says out, on a clock that another part else turns.
-
-Knows: how a vehicle, its codec and its body are put together without a socket. Does not know: recordings.
-"""
+"""One emulated vehicle without sockets: bytes in, messages out, on a clock that the caller turns."""
 
 from __future__ import annotations
 
@@ -28,14 +25,14 @@ _SIGNED = 0x01
 
 @dataclass(frozen=True)
 class Told:
-    """What the vehicle said, and when on the stage's clock."""
+    """What the vehicle said, and when on the harness's clock."""
 
     t_s: float
     message: Message
     signed: bool
 
 
-class Stage:
+class Harness:
     """One vehicle at `home`. `told` grows with everything it says; `t_s` is 0 when the scene begins.
 
     A vehicle that `boots` is switched on at that time of the scene; otherwise it has been ready for a while, and has

@@ -17,10 +17,10 @@ from gcs.mavlink import MavCommand, ModeFlag
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
-from tools.replay.recording import Recording, Row, Step
-from tools.replay.saying import BY_THE_WAY, STANDING, TALK, saying
-from tools.replay.stage import Stage, Told
-from tools.replay.talk import STREAM_S
+from tests.replay.harness import Harness, Told
+from tests.replay.recording import Recording, Row, Step
+from tests.replay.transcript import STREAM_S
+from tests.replay.wording import BY_THE_WAY, DIALOGUE, STANDING, wording
 
 TIMERS_MAY_DIFFER = 0.2
 _REACTION_S = 0.03  # what came no longer ago is what the ground station had waited for
@@ -28,7 +28,7 @@ _PATIENCE_S = 0.15
 _SHORT_S = 1.0  # a step so short is not worth making shorter
 _TURN_S = 1.01 * CONTROL_PERIOD_S
 _FROM_POWER_ON = {"connect", "arm_refusals"}
-_Key = tuple[str, tuple[object, ...], tuple[object, ...]]  # a saying's name, which one it is, how things stand
+_Key = tuple[str, tuple[object, ...], tuple[object, ...]]  # a message's name, which one it is, how things stand
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Played:
 def play(recording: Recording, personality: Personality, scenario: Scenario, streams: frozenset[str]) -> Played:
     """Play all steps; what the vehicle says is dated in the recording's time. `streams` that no step waits for."""
     boots_s = _boot_s(recording)
-    stage = Stage(
+    harness = Harness(
         personality if boots_s is None else personality.booting_for_real(),
         scenario,
         recording.vehicle,
@@ -61,36 +61,36 @@ def play(recording: Recording, personality: Personality, scenario: Scenario, str
         standing=frozenset(STANDING),
     )
     if boots_s is None:
-        stage.prepare(_mode(recording), _left_over(recording), keep=TALK | STANDING.keys())
+        harness.prepare(_mode(recording), _left_over(recording), keep=DIALOGUE | STANDING.keys())
     played = Played()
     clock_s, before, begin = recording.steps[0].t_s, 0, 0
     awaited, lates_s = _awaited(recording, streams), list[float]()
     for step in recording.steps:
         late_s = clock_s - step.t_s
         if step.sent is not None:
-            stage.receive(step.sent.frame, clock_s)
+            harness.receive(step.sent.frame, clock_s)
         streamed = _streamed(step, bool(awaited[step.number]))
         for row in streamed:
-            stage.run_until(row.t_s + late_s)
-            stage.receive(row.frame, row.t_s + late_s)
-        stands = {t.message.name: t.message for t in stage.told[:begin] if t.message.name in STANDING}
+            harness.run_until(row.t_s + late_s)
+            harness.receive(row.frame, row.t_s + late_s)
+        stands = {t.message.name: t.message for t in harness.told[:begin] if t.message.name in STANDING}
         known = {_key(name, message) for name, message in stands.items()}
-        known |= {_key(t.message.name, t.message) for t in _acks(stage.told[before:begin], clock_s)}
+        known |= {_key(t.message.name, t.message) for t in _acks(harness.told[before:begin], clock_s)}
         clock_s = max(clock_s, streamed[-1].t_s + late_s if streamed else clock_s)
-        clock_s = _let_pass(step, stage, begin, (step.t_s + late_s, clock_s), awaited[step.number] - known)
+        clock_s = _let_pass(step, harness, begin, (step.t_s + late_s, clock_s), awaited[step.number] - known)
         answer = step.sent is not None and step.sent.name == "TIMESYNC" and not _asks_time(step.sent)
         came = awaited[step.number - 1] if step.number else set()
         if (step.sent is not None and not answer) or came or not played.begun:
             begun = Begun(step.t_s, any(name in STANDING for name, *_ in came))
         played.begun.append(begun)
-        played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in stage.told[begin:]])
-        before, begin = begin, len(stage.told)
+        played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in harness.told[begin:]])
+        before, begin = begin, len(harness.told)
         lates_s.append(late_s)
     played.ends_s = [clock_s - late_s for late_s in lates_s]
     return played
 
 
-def _let_pass(step: Step, stage: Stage, begin: int, clock: tuple[float, float], awaited: set[_Key]) -> float:
+def _let_pass(step: Step, harness: Harness, begin: int, clock: tuple[float, float], awaited: set[_Key]) -> float:
     """Let a step's time pass, until the vehicle has said what is awaited, within what its timers may differ.
 
     `clock` is when the step began, and now.
@@ -100,13 +100,13 @@ def _let_pass(step: Step, stage: Stage, begin: int, clock: tuple[float, float], 
     news = any(name in STANDING for name, *_ in awaited)
     patience_s = TIMERS_MAY_DIFFER * length_s + STREAM_S if news else slack_s
     clock_s = max(start_s + (length_s - slack_s if awaited and length_s > _SHORT_S else length_s), now_s)
-    stage.run_until(clock_s)
-    said = {_key(t.message.name, t.message) for t in stage.told[begin:]}
+    harness.run_until(clock_s)
+    said = {_key(t.message.name, t.message) for t in harness.told[begin:]}
     while not awaited <= said and clock_s < start_s + length_s + patience_s:
-        heard = len(stage.told)
+        heard = len(harness.told)
         clock_s += _TURN_S
-        stage.run_until(clock_s)
-        said |= {_key(t.message.name, t.message) for t in stage.told[heard:]}
+        harness.run_until(clock_s)
+        said |= {_key(t.message.name, t.message) for t in harness.told[heard:]}
     return clock_s
 
 
@@ -134,7 +134,7 @@ def _awaited(recording: Recording, streams: frozenset[str]) -> list[set[_Key]]:
             if row.name in STANDING:
                 standing[row.name] = key
             reacted = step.end_s - row.t_s <= _REACTION_S
-            if reacted and (new or (row.name in TALK - BY_THE_WAY - streams and not _asks_time(row))):
+            if reacted and (new or (row.name in DIALOGUE - BY_THE_WAY - streams and not _asks_time(row))):
                 wanted.add(key)
         awaited.append(wanted)
     return awaited
@@ -150,7 +150,7 @@ def _asks_time(row: Row) -> bool:
 
 
 def _key(name: str, message: Message | None) -> _Key:
-    said = saying(0.0, 0, name, message)
+    said = wording(0.0, 0, name, message)
     news = tuple(said.fields.get(field) for field in STANDING.get(name, ()))
     if name == "HEARTBEAT":  # scripts wait for modes, and for motors
         news = said.fields.get("custom_mode"), int(said.fields.get("base_mode", 0)) & ModeFlag.ARMED
@@ -175,7 +175,7 @@ def _left_over(recording: Recording) -> dict[int, float]:
         if message is not None and message.fields.get("command") == MavCommand.SET_MESSAGE_INTERVAL:
             until_s.setdefault(round(message.fields["param1"]), step.t_s)
     for _, row in recording.heard():
-        if row.name not in TALK and row.message is not None:
+        if row.name not in DIALOGUE and row.message is not None:
             number = int.from_bytes(row.frame[7:10], "little")
             if row.t_s < until_s.get(number, recording.end_s):
                 counts[number] += 1 + row.more

@@ -1,22 +1,28 @@
-"""What a vehicle said as talk: sayings in order, repetitions counted, standing words only where they are new.
-
-Knows: which messages are talk (`saying`), which of them a step asked for. Does not know: what they are compared with.
-"""
+"""What a vehicle said, as a transcript: dialogue in order, repetitions counted, states only where they are new."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId
-from tools.replay.recording import Step
-from tools.replay.saying import REPEATED, STANDING, TALK, Saying, equal, saying
-from tools.replay.stage import Told
+from tests.replay.harness import Told
+from tests.replay.recording import Step
+from tests.replay.wording import DIALOGUE, REPEATED, STANDING, Wording, equal, wording
 
 STREAM_S = 1.2  # until a stream of 1 Hz tells what is new
 _REQUESTS = (MavCommand.REQUEST_MESSAGE, MavCommand.GET_HOME_POSITION)
+
+
+@dataclass
+class Verdict:
+    """One step, or one stretch of telemetry, and what differs in it, each difference one line."""
+
+    title: str
+    t_s: float
+    differences: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -41,14 +47,14 @@ def said_here(told: Sequence[Told]) -> list[Uttered]:
 
 
 @dataclass
-class Talk:
-    """A saying, repetitions included.
+class Entry:
+    """A message of the dialogue, repetitions included.
 
     The `first` word of how things stand was true before a ground station was there to hear it; a `brief`
     one may go unheard.
     """
 
-    said: Saying
+    said: Wording
     times: int = 1
     matched: bool = False
     first: bool = False
@@ -56,14 +62,14 @@ class Talk:
     spare: int = 0  # times that nothing recorded answers to yet
 
 
-def talk_of(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozenset[str]) -> list[Talk]:
-    """The talk among what was uttered in each step. `streams` names talk that is sent like telemetry."""
-    talk: list[Talk] = []
+def transcript(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozenset[str]) -> list[Entry]:
+    """The dialogue among what was uttered in each step. `streams` names messages that are sent like telemetry."""
+    entries: list[Entry] = []
     standing: dict[str, tuple[object, ...]] = {}
-    on_a_timer: dict[object, Talk] = {}
+    on_a_timer: dict[object, Entry] = {}
     for step, utterances in zip(steps, uttered, strict=True):
         asked = _asked(step)
-        repeated: dict[object, Talk] = {}
+        repeated: dict[object, Entry] = {}
         for one in utterances:
             first = False
             if one.name in STANDING and one.message is not None:
@@ -72,30 +78,30 @@ def talk_of(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozen
                     continue
                 first = one.name not in standing
                 standing[one.name] = news
-            elif not is_talk(one, asked, streams):
+            elif not is_dialogue(one, asked, streams):
                 continue
-            said = saying(one.t_s, step.number, one.name, one.message)
+            said = wording(one.t_s, step.number, one.name, one.message)
             key = (said.name, said.which, repr(one.message.fields) if one.message is not None else "")
             known = repeated.get(key) or on_a_timer.get(key)
             if known is not None and one.name not in STANDING:
                 known.times += 1
             else:
-                repeated[key] = Talk(said, first=first)
-                talk.append(repeated[key])
+                repeated[key] = Entry(said, first=first)
+                entries.append(repeated[key])
                 if one.name in REPEATED:
                     on_a_timer[key] = repeated[key]
-    _mark_brief(talk)
-    return talk
+    _mark_brief(entries)
+    return entries
 
 
-def _mark_brief(talk: list[Talk]) -> None:
+def _mark_brief(entries: list[Entry]) -> None:
     """Mark what a stream of 1 Hz may well not have told: what soon was otherwise, or again as before that."""
-    standing = [one for one in talk if one.said.name in STANDING and one.said.name != "HEARTBEAT"]
+    standing = [one for one in entries if one.said.name in STANDING and one.said.name != "HEARTBEAT"]
     ahead: dict[str, float] = {}  # when the next news of each name came
     for one in reversed(standing):
         one.brief = ahead.get(one.said.name, math.inf) - one.said.t_s < 2.0 * STREAM_S
         ahead[one.said.name] = one.said.t_s
-    lasting: dict[str, Saying] = {}
+    lasting: dict[str, Wording] = {}
     for one in standing:
         before = lasting.get(one.said.name)
         if not one.brief:
@@ -103,13 +109,13 @@ def _mark_brief(talk: list[Talk]) -> None:
             lasting[one.said.name] = one.said
 
 
-def is_talk(one: Uttered, asked: int | None, streams: frozenset[str]) -> bool:
-    """Whether it is talk; a message that a step has `asked` for by number is, whatever it is."""
+def is_dialogue(one: Uttered, asked: int | None, streams: frozenset[str]) -> bool:
+    """Whether it is dialogue; a message that a step has `asked` for by number is, whatever it is."""
     if one.name == "TIMESYNC" and one.message is not None and one.message.fields["tc1"] == 0:
         return False  # its own questions come on a clock of their own
     if asked is not None and one.message is not None and _number(one) == asked:
         return True
-    return one.name in TALK and one.name not in streams
+    return one.name in DIALOGUE and one.name not in streams
 
 
 def _asked(step: Step) -> int | None:

@@ -1,4 +1,4 @@
-"""What counts in what a vehicle says: which messages are talk and which are telemetry, which fields matter.
+"""What counts in what a vehicle says: which messages are dialogue and which are telemetry, which fields matter.
 
 Knows: the fields of messages and what an autopilot's version or its simulator put into them by chance. Does not
 know: recordings, vehicles.
@@ -12,8 +12,8 @@ from typing import Any
 
 from gcs.link.wire.message import Message
 
-# Talk is compared one by one, in order; all else is telemetry and is compared by kind and rate.
-TALK = frozenset(
+# Entry is compared one by one, in order; all else is telemetry and is compared by kind and rate.
+DIALOGUE = frozenset(
     {
         "AUTOPILOT_VERSION",
         "AVAILABLE_MODES",
@@ -43,7 +43,7 @@ BY_THE_WAY = frozenset({"STATUSTEXT", "PARAM_VALUE", "UNKNOWN_410", "HEARTBEAT"}
 # These are said again and again, whatever the ground station does meanwhile.
 REPEATED = frozenset({"MISSION_ITEM_REACHED"})
 
-# Of these streams only what is new is talk: they say how things stand.
+# Of these streams only what is new is dialogue: they say how things stand.
 STANDING: dict[str, tuple[str, ...]] = {
     "HEARTBEAT": ("type", "autopilot", "base_mode", "custom_mode", "system_status"),
     "MISSION_CURRENT": ("seq", "total", "mission_state", "mission_mode"),
@@ -92,8 +92,8 @@ _HOME_ITEM_CLOSE = {"x": 3.0, "y": 3.0, "z": 0.02}  # 1e-7 degree, metres
 
 
 @dataclass(frozen=True)
-class Saying:
-    """One thing a vehicle said. Two sayings answer to each other when their `which` is the same."""
+class Wording:
+    """One thing a vehicle said. Two of them answer to each other when their `which` is the same."""
 
     t_s: float
     step: int
@@ -106,19 +106,19 @@ class Saying:
         return f"{self.name} {told}".strip()
 
 
-def saying(t_s: float, step: int, name: str, message: Message | None) -> Saying:
+def wording(t_s: float, step: int, name: str, message: Message | None) -> Wording:
     """A message as something to compare."""
     fields = message.fields if message is not None else {}
     which = tuple(fields[key] for key in _WHICH.get(name, ()) if key in fields)
-    return Saying(t_s, step, name, which, fields)
+    return Wording(t_s, step, name, which, fields)
 
 
-def equal(recorded: Saying, here: Saying) -> bool:
+def equal(recorded: Wording, here: Wording) -> bool:
     """Whether they say the same, apart from how many parameters there are."""
     return all(line.startswith(("param_count", "param_index")) for line in differences(recorded, here))
 
 
-def differences(recorded: Saying, here: Saying) -> list[str]:
+def differences(recorded: Wording, here: Wording) -> list[str]:
     """Fields that matter and differ, each as `field: recorded -> here`."""
     return [
         f"{field}: {_told(recorded.fields.get(field))} -> {_told(here.fields.get(field))}"
@@ -127,7 +127,7 @@ def differences(recorded: Saying, here: Saying) -> list[str]:
     ]
 
 
-def _same(recorded: Saying, field: str, a: Any, b: Any) -> bool:
+def _same(recorded: Wording, field: str, a: Any, b: Any) -> bool:
     if isinstance(a, list) and isinstance(b, list):
         return len(a) == len(b) and all(_same(recorded, field, x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b):

@@ -1,4 +1,4 @@
-"""The emulated vehicles in recorded conversations with real autopilots: every step the same, or meant to differ.
+"""The emulated vehicles in recorded conversations with real autopilots: every step the same, or a known difference.
 
 Three small scenes of each autopilot are in the tree and always played. The large ones are not, and skip without them.
 """
@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import pytest
 
-from tools.replay.meant import MEANT
-from tools.replay.recording import AUTOPILOTS, KEPT, KEPT_SCENES, SCENES, find
-from tools.replay_traces import Scene, replay, stale
+from tests.replay.known_differences import KNOWN
+from tests.replay.recording import AUTOPILOTS, KEPT, KEPT_SCENES, SCENES, find
+from tests.replay.replay import Scene, replay, stale
 
 STEPS = {"arducopter-4.5.6": 1202, "arducopter-4.7dev": 1201, "px4-1.17dev": 1142}
 KEPT_STEPS = {"arducopter-4.5.6": 259, "arducopter-4.7dev": 258, "px4-1.17dev": 237}
@@ -28,7 +28,7 @@ def played(autopilot: str, scene: str) -> Scene:
 
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_every_step_is_the_same_or_meant(autopilot: str, scene: str) -> None:
+def test_every_step_is_the_same_or_differs_as_known(autopilot: str, scene: str) -> None:
     outcome = played(autopilot, scene)
     told = [f"{verdict.t_s:.2f} {verdict.title}: {line}" for verdict, lines in outcome.unlisted for line in lines]
     assert not told, "\n".join(told)
@@ -49,4 +49,4 @@ def test_all_steps_are_played(autopilot: str) -> None:
 def test_every_reason_explains_something() -> None:
     outcomes = [played(autopilot, scene) for autopilot in AUTOPILOTS for scene in SCENES]
     assert stale(outcomes) == []
-    assert all(entry.why and entry.line for entry in MEANT)
+    assert all(entry.why and entry.line for entry in KNOWN)

@@ -1,38 +1,37 @@
 """Compares what an emulated vehicle said with what the recorded one had said.
 
-Knows: order, timers, repetitions. Does not know: which differences are meant.
+Knows: order, timers, repetitions. Does not know: which differences are known.
 
-Talk is matched one by one: each recorded saying with the first of ours that answers to it and is not too early or
+Dialogue is matched one by one: each recorded message with the first of ours that answers to it and is not too early or
 too late. An answer may come in an earlier step here, because the recorded one had a loop and a link to pass. A
-saying repeated by a timer counts as one with a number of repetitions.
+message repeated by a timer counts as one with a number of repetitions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
 
-from tools.replay.player import TIMERS_MAY_DIFFER, Begun, Played
-from tools.replay.rates import compare_rates
-from tools.replay.recording import Recording
-from tools.replay.saying import BY_THE_WAY, STANDING, TALK, differences, equal
-from tools.replay.talk import STREAM_S, Talk, heard, said_here, talk_of
-from tools.replay.verdict import Verdict
+from tests.replay.player import TIMERS_MAY_DIFFER, Begun, Played
+from tests.replay.rates import compare_rates
+from tests.replay.recording import Recording
+from tests.replay.transcript import STREAM_S, Entry, Verdict, heard, said_here, transcript
+from tests.replay.wording import BY_THE_WAY, DIALOGUE, STANDING, differences, equal
 
 _LATENCY_S = 0.25
-_TOGETHER_S = 0.05  # sayings by the way have no order within this time
+_TOGETHER_S = 0.05  # messages by the way have no order within this time
 
 
 def compare(recording: Recording, played: Played, streams: frozenset[str]) -> list[Verdict]:
-    """Verdicts of all steps and stretches. `streams` names talk that this autopilot sends like telemetry."""
+    """Verdicts of all steps and stretches. `streams` names dialogue that this autopilot sends like telemetry."""
     verdicts = [Verdict(step.title, step.t_s) for step in recording.steps]
-    recorded = talk_of([heard(step) for step in recording.steps], recording.steps, streams)
-    here = talk_of([said_here(told) for told in played.told], recording.steps, streams)
+    recorded = transcript([heard(step) for step in recording.steps], recording.steps, streams)
+    here = transcript([said_here(told) for told in played.told], recording.steps, streams)
     _match(recorded, here, played, verdicts)
     _signatures(recording, played, verdicts)
     return verdicts + compare_rates(recording, played, streams)
 
 
-def _match(recorded: list[Talk], here: list[Talk], played: Played, verdicts: list[Verdict]) -> None:
+def _match(recorded: list[Entry], here: list[Entry], played: Played, verdicts: list[Verdict]) -> None:
     reached = -1  # the last of ours that was matched, in its order
     elsewhere = {(one.said.name, one.said.which) for one in recorded}
     for wanted in recorded:
@@ -59,12 +58,12 @@ def _match(recorded: list[Talk], here: list[Talk], played: Played, verdicts: lis
         cut_off = (
             played.ends_s[one.said.step] - one.said.t_s < _LATENCY_S
         )  # the recorded vehicle had no time left to say it
-        thinned = one.said.name not in TALK and one.said.name not in STANDING
+        thinned = one.said.name not in DIALOGUE and one.said.name not in STANDING
         if not (one.matched or cut_off or thinned or one.brief):
             verdicts[one.said.step].differences.append(f"extra {one.said}")
 
 
-def _said_in_one_go(wanted: Talk, here: list[Talk]) -> bool:
+def _said_in_one_go(wanted: Entry, here: list[Entry]) -> bool:
     """Whether it was said just before, together with one that is matched already; then that is used up."""
     missing = wanted.times
     for one in here:
@@ -76,7 +75,7 @@ def _said_in_one_go(wanted: Talk, here: list[Talk]) -> bool:
     return missing == 0
 
 
-def _find(wanted: Talk, here: list[Talk], begun: Sequence[Begun], elsewhere: Set[object]) -> int | None:
+def _find(wanted: Entry, here: list[Entry], begun: Sequence[Begun], elsewhere: Set[object]) -> int | None:
     """Which of ours answers to it; failing that, which was said in its place, unless it answers to one `elsewhere`."""
     best: tuple[int, int] | None = None
     for number, one in enumerate(here):
@@ -101,7 +100,7 @@ def _find(wanted: Talk, here: list[Talk], begun: Sequence[Begun], elsewhere: Set
     return best[1] if best is not None else None
 
 
-def _could_be(one: Talk, wanted: Talk, begun: Sequence[Begun]) -> bool:
+def _could_be(one: Entry, wanted: Entry, begun: Sequence[Begun]) -> bool:
     if one.said.name != wanted.said.name:
         return False
     if one.first or wanted.first:  # was so before a ground station was there to hear it
@@ -113,14 +112,14 @@ def _could_be(one: Talk, wanted: Talk, begun: Sequence[Begun]) -> bool:
     return abs(one.said.t_s - wanted.said.t_s) <= latency_s + TIMERS_MAY_DIFFER * since_s
 
 
-def _by_the_way(wanted: Talk, later: Talk) -> bool:
+def _by_the_way(wanted: Entry, later: Entry) -> bool:
     either = wanted.said.name in BY_THE_WAY or later.said.name in BY_THE_WAY
     return either and abs(wanted.said.t_s - later.said.t_s) <= _LATENCY_S + _TOGETHER_S
 
 
 def _signatures(recording: Recording, played: Played, verdicts: list[Verdict]) -> None:
     for step, told, verdict in zip(recording.steps, played.told, verdicts, strict=True):
-        recorded = {row.signed for row in step.heard if row.name in TALK}
-        here = {one.signed for one in told if one.message.name in TALK}
+        recorded = {row.signed for row in step.heard if row.name in DIALOGUE}
+        here = {one.signed for one in told if one.message.name in DIALOGUE}
         if len(recorded) == len(here) == 1 and recorded != here:
             verdict.differences.append(f"signed: {recorded.pop()} -> {here.pop()}")

@@ -9,11 +9,11 @@ import pytest
 
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
-from tools.replay import meant
-from tools.replay.compare import compare
-from tools.replay.player import Begun, Played
-from tools.replay.recording import Recording, Row, Step, read
-from tools.replay.stage import Told
+from tests.replay.compare import compare
+from tests.replay.harness import Told
+from tests.replay.known_differences import KnownDifference
+from tests.replay.player import Begun, Played
+from tests.replay.recording import Recording, Row, Step, read
 
 VEHICLE = Station(1, 1)
 ATTITUDE = {"time_boot_ms": 0, **dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.0)}
@@ -220,8 +220,8 @@ def test_a_file_is_cut_into_steps(tmp_path: Path):
     assert recording.steps[1].heard[1].more == 4
 
 
-def test_the_list_of_what_is_meant_covers_by_place_and_line():
-    entry = meant.Meant("px4-*", "params", r"missing PARAM_VALUE CAL_\S+", "no such parts")
+def test_a_known_difference_covers_by_place_and_line():
+    entry = KnownDifference("px4-*", "params", r"missing PARAM_VALUE CAL_\S+", "no such parts")
     assert entry.covers("px4-1.17dev", "params", "missing PARAM_VALUE CAL_MAG0_ID")
     assert not entry.covers("px4-1.17dev", "connect", "missing PARAM_VALUE CAL_MAG0_ID")
     assert not entry.covers("arducopter-4.5.6", "params", "missing PARAM_VALUE CAL_MAG0_ID")

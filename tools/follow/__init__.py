@@ -1,1 +1,0 @@
-"""Recorded leaders and followers, joined to a loop that answers to setpoints."""

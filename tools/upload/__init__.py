@@ -1,1 +1,0 @@
-"""Uploads over bad links: the fake clock, the real sockets, and MAVSDK beside ours."""
