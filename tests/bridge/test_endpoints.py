@@ -14,7 +14,7 @@ import pytest
 
 from gcs.errors import LinkError, UsageError
 from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec, is_loopback, parse_link
-from sim_bridge.protocol.endpoints.line import DATAGRAM_BYTES, datagrams
+from sim_bridge.protocol.endpoints.lines import DATAGRAM_BYTES, datagrams
 from sim_bridge.protocol.endpoints.switchboard import Arrival, Switchboard
 
 SYSIDS = (1, 2, 7)

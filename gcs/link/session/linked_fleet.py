@@ -17,7 +17,7 @@ from functools import partial
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.endpoints.base import Endpoint
-from gcs.link.endpoints.factory import make_endpoint
+from gcs.link.endpoints.endpoint import make_endpoint
 from gcs.link.endpoints.ip_address import Address
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.routing.routing_table import IDENTIFY_S, LinkAddress, RoutingTable
