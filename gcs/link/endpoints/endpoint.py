@@ -39,16 +39,19 @@ class UdpEndpoint:
         self._receive: Receive | None = None
         self._called: Address | None = None
         self._peer: Address | None = None
+        self._lost = 0
 
     @property
     def local_address(self) -> Address:
         """The address this socket is bound to. Raises `ProtocolMisuse` before `open`."""
-        return self._opened().address
+        if self._port is None:
+            raise ProtocolMisuse(f"{self.spec} is not open.")
+        return self._port.address
 
     @property
     def lost(self) -> int:
         """How many frames the operating system did not accept."""
-        return 0 if self._port is None else self._port.lost
+        return self._lost if self._port is None else self._port.lost
 
     async def open(self, receive: Receive | None) -> None:
         """Start to receive; `receive` is called for every datagram. Without it nothing is read. Raises `LinkError`."""
@@ -68,25 +71,21 @@ class UdpEndpoint:
     def send(self, data: bytes, address: Address | None = None) -> None:
         """Send one datagram to `address`, or to the peer (udpout) if that is None. It may be lost."""
         target = address or self._peer
-        if target is None:
+        if self._port is None or target is None:
             raise ProtocolMisuse(f"{self.spec} cannot send: it is not open or has no peer.")
-        self._opened().send(data, target)
+        self._port.send(data, target)
 
     def close(self) -> None:
         """Release the port. A second call has no effect."""
-        if self._loop is not None and self._port is not None and self._port.file >= 0:
+        if self._loop is not None and self._port is not None:
             self._loop.remove_reader(self._port.file)
             self._port.close()
-
-    def _opened(self) -> UdpPort:
-        if self._port is None or self._port.file < 0:
-            raise ProtocolMisuse(f"{self.spec} is not open.")
-        return self._port
+            self._lost, self._port = self._port.lost, None
 
     def _read(self) -> None:
-        if self._receive is None:
+        if self._port is None or self._receive is None:
             return
-        for data, address in self._opened().read():
+        for data, address in self._port.read():
             if self._called is not None and address[0] == self._called[0]:
                 self._peer = address
             self._receive(data, address)
@@ -100,6 +99,7 @@ class StreamEndpoint:
         self.lost = 0  # frames
         self._local = spec.address
         self._stream: ByteStream | None = None
+        self._waits = False  # for the stream to take more
         self._loop: asyncio.AbstractEventLoop | None = None
         self._receive: Receive | None = None
         self._broken = asyncio.Event()
@@ -123,7 +123,7 @@ class StreamEndpoint:
         del address  # there is one peer
         if self._stream is None or not self._stream.put(data):
             self.lost += 1
-        else:
+        elif not self._waits:
             self._write()
 
     def close(self) -> None:
@@ -162,13 +162,14 @@ class StreamEndpoint:
     def _write(self) -> None:
         if self._stream is None or self._loop is None:
             return
-        if self._stream.flush():
+        waited, self._waits = self._waits, self._stream.flush()
+        if self._waits and not waited:
             self._loop.add_writer(self._stream.file, self._write)
-        else:
+        elif waited and not self._waits:
             self._loop.remove_writer(self._stream.file)
 
     def _drop(self) -> None:
-        stream, self._stream = self._stream, None
+        stream, self._stream, self._waits = self._stream, None, False
         if stream is not None and self._loop is not None:
             self._loop.remove_reader(stream.file)
             self._loop.remove_writer(stream.file)
