@@ -192,9 +192,8 @@ class PtyLine(Line):
     def send(self, frames: Sequence[bytes], now_s: float) -> None:
         """Write frames; a frame that was begun is finished before the next."""
         for frame in frames:
-            if not self._stream.flush():
-                self._stream.put(frame)
-        self._stream.flush()
+            self._stream.put(frame)
+            self._stream.flush()
 
     def close(self) -> None:
         """Close the terminal and remove its name."""

@@ -85,16 +85,23 @@ def test_a_serial_line_that_was_unplugged_is_opened_again(tmp_path: Path, monkey
         await radio.open(lambda data, _: heard.put_nowait(data))
         radio.send(b"down")
         assert os.read(ours, 10) == b"down"
+        while not radio.lost:
+            radio.send(FRAME)  # until the line takes no more
         os.close(ours)
         while radio._stream is not None:
             await asyncio.sleep(0)
         radio.send(b"lost")
-        assert radio.lost == 1
+        assert radio.lost == 2
         ours = terminal(link)
         while radio._stream is None:
             await asyncio.sleep(0.01)
         os.write(ours, b"up")
         assert await heard.get() == b"up"
+        radio.send(b"down again")
+        assert os.read(ours, 20) == b"down again"
+        stream = radio._stream
+        await asyncio.sleep(0.05)
+        assert radio._stream is stream, "a line that works is left alone"
         radio.close()
         radio.close()
         os.close(ours)
@@ -102,11 +109,17 @@ def test_a_serial_line_that_was_unplugged_is_opened_again(tmp_path: Path, monkey
     asyncio.run(asyncio.wait_for(scene(), 10.0))
 
 
-def test_what_a_slow_peer_could_not_take_at_once_follows_without_another_frame() -> None:
+def test_what_a_slow_peer_could_not_take_at_once_follows_without_another_frame(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async def scene() -> None:
         with socket.create_server(("127.0.0.1", 0)) as server:
             port = server.getsockname()[1]
-            ours = make_endpoint(f"tcp:localhost:{port}")  # which may be ::1 first, where no program listens
+            rows = [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, port)) for host in ("127.0.0.9", "127.0.0.1")]
+            loop, found = asyncio.get_running_loop(), asyncio.Future[list[object]]()
+            found.set_result(rows)  # no program listens at the first address of this host
+            monkeypatch.setattr(loop, "getaddrinfo", lambda *_, **__: found)
+            ours = make_endpoint(f"tcp:host:{port}")
             await ours.open(lambda *_: None)
             theirs, address = server.accept()
             with theirs:

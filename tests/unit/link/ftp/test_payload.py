@@ -303,6 +303,13 @@ def test_what_got_no_answer_is_said_again_under_the_same_number():
     assert 8.0 < now_s < 12.0
 
 
+def test_a_no_to_the_end_of_a_file_is_final():
+    writing = Writing()
+    (close,) = writing.until(FtpState.CLOSING)
+    assert FtpOpcode.CREATE_FILE not in opcodes(writing.writer.receive(refuse(close, FtpError.FAIL, 22), 0.1))
+    assert writing.writer.state is FtpState.FAILED
+
+
 def test_numbers_go_on_from_one_file_to_the_next_and_begin_anew():
     numbers = FtpNumbers(0xFFFE, 254)
     assert [numbers.next_seq() for _ in range(3)] == [0xFFFF, 0, 1]
@@ -321,6 +328,15 @@ def burst_of(request, data, size=DATA_MAX):
     asked = read_payload(request)
     pieces = [(at, data[at : at + size]) for at in range(0, len(data), size)]
     return [answer(request, seq=asked.seq + 1 + n, offset=at, data=piece) for n, (at, piece) in enumerate(pieces)]
+
+
+def test_a_cancelled_reading_asks_for_nothing_more():
+    data = write_mission_file(mission_of(40, 3))
+    reader, request = reading(data)
+    reader.receive(burst_of(request, data)[0], 0.02)
+    assert opcodes(reader.cancel()) == [FtpOpcode.TERMINATE_SESSION]
+    assert reader.deadline_s is None
+    assert reader.tick(60.0) == []
 
 
 def finish(reader, sent):
