@@ -112,8 +112,7 @@ def fly(
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
     from gcs.scenario.si import sysids  # noqa: PLC0415
     from sim_bridge.dynamics.body.wind_field import parse_wind  # noqa: PLC0415
-    from sim_bridge.faults.fault_file import read_fault_file  # noqa: PLC0415
-    from sim_bridge.faults.fault_spec import parse_faults  # noqa: PLC0415
+    from sim_bridge.faults.fault_spec import parse_faults, read_fault_file  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415
     from sim_bridge.sim.world import World, WorldOptions  # noqa: PLC0415
 

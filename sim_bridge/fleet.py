@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 from gcs.errors import GcsError, UsageError
+from gcs.link.endpoints.ip_address import Address
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.dynamics.body.wind_field import parse_wind
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, parse_link
-from sim_bridge.protocol.endpoints.line import PeerAddress
+from sim_bridge.protocol.endpoints.address import LOOPBACK, PeerAddress, parse_link
 from sim_bridge.sim.default_scenario import scenario_for
 from sim_bridge.sim.world import World, WorldOptions
 

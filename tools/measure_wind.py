@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.scenario.load import load_scenario
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
-from sim_bridge.autopilot.guidance.motion_primitives import transfer
+from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits, transfer
 from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Piece, PieceBatch, hold
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.body.presets import PRESETS

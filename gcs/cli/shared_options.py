@@ -130,7 +130,7 @@ def connection(
 
 def watchers(also_to: Sequence[str] | None, links: Sequence[str] | None) -> tuple[str, ...]:
     """The values of --also-to. Raises `UsageError`."""
-    from gcs.link.endpoints.udp_copy import listeners
+    from gcs.link.connection import listeners
 
     return tuple(str(spec) for spec in listeners(also_to or (), links or ()))
 

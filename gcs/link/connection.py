@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Collection
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Collection, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from gcs.errors import UsageError
-from gcs.link.endpoints.udp_copy import copies_to
+from gcs.errors import LinkError, UsageError
+from gcs.link.endpoints.base import LinkMode, LinkSpec, parse_link_spec
+from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.session.linked_fleet import FrameDirection, FrameHook, LinkedFleet, NoticeHook
 from gcs.link.wire.frame_scanner import frame_system
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from gcs.link.mavsdk.mavsdk_vehicle import MavsdkFleet
 
 BACKENDS = ("skein", "mavsdk")
+_HERE = ("127.0.0.1", "::1", "localhost")
+_EVERYWHERE = ("0.0.0.0", "::")
 TRANSFERS = tuple(str(transfer) for transfer in Transfer)
 
 
@@ -96,3 +99,50 @@ def _also(copy: Callable[[bytes], None], only: Collection[int] | None, on_frame:
             on_frame(direction, frame)
 
     return hook
+
+
+@asynccontextmanager
+async def copies_to(specs: Sequence[str], links: Sequence[str]) -> AsyncIterator[Callable[[bytes], None]]:
+    """Yield the function that copies a frame to other ground stations, one way: what comes back is not read.
+
+    It never waits: a listener that is slow or gone costs a flight nothing. Raises `UsageError`, `LinkError`.
+    """
+    async with AsyncExitStack() as stack:
+        copies = [UdpEndpoint(spec) for spec in listeners(specs, links)]
+        for copy in copies:
+            try:
+                await copy.open(None)
+            except LinkError as error:
+                raise LinkError(f"frames cannot be copied to {copy.spec}: {error.message}", hint=error.hint) from error
+            stack.callback(copy.close)
+
+        def send(frame: bytes) -> None:
+            for copy in copies:
+                copy.send(frame)
+
+        yield send
+
+
+def listeners(specs: Sequence[str], links: Sequence[str]) -> tuple[LinkSpec, ...]:
+    """Return the addresses of other ground stations.
+
+    Raises `UsageError` for one that cannot be called, or that is a link to the vehicles: copies would come back.
+    """
+    found = tuple(map(parse_link_spec, specs))
+    for spec in found:
+        if spec.mode is not LinkMode.CALL:
+            raise UsageError(f"{spec} cannot call a ground station.", hint="write for example udpout:127.0.0.1:14550")
+        for link in map(parse_link_spec, links):
+            if link.mode in (LinkMode.LISTEN, LinkMode.CALL) and _meets(spec, link):
+                raise UsageError(
+                    f"frames cannot be copied to {spec}: the vehicles are on {link}.",
+                    hint="have the other ground station listen on another port, and name that one",
+                )
+    return found
+
+
+def _meets(spec: LinkSpec, link: LinkSpec) -> bool:
+    if spec.port != link.port:
+        return False
+    one, other = ("127.0.0.1" if host in _HERE else host for host in (spec.host, link.host))
+    return one == other or (link.mode is LinkMode.LISTEN and link.host in _EVERYWHERE and spec.host in _HERE)

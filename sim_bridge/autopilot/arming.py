@@ -1,17 +1,62 @@
-"""Arming rules: why arming is refused, since when the motors turn, and when an idle vehicle disarms."""
+"""Start-up and arming: why arming is refused, since when the motors turn, and when an idle vehicle disarms."""
 
 from __future__ import annotations
 
 import math
 
-from sim_bridge.autopilot.events import EventQueue
-from sim_bridge.autopilot.readiness import Readiness
-from sim_bridge.personality import Intent, Milestone, Mode, Note, Personality
+from gcs.mavlink import Severity
+from sim_bridge.autopilot.events import EventQueue, Placed, Said
+from sim_bridge.personality import Boot, Intent, Milestone, Mode, Note, Personality
 
+_NOTHING: frozenset[Milestone] = frozenset()
 _CHECK_PERIOD_S = 1.0  # between two runs of the arming checks
 _REPORT_PERIOD_S = 30.0  # between two reports of the same failed checks
 _CHANGE_REPORT_S = 4.0  # minimum time since the last report before a newly failed check is reported
 _ARM_IN_AUTO, _TAKE_OFF_AT_ONCE = 1, 2  # bits of AUTO_OPTIONS
+
+
+class Readiness:
+    """The start-up of a vehicle, from power-on to ready for flight, stage by stage.
+
+    The last stage also waits until the filter is healthy; all others follow the clock. `faults` are the reasons why
+    arming is refused at this stage.
+    """
+
+    def __init__(self, boot: Boot, event_queue: EventQueue) -> None:
+        self._event_queue = event_queue
+        self._pace = boot.pace
+        self._ahead = list(reversed(boot.stages))
+        self._reached: set[Milestone] = set()
+        self._on_s = math.nan  # time of power-on
+        self.faults: tuple[str, ...] = ()
+
+    def reached(self, milestone: Milestone) -> bool:
+        """Whether this milestone has been reached."""
+        return milestone in self._reached
+
+    @property
+    def ready(self) -> bool:
+        """Whether the position estimate is good enough to fly on."""
+        return Milestone.READY in self._reached
+
+    def step(self, t_s: float, healthy: bool, ground_alt_m: float) -> frozenset[Milestone]:
+        """Advance to `t_s`; return the milestones reached in this step."""
+        if not self._ahead:
+            return _NOTHING
+        if math.isnan(self._on_s):
+            self._on_s = t_s
+        new: frozenset[Milestone] = _NOTHING
+        while self._ahead and t_s - self._on_s >= self._pace * self._ahead[-1].after_s:
+            if Milestone.READY in self._ahead[-1].milestones and not healthy:
+                break
+            stage = self._ahead.pop()
+            new |= stage.milestones
+            self._reached |= stage.milestones
+            self.faults = self.faults if stage.faults is None else stage.faults
+            if Milestone.PLACED in stage.milestones:
+                self._event_queue.add(Placed())
+            self._event_queue.add(*(Said(Severity.INFO, text.format(alt_m=ground_alt_m)) for text in stage.texts))
+        return new
 
 
 class Arming:
@@ -89,3 +134,29 @@ class Arming:
     def next_check_s(self) -> float:
         """The time of the next `report` that has work to do."""
         return self._next_check_s
+
+
+class OffboardTimeout:
+    """A stream counts as alive until `timeout_s` without a setpoint, and as proven after `proof_s` without a gap."""
+
+    def __init__(self, proof_s: float) -> None:
+        self._proof_s = proof_s
+        self._since_s = math.inf
+        self._last_s = -math.inf
+        self.timeout_s = 1.0
+        self.ever = False
+
+    def heard(self, t_s: float, counts_at_s: float) -> None:
+        """Record a setpoint that arrived at `t_s` and takes effect at `counts_at_s`, then or later."""
+        if not self.alive(t_s):
+            self._since_s = t_s
+        self._last_s = max(t_s, counts_at_s, self._last_s)
+        self.ever = True
+
+    def alive(self, t_s: float) -> bool:
+        """Whether the last setpoint is no older than the timeout."""
+        return t_s - self._last_s <= self.timeout_s
+
+    def proven(self, t_s: float) -> bool:
+        """Whether the stream has run long enough to enter or arm in a guided mode."""
+        return not self._proof_s or (self.alive(t_s) and t_s - self._since_s >= self._proof_s)

@@ -17,14 +17,12 @@ import numpy as np
 from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, MissionItem
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.arming import Arming
+from sim_bridge.autopilot.arming import Arming, OffboardTimeout, Readiness
 from sim_bridge.autopilot.events import Event, EventQueue, ModeChanged
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import Piece
 from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.autopilot.mode_actions import ModeActions
-from sim_bridge.autopilot.offboard_timeout import OffboardTimeout
-from sim_bridge.autopilot.readiness import Readiness
 from sim_bridge.personality import Intent, Milestone, Mode, Note, Personality, Setting
 
 _POSITION_VALID_S = 1.0  # after the estimate was last healthy

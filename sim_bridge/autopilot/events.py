@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gcs.mavlink import Severity
 from sim_bridge.personality import Note
-from sim_bridge.personality.wording import Words
+from sim_bridge.personality.modes import Words
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from enum import IntEnum
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.personality import Intent, Note, Setting
-from sim_bridge.personality.failsafe_settings import Actions, BatteryFailsafe
+from sim_bridge.personality.table import Actions, BatteryFailsafe
 from sim_bridge.protocol.missions.fence import FenceShape
 
 _PERIOD_S = 0.2

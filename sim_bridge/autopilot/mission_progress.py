@@ -16,7 +16,7 @@ from sim_bridge.autopilot.events import EventQueue, Reached
 from sim_bridge.autopilot.guidance.mission_guidance import is_navigation
 from sim_bridge.autopilot.guidance.piece import Mark
 from sim_bridge.personality import Intent, Note
-from sim_bridge.personality.flight_traits import ReportTraits
+from sim_bridge.personality.table import ReportTraits
 
 _MANOEUVRES = frozenset({Intent.TAKEOFF, Intent.LAND})
 _PLACEHOLDER = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0,) * 4, 0, 0, 0.0)

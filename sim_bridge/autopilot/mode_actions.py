@@ -19,7 +19,6 @@ from sim_bridge.autopilot.guidance.motion_primitives import braking_m
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import Piece, PiecePath
 from sim_bridge.autopilot.guidance.stream import StampedSetpoint
-from sim_bridge.autopilot.land_detector import LandDetector
 from sim_bridge.autopilot.mission_progress import MissionProgress
 from sim_bridge.personality import Intent, Note, Personality, Setting
 
@@ -28,6 +27,7 @@ _SAME_M = 0.01
 _LIFTS_M = 0.2  # a setpoint this far above the ground, or a climb of 0.2 m/s, means take-off
 _LIFT_S = 2.0
 _LEAST_RETURN_M = 4.0  # minimum return height above home, at any distance
+_LIFT_OFF_TIMEOUT_S = 3.0  # for a take-off that never left the ground
 
 
 class ModeActions:
@@ -297,3 +297,42 @@ class ModeActions:
         self.ground.lift()
         self.path.start(t_s, PiecePath((Piece(t_s, math.inf, here.coefficients),), climbing_until_s=t_s + _LIFT_S))
         return True
+
+
+class LandDetector:
+    """Detects take-off and landing by ground contact alone.
+
+    standing --lift--> lifting --no contact--> in the air --contact for landed_after_s--> standing
+    lifting --contact for _LIFT_OFF_TIMEOUT_S after the climb--> standing
+
+    `flying` from the take-off command until the landing; `aloft` once the vehicle has left the ground.
+    """
+
+    def __init__(self, landed_after_s: float) -> None:
+        self._landed_after_s = landed_after_s
+        self._contact_s: float | None = None
+        self.flying = False
+        self.aloft = False
+
+    def lift(self) -> None:
+        """Start a take-off."""
+        self.flying, self.aloft, self._contact_s = True, False, None
+
+    def settle(self) -> None:
+        """The vehicle stands, or lies, on the ground."""
+        self.flying, self.aloft, self._contact_s = False, False, None
+
+    def step(self, t_s: float, contact: bool, climbing_until_s: float) -> tuple[bool, bool]:
+        """Return whether the vehicle left the ground in this step, and whether it landed in this step."""
+        if not contact:
+            left = not self.aloft
+            self._contact_s, self.aloft = None, True
+            return left, False
+        if t_s <= climbing_until_s + _LIFT_OFF_TIMEOUT_S:
+            self.aloft = False  # a bounce at the start of a climb is not a landing
+        elif self._contact_s is None:
+            self._contact_s = t_s
+        elif t_s - self._contact_s >= self._landed_after_s:
+            self.settle()
+            return False, True
+        return False, False

@@ -11,11 +11,16 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 
 from gcs.errors import UsageError
+from gcs.reading.bounded_file import FAULT_FILE, read_file
+
+_FILE_HINT = 'write [faults], and under it e.g. 3 = ["loss=0.2@10..30"] or all = ["down.delay=0.2"]'
 
 
 class LinkDirection(StrEnum):
@@ -243,3 +248,25 @@ def _when(text: str | None) -> When:
 
 def _names() -> str:
     return ", ".join(kind.name for kind in KINDS)
+
+
+def read_fault_file(path: Path) -> list[str]:
+    """Return the faults of a TOML file as command-line texts, in the order of the file. Raises `UsageError`.
+
+    [faults]
+    all = ["down.loss=0.05"]
+    3 = ["loss=0.2@10..30", "gnss-outage@20..40"]
+    """
+    try:
+        data = tomllib.loads(read_file(path, FAULT_FILE, error=UsageError, hint=_FILE_HINT).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"the fault file {path} is not TOML: {error}.", hint=_FILE_HINT) from error
+    table = data.get("faults")
+    if not isinstance(table, dict) or len(data) != 1:
+        raise UsageError(f"the fault file {path} must contain the table [faults] and nothing else.", hint=_FILE_HINT)
+    texts = []
+    for vehicle, faults in table.items():
+        if not isinstance(faults, list) or not all(isinstance(fault, str) for fault in faults):
+            raise UsageError(f"in the fault file {path}, {vehicle} must be a list of strings.", hint=_FILE_HINT)
+        texts += [f"{vehicle}:{fault}" for fault in faults]
+    return texts

@@ -1,13 +1,9 @@
 """Personalities: one table per autopilot, with its modes, replies, texts, parameters and failsafes, as recorded."""
 
-from sim_bridge.personality.ardupilot.behaviour import ARDUPILOT
-from sim_bridge.personality.ardupilot.renamed_parameters import ARDUPILOT_4_7
-from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.failsafe_settings import Setting
-from sim_bridge.personality.modes import Intent, Mode, Modes
+from sim_bridge.personality.ardupilot.behaviour import ARDUPILOT, ARDUPILOT_4_7
+from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
 from sim_bridge.personality.px4.behaviour import PX4
-from sim_bridge.personality.table import Param, Personality
-from sim_bridge.personality.wording import Note
+from sim_bridge.personality.table import Param, Personality, Setting
 
 __all__ = [
     "ARDUPILOT",

@@ -13,13 +13,14 @@ from gcs.errors import UsageError
 from gcs.link.ftp.payload import NAME as FTP
 from gcs.link.microservices.command import command_ack
 from gcs.link.wire.message import Message, Station
-from gcs.link.wire.signing import Signature
+from gcs.link.wire.signing import KEY_BYTES, Signature, Signing
 from gcs.mavlink import MavType, MessageId, MissionType, Severity
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.events import Event, ModeChanged, Placed, Reached, Said
 from sim_bridge.autopilot.failsafe import Failsafe
 from sim_bridge.personality import Milestone, Personality
+from sim_bridge.personality.table import LinkTraits
 from sim_bridge.protocol.command_server import CommandServer
 from sim_bridge.protocol.ftp_server import FileServer
 from sim_bridge.protocol.missions.acceptance import flyable
@@ -28,12 +29,13 @@ from sim_bridge.protocol.missions.ftp_files import MissionFiles
 from sim_bridge.protocol.missions.store import MissionStore
 from sim_bridge.protocol.param_server import ParamServer
 from sim_bridge.protocol.position_targets import SETPOINTS, setpoint_in
-from sim_bridge.protocol.statustext_sender import StatusTextSender
 from sim_bridge.protocol.telemetry import Instruments, Sources, Telemetry, heartbeat
-from sim_bridge.protocol.timesync_signing import SigningState, TimesyncResponder
 
 _COMPID = 1
 _NO_MESSAGES: tuple[Message, ...] = ()
+_CHUNK_BYTES = 50
+_HIGHEST_ID = 0xFFFF
+_NS_PER_S = 1_000_000_000
 
 
 class Conversation:
@@ -267,3 +269,94 @@ class Conversation:
         settings = self._params.settings()
         self.autopilot.use(settings)
         self._failsafe.use(settings)
+
+
+class StatusTextSender:
+    """Numbers the texts of one vehicle."""
+
+    def __init__(self, numbers_all: bool) -> None:
+        self._numbers_all = numbers_all
+        self._id = 0
+
+    def messages(self, severity: int, text: str) -> list[Message]:
+        """Return the chunks of one text."""
+        data = text.encode()
+        chunks = [data[at : at + _CHUNK_BYTES] for at in range(0, len(data), _CHUNK_BYTES)] or [b""]
+        if len(chunks) > 1 and len(chunks[-1]) == _CHUNK_BYTES:
+            chunks.append(b"")  # a text ends with a chunk that is not full
+        number = 0
+        if self._numbers_all or len(chunks) > 1:
+            self._id = self._id % _HIGHEST_ID + 1
+            number = self._id
+        return [
+            Message(
+                "STATUSTEXT",
+                {"severity": int(severity), "text": chunk.decode(errors="replace"), "id": number, "chunk_seq": seq},
+            )
+            for seq, chunk in enumerate(chunks)
+        ]
+
+
+class TimesyncResponder:
+    """TIMESYNC: answers with the vehicle's clock at the resolution of the original, and sends its own requests.
+
+    `t_ns` is the vehicle's time since boot.
+    """
+
+    def __init__(self, traits: LinkTraits, me: Station) -> None:
+        self._traits = traits
+        self._me = me
+        self._next_ns: float | None = None
+
+    def receive(self, message: Message, t_ns: int) -> list[Message]:
+        """Answer a request; answers to the vehicle's own requests are ignored."""
+        if message.fields["tc1"] != 0:
+            return []
+        step = self._traits.clock_step_ns
+        return [Message("TIMESYNC", {"tc1": t_ns // step * step, "ts1": message.fields["ts1"]})]
+
+    def due(self, t_ns: int) -> list[Message]:
+        """Return the vehicle's own request when it is due. It contains the system id, which identifies the answer."""
+        if self._next_ns is not None and t_ns < self._next_ns:
+            return []
+        first, self._next_ns = self._next_ns is None, t_ns + self._traits.timesync_period_s * _NS_PER_S
+        if first:
+            return []
+        return [Message("TIMESYNC", {"tc1": 0, "ts1": t_ns // 1000 * 1000 + self._me.sysid})]
+
+
+class SigningState:
+    """Message signing: SETUP_SIGNING sets the key, or switches signing off."""
+
+    def __init__(self, traits: LinkTraits) -> None:
+        self._traits = traits
+        self._signing = Signing()
+
+    def remember(self, earlier: SigningState) -> None:
+        """Take over the key from before a restart."""
+        self._signing = earlier._signing
+
+    @property
+    def known(self) -> bool:
+        """Whether the original can sign."""
+        return self._traits.signs
+
+    def begin(self, key: bytes, ticks: int, now_s: float) -> None:
+        """Sign with `key` from the start, as a vehicle that was given its key before."""
+        self._signing.set_up(key, ticks, now_s)
+
+    def believes(self, message: Message, now_s: float) -> bool:
+        """Whether the signature of the frame permits this message."""
+        return self._signing.accepts(message.raw, now_s)
+
+    def set_up(self, message: Message, now_s: float, *, armed: bool) -> None:
+        """Take the key of SETUP_SIGNING; not while armed, and not where the original ignores the message."""
+        if not self._traits.signs or armed:
+            return
+        key = bytes(message.fields["secret_key"])
+        if len(key) == KEY_BYTES:
+            self._signing.set_up(key, int(message.fields["initial_timestamp"]), now_s)
+
+    def signature(self, now_s: float) -> Signature | None:
+        """Return the signature for the next frame; None while signing is off."""
+        return self._signing.signature(now_s)

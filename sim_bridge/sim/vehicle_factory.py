@@ -15,7 +15,7 @@ from gcs.scenario import si
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.dynamics.body.airframes import Airframes
 from sim_bridge.dynamics.body.presets import power_train_of

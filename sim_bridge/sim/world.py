@@ -28,12 +28,10 @@ from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.faults.fault_spec import Fault
 from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.personality import Personality
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec
-from sim_bridge.protocol.endpoints.line import PeerAddress
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec, PeerAddress
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
 from sim_bridge.protocol.traffic import Traffic
-from sim_bridge.sim.lockstep import ON_GROUND_TIMEOUT_S, Lockstep
-from sim_bridge.sim.pace import Pace
+from sim_bridge.sim.lockstep import ON_GROUND_TIMEOUT_S, Lockstep, Pace
 from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 

@@ -16,8 +16,8 @@ from gcs.errors import UsageError
 from gcs.flight.sequence.single_vehicle import control_of
 from gcs.flight.setup.build_loads import build_loads
 from gcs.link.connection import BACKENDS, Connection
-from gcs.link.fleet_upload.onboard import read_onboard
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, preview, restore, upload_fleet
+from gcs.link.fleet_upload.vehicle_load import read_onboard
 from gcs.link.mavsdk.mavsdk_vehicle import mavsdk_url
 from gcs.link.session.vehicle_api import Loadable, Setpoint
 from gcs.plan.trajectory.plan import Plan

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from gcs.errors import LinkError, ProtocolMisuse
-from gcs.link.endpoints.udp import UdpEndpoint
+from gcs.link.endpoints.endpoint import UdpEndpoint
 
 
 class Inbox:

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import LinkError, UsageError
+from sim_bridge.protocol.endpoints import lines
 from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec, is_loopback, parse_link
-from sim_bridge.protocol.endpoints.line import DATAGRAM_BYTES, datagrams
+from sim_bridge.protocol.endpoints.lines import DATAGRAM_BYTES, datagrams
 from sim_bridge.protocol.endpoints.switchboard import Arrival, Switchboard
 
 SYSIDS = (1, 2, 7)
@@ -171,6 +172,20 @@ def test_the_ground_that_is_called_is_never_given_up():
         made.heard(0, ("127.0.0.1", 9), 1.0)
         send(made, 0, b"still here", now_s=1000.0)
         assert ground.recv(100) == b"still here"
+
+
+def test_a_ground_on_another_machine_is_the_only_one_that_is_heard(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(lines, "is_loopback", lambda host: False)
+    with (
+        udp() as ground,
+        udp() as stranger,
+        board(EndpointSpec(EndpointKind.UDP_OUT, port=ground.getsockname()[1])) as m,
+    ):
+        stranger.sendto(b"arm", where(m, 0))
+        ground.sendto(b"hello", where(m, 0))
+        assert [arrival.data for arrival in arrivals(m, 1)] == [b"hello"]
+        send(m, 0, b"here")
+        assert ground.recv(100) == b"here"
 
 
 def test_a_flood_of_senders_does_not_become_a_flood_of_stations():

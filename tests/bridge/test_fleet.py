@@ -9,7 +9,7 @@ import pytest
 from gcs.autopilots.protocol_timers import CommandTimers, MissionTimers, ProtocolTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
-from gcs.link.endpoints.udp import UdpEndpoint
+from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.microservices.command import CommandRefused, command_ack
 from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.rules import MissionRefused

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.errors import LinkError, PeerTimeout, UsageError
 from gcs.link.endpoints.base import parse_link_spec
-from gcs.link.endpoints.udp import UdpEndpoint
+from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.routing.routing_table import DuplicateSystemId
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.wire.codec import Codec

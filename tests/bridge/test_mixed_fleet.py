@@ -16,7 +16,7 @@ from gcs.cli.main import run as gcs
 from gcs.errors import PeerError, UsageError
 from gcs.flight.options import FlightMode
 from gcs.flight.setup.build_loads import build_loads
-from gcs.link.fleet_upload.onboard import read_onboard
+from gcs.link.fleet_upload.vehicle_load import read_onboard
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export

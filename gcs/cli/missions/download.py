@@ -26,7 +26,7 @@ from gcs.errors import PeerError, PeerTimeout, counted
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
-    from gcs.link.fleet_upload.onboard import OnboardState
+    from gcs.link.fleet_upload.vehicle_load import OnboardState
     from gcs.plan.trajectory.plan import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and there are differences
@@ -107,7 +107,7 @@ def diff(
 async def _read_all(known: Connection, backend: str, listen_s: float) -> list[OnboardState]:
     import asyncio
 
-    from gcs.link.fleet_upload.onboard import read_onboard
+    from gcs.link.fleet_upload.vehicle_load import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
@@ -127,8 +127,8 @@ async def _differences(
     import asyncio
 
     from gcs.flight.setup.build_loads import loads_built_aside
-    from gcs.link.fleet_upload.onboard import read_onboard
     from gcs.link.fleet_upload.upload_fleet import preview
+    from gcs.link.fleet_upload.vehicle_load import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)

@@ -18,8 +18,7 @@ from datetime import UTC, datetime
 from gcs.aio import ended
 from gcs.errors import FlightError, GcsError
 from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.link.fleet_upload.change_items import ItemChanger, change_items
-from gcs.link.fleet_upload.upload_fleet import Holdings
+from gcs.link.fleet_upload.upload_fleet import Holdings, ItemChanger, change_items
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.mission.waypoints.mission_items import starting_at, timed_waits
 

@@ -14,9 +14,8 @@ from gcs.errors import FlightError
 from gcs.flight.monitor import Monitor
 from gcs.flight.progress import Event
 from gcs.flight.setup.preflight_check import MESSAGES
-from gcs.link.microservices.statustext import StatusText
+from gcs.link.microservices.statustext import StatusText, is_critical
 from gcs.link.session.vehicle_session import VehicleSession
-from gcs.link.session.vehicle_texts import is_critical
 from gcs.mavlink_names import severity_name
 
 REPEAT_S = 30.0  # vehicle time

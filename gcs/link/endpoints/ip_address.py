@@ -6,6 +6,8 @@ import socket
 from functools import lru_cache
 from typing import Any
 
+from gcs.errors import LinkError
+
 Address = tuple[str, int]  # host and port; of a serial line its device and baud rate
 
 _LOOPBACK = {socket.AF_INET: "127.0.0.1", socket.AF_INET6: "::1"}
@@ -31,11 +33,13 @@ def lacks_brackets(text: str) -> bool:
 
 
 def resolve_udp(host: str, port: int) -> tuple[socket.AddressFamily, Address]:
-    """Return the family and the numeric address of a host; IPv4 if it has both. Raises `OSError`."""
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-    usable = [row for row in found if row[0] in _ANY]
+    """Return the family and the numeric address of a host; IPv4 if it has both. Raises `LinkError`."""
+    try:
+        usable = [row for row in socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM) if row[0] in _ANY]
+    except OSError:
+        usable = []
     if not usable:
-        raise OSError(f"{host} has no address of the internet")
+        raise LinkError(f"no host is named {host!r}.", hint="check the name, or use an IP address")
     family, _, _, _, address = min(usable, key=lambda row: row[0] != socket.AF_INET)
     return family, plain_address(address)
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Protocol, TypeVar
 
+from gcs.aio import each
 from gcs.autopilots.parameter_names import in_units_of
 from gcs.errors import FlightError, GcsError, PeerError, UsageError, counted
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
@@ -20,6 +21,7 @@ from gcs.link.microservices.parameter import Parameter, as_kind
 from gcs.link.mission_protocol.strategy import SentAs
 from gcs.link.session.vehicle_api import Loadable
 from gcs.mavlink import MissionType
+from gcs.mission.model import MissionItem
 
 T = TypeVar("T")
 _SILENT_S = 4.0
@@ -233,3 +235,33 @@ async def _roll_back_one(one: _Loading) -> str:
         return ", ".join(problems)
     names = " and ".join(kind.name.lower() for kind in sorted(one.touched))
     return f"{names} cleared" + (", parameters restored" if one.wrote else "")
+
+
+class ItemChanger(Protocol):
+    """One vehicle on a link that replaces items of its mission."""
+
+    async def replace_items(self, items: Mapping[int, MissionItem], *, look_first: bool = False) -> None:
+        """Replace items of the mission on board, by their index without home; read them back and compare."""
+
+
+async def change_items(
+    sessions: Mapping[int, ItemChanger],
+    held: Holdings,
+    loads: Sequence[VehicleLoad],
+    indices: Mapping[int, Sequence[int]],
+    *,
+    look_first: bool = False,
+) -> Holdings:
+    """Replace the items with these indices, by vehicle; return the new proof of what is on board.
+
+    `loads` are the loads to have, which differ from those of `held` in these items only. With `look_first` items that
+    are on board already are not sent. Raises the first `PeerError` after the other vehicles have stopped: each of these
+    items is then the old one or the new one.
+    """
+
+    async def change(load: VehicleLoad) -> None:
+        items = {index: load.mission.items[index] for index in indices[load.sysid]}
+        await sessions[load.sysid].replace_items(items, look_first=look_first)
+
+    await each(loads, change)
+    return replace(held, digests={load.sysid: load.digest(held.plan_hash) for load in loads})

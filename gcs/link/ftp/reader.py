@@ -5,7 +5,7 @@ It follows https://mavlink.io/en/services/ftp.html.
     state     event                                        next      sends
     IDLE      start                                        OPENING   OpenFileRO
     OPENING   ACK                                          READING   BurstReadFile
-    OPENING   NAK: another file or session is open         OPENING   see `FtpOpening`
+    OPENING   NAK: another file or session is open         OPENING   see `FtpTransfer`
     READING   pieces of the burst                          READING
     READING   ... its end, or a pause after it             READING   ReadFile of missing pieces, 4 at a time
     READING   the file is complete                         CLOSING   TerminateSession
@@ -22,34 +22,22 @@ the unused numbers of an item depend on where a piece begins (`mission_dat`): th
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import Enum, auto
 
 from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
-from gcs.errors import GcsError, PeerError, ProtocolMisuse
-from gcs.link.ftp.open_file import FtpOpening
-from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused
-from gcs.link.ftp.received_bytes import ReceivedBytes
-from gcs.link.ftp.requests import FtpNumbers, FtpRequests
+from gcs.errors import GcsError, PeerTimeout, ProtocolMisuse
+from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload
+from gcs.link.ftp.requests import FtpNumbers
+from gcs.link.ftp.transfer import FtpState, FtpTransfer
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
 _BURST_MIN = 12 * DATA_MAX  # less than this is read piece by piece
 _SIZE_MAX = 1 << 18
+_STRETCHES_MAX = 256  # a burst that loses every second piece of 60 kB leaves 126
 
 
-class ReaderState(Enum):
-    """The states of the table above."""
-
-    IDLE = auto()
-    OPENING = auto()
-    READING = auto()
-    CLOSING = auto()
-    DONE = auto()
-    FAILED = auto()
-
-
-class FtpReader:
+class FtpReader(FtpTransfer):
     """One file. `measure` returns its length, at most 256 KiB, from its first `head` bytes, or raises `PeerError`."""
 
     def __init__(
@@ -65,21 +53,11 @@ class FtpReader:
         numbers: FtpNumbers | None = None,
         tries: int = 4,
     ) -> None:
-        self.state = ReaderState.IDLE
-        self.error: GcsError | None = None
-        self._timers = timers
-        self._path = path
+        super().__init__(
+            FtpOpcode.OPEN_FILE_RO, path, peer, tries, me=me, timers=timers, round_trip=round_trip, numbers=numbers
+        )
         self._measure = measure
         self._head = head
-        self._requests = FtpRequests(
-            peer,
-            me=me,
-            numbers=numbers or FtpNumbers(),
-            round_trip=round_trip or RttEstimator(),
-            timers=timers,
-        )
-        self._opening = FtpOpening(self._requests, FtpOpcode.OPEN_FILE_RO, path, tries, timers)
-        self._session = 0
         self._received = ReceivedBytes(_SIZE_MAX)
         self._size: int | None = None
         self._burst_end_s: float | None = None  # when a burst counts as over if no more arrives
@@ -87,32 +65,17 @@ class FtpReader:
         self._spacing_s = 0.0
 
     @property
-    def done(self) -> bool:
-        """Whether it has ended: with success (`data` is the file) if `error` is None."""
-        return self.state in (ReaderState.DONE, ReaderState.FAILED)
-
-    @property
     def data(self) -> bytes:
         """The whole file. Raises `ProtocolMisuse` before it is complete."""
-        if self.state is not ReaderState.DONE:
+        if self.state is not FtpState.DONE:
             raise ProtocolMisuse("the file of an FtpReader was read before it was complete.")
         return self._received.first(self._size or 0) or b""
 
     @property
     def deadline_s(self) -> float | None:
         """The time of the next `tick`; None if no timer runs."""
-        if self.done:
-            return None
-        if self._opening.resume_s is not None:
-            return self._opening.resume_s
-        both = [at_s for at_s in (self._burst_end_s, self._requests.deadline_s) if at_s is not None]
-        return min(both) if both else None
-
-    def start(self, now_s: float) -> list[Message]:
-        """Return the request for the file. Raises `ProtocolMisuse` if called twice."""
-        if self.state is not ReaderState.IDLE:
-            raise ProtocolMisuse("an FtpReader was started twice: create a new one.")
-        return self._open(now_s)
+        both = [at_s for at_s in (self._burst_end_s, super().deadline_s) if at_s is not None]
+        return None if self.done else min(both, default=None)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Return the messages to send after a received message; none if it belongs to another conversation."""
@@ -123,7 +86,7 @@ class FtpReader:
             return []
         matched = self._requests.match(message, now_s)
         if reply.req_opcode == FtpOpcode.BURST_READ_FILE:
-            in_burst = self.state is ReaderState.READING and reply.session == self._session
+            in_burst = self.state is FtpState.READING and reply.session == self._session
             return self._burst(reply, now_s) if in_burst else []
         if matched is None:
             return []
@@ -131,40 +94,25 @@ class FtpReader:
 
     def tick(self, now_s: float) -> list[Message]:
         """Return the messages to send after a timer expired."""
-        if self.done:
-            return []
-        if self._opening.resume_s is not None:
-            return self._opening.tick(now_s)
-        error = self._requests.timed_out(self._path, now_s)
-        if error is not None:
-            return self._finish(None if self.state is ReaderState.CLOSING else error)
-        messages = self._requests.tick(now_s)
+        messages = super().tick(now_s)
         if self._burst_end_s is not None and now_s >= self._burst_end_s:
             self._burst_end_s = None
             messages += self._request_missing(now_s)
         return messages
 
-    def cancel(self) -> list[Message]:
-        """End the transfer."""
-        return [] if self.done else self._finish(PeerError(f"the transfer of {self._path} was cancelled."))
-
     def _open(self, now_s: float) -> list[Message]:
         self._burst_end_s = self._piece_s = self._size = None
         self._received.clear()
-        self.state = ReaderState.OPENING
-        return self._opening.open(now_s)
+        return super()._open(now_s)
 
     def _answered(self, reply: FtpPayload, now_s: float) -> list[Message]:
-        if self.state is ReaderState.OPENING:
-            messages = self._opening.receive(reply, now_s)
-            if self._opening.error is not None:
-                return self._finish(self._opening.error)
-            if self._opening.session is None:
+        if self.state is FtpState.OPENING:
+            messages = self._opened(reply, now_s)
+            if messages is not None:
                 return messages
-            self._session = self._opening.session
-            self.state = ReaderState.READING
+            self.state = FtpState.READING
             return [self._request_burst(0, now_s)]
-        if self.state is ReaderState.CLOSING:
+        if self.state is FtpState.CLOSING:
             return self._finish(None)
         if reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
@@ -204,7 +152,7 @@ class FtpReader:
         if self._size is not None and not self._gaps():
             self._burst_end_s = None
             self._requests.drop()
-            self.state = ReaderState.CLOSING
+            self.state = FtpState.CLOSING
             return [self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
         return [] if self._burst_end_s is not None else self._request_missing(now_s)
 
@@ -238,17 +186,71 @@ class FtpReader:
         self._requests.numbers.skip()
         return message
 
-    def _refused(self, reply: FtpPayload, now_s: float) -> list[Message]:
-        if self._opening.reopens(reply):
-            return self._open(now_s)
-        return self._finish(FtpRefused(self._requests.peer, self._path, reply))
+    def _fail(self, error: GcsError) -> list[Message]:
+        return self._finish(None if self.state is FtpState.CLOSING and isinstance(error, PeerTimeout) else error)
 
     def _finish(self, error: GcsError | None) -> list[Message]:
-        opened = self.state is ReaderState.READING
+        opened = self.state is FtpState.READING
         self._requests.drop()
+        self._burst_end_s = None
         self.error = error
-        self.state = ReaderState.DONE if error is None else ReaderState.FAILED
+        self.state = FtpState.DONE if error is None else FtpState.FAILED
         if not opened:
             return []
         seq = self._requests.numbers.next_seq()
         return [FtpPayload(seq, self._session, FtpOpcode.TERMINATE_SESSION).message(self._requests.peer)]
+
+
+class ReceivedBytes:
+    """Pieces of one file of at most `limit` bytes, in any order: which are new, which are missing.
+
+    The first copy of a byte counts. A piece that would leave too many gaps is dropped, as if it had been lost: a peer
+    that answers with single bytes at random places costs neither memory nor time.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._data = bytearray()
+        self._have: list[tuple[int, int]] = []  # begin and end of what has arrived, in order, apart from each other
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._data.clear()
+        self._have.clear()
+
+    def add(self, offset: int, piece: bytes) -> bool:
+        """Store what is new of a piece; return whether anything was."""
+        end = offset + len(piece)
+        if not piece or offset < 0 or end > self._limit:
+            return False
+        missing = _gaps(self._have, offset, end)
+        near = [span for span in self._have if span[0] <= end and offset <= span[1]]
+        if not missing or len(self._have) - len(near) >= _STRETCHES_MAX:
+            return False
+        self._data.extend(bytes(max(end - len(self._data), 0)))
+        for begin, until in missing:
+            self._data[begin:until] = piece[begin - offset : until - offset]
+        far = [span for span in self._have if span not in near]
+        joined = min([offset, *(span[0] for span in near)]), max([end, *(span[1] for span in near)])
+        self._have = sorted([*far, joined])
+        return True
+
+    def gaps(self, size: int) -> list[tuple[int, int]]:
+        """Return (offset, length) of what is missing of the first `size` bytes."""
+        return [(begin, until - begin) for begin, until in _gaps(self._have, 0, size)]
+
+    def first(self, size: int) -> bytes | None:
+        """Return the first `size` bytes; None while one of them is missing."""
+        return None if _gaps(self._have, 0, size) else bytes(self._data[:size])
+
+
+def _gaps(have: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
+    """Return the (begin, end) within these bounds that no stretch covers."""
+    found, here = [], begin
+    for start, until in have:
+        if start >= end:
+            break
+        if start > here:
+            found.append((here, start))
+        here = max(here, until)
+    return [*found, (here, end)] if here < end else found

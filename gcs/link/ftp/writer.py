@@ -7,7 +7,7 @@ last: a file closed earlier is invalid, and the vehicle keeps its old mission.
     state    event                                        next     sends
     IDLE     start                                        OPENING  CreateFile
     OPENING  ACK                                          WRITING  WriteFile of the first pieces
-    OPENING  NAK: another file or session is open         OPENING  see `FtpOpening`
+    OPENING  NAK: another file or session is open         OPENING  see `FtpTransfer`
     WRITING  ACK                                          WRITING  WriteFile of one more
     WRITING  ACK of all pieces but the first              SEALING  WriteFile of the first
     SEALING  ACK                                          CLOSING  TerminateSession
@@ -24,32 +24,19 @@ a read-back is a proof.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum, auto
 
 from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
-from gcs.errors import GcsError, PeerError, ProtocolMisuse
-from gcs.link.ftp.open_file import FtpOpening
-from gcs.link.ftp.payload import FtpOpcode, FtpPayload, FtpRefused
-from gcs.link.ftp.requests import FtpNumbers, FtpRequests
+from gcs.errors import GcsError, ProtocolMisuse
+from gcs.link.ftp.payload import FtpOpcode, FtpPayload
+from gcs.link.ftp.requests import FtpNumbers
+from gcs.link.ftp.transfer import FtpState, FtpTransfer
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
 
 
-class WriterState(Enum):
-    """The states of the table above."""
-
-    IDLE = auto()
-    OPENING = auto()
-    WRITING = auto()
-    SEALING = auto()
-    CLOSING = auto()
-    DONE = auto()
-    FAILED = auto()
-
-
-class FtpWriter:
+class FtpWriter(FtpTransfer):
     """One file, as pieces of at most 239 bytes by offset, the first of them at 0."""
 
     def __init__(
@@ -64,46 +51,18 @@ class FtpWriter:
         numbers: FtpNumbers | None = None,
         tries: int = 5,
     ) -> None:
-        self.state = WriterState.IDLE
-        self.error: GcsError | None = None
-        self._path = path
-        self._pieces = tuple(pieces)
-        self._requests = FtpRequests(
-            peer,
-            me=me,
-            numbers=numbers or FtpNumbers(),
-            round_trip=round_trip or RttEstimator(),
-            timers=timers,
+        super().__init__(
+            FtpOpcode.CREATE_FILE, path, peer, tries, me=me, timers=timers, round_trip=round_trip, numbers=numbers
         )
-        self._opening = FtpOpening(self._requests, FtpOpcode.CREATE_FILE, path, tries, timers)
-        self._session = 0
+        self._pieces = tuple(pieces)
         self._left: list[tuple[int, bytes]] = []
         self._requests.allow(sum(len(data) for _, data in self._pieces))
 
-    @property
-    def done(self) -> bool:
-        """Whether it has ended: with success (the server closed a whole file) if `error` is None."""
-        return self.state in (WriterState.DONE, WriterState.FAILED)
-
-    @property
-    def heard(self) -> bool:
-        """Whether the vehicle has answered to MAVLink FTP."""
-        return self._requests.heard
-
-    @property
-    def deadline_s(self) -> float | None:
-        """The time of the next `tick`; None if no timer runs."""
-        if self.done:
-            return None
-        return self._requests.deadline_s if self._opening.resume_s is None else self._opening.resume_s
-
     def start(self, now_s: float) -> list[Message]:
         """Return the request for the file. Raises `ProtocolMisuse` if called twice, or without a piece at offset 0."""
-        if self.state is not WriterState.IDLE:
-            raise ProtocolMisuse("an FtpWriter was started twice: create a new one.")
         if not self._pieces or self._pieces[0][0] != 0:
             raise ProtocolMisuse("an FtpWriter needs pieces, the first of them at offset 0.")
-        return self._open(now_s)
+        return super().start(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Return the messages to send after a received message; none if it belongs to another conversation."""
@@ -113,51 +72,32 @@ class FtpWriter:
         if matched is None:
             return []
         _, reply = matched
-        if self.state is WriterState.OPENING:
-            messages = self._opening.receive(reply, now_s)
-            if self._opening.error is not None:
-                return self._fail(self._opening.error)
-            if self._opening.session is None:
+        if self.state is FtpState.OPENING:
+            messages = self._opened(reply, now_s)
+            if messages is not None:
                 return messages
-            self._session = self._opening.session
-            self.state = WriterState.WRITING
+            self.state = FtpState.WRITING
         elif reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
         self._requests.progressed(now_s)
         return self._advance(now_s)
 
-    def tick(self, now_s: float) -> list[Message]:
-        """Return the messages to send after a timer expired."""
-        if self.done:
-            return []
-        if self._opening.resume_s is not None:
-            return self._opening.tick(now_s)
-        error = self._requests.timed_out(self._path, now_s)
-        return self._fail(error) if error is not None else self._requests.tick(now_s)
-
-    def cancel(self) -> list[Message]:
-        """End the transfer. The vehicle keeps its old file, unless the new one was already complete."""
-        if self.done:
-            return []
-        return self._fail(PeerError(f"the transfer of {self._path} was cancelled."))
-
     def _open(self, now_s: float) -> list[Message]:
-        self.state = WriterState.OPENING
         self._left = list(self._pieces[1:])
-        return self._opening.open(now_s)
+        return super()._open(now_s)
 
     def _advance(self, now_s: float) -> list[Message]:
-        if self.state is WriterState.SEALING:
-            self.state = WriterState.CLOSING
+        if self.state is FtpState.SEALING:
+            self.state = FtpState.CLOSING
             return [self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
-        if self.state is WriterState.CLOSING:
-            self.state = WriterState.DONE
+        if self.state is FtpState.CLOSING:
+            self.state = FtpState.DONE
             return []
         messages = []
         while self._left and len(self._requests) < _WINDOW:
             messages.append(self._write(self._left.pop(0), now_s))
         if not len(self._requests):
-            self.state = WriterState.SEALING
+            self.state = FtpState.SEALING
             messages.append(self._write(self._pieces[0], now_s))
         return messages
 
@@ -165,16 +105,11 @@ class FtpWriter:
         offset, data = piece
         return self._requests.request(FtpOpcode.WRITE_FILE, now_s, session=self._session, offset=offset, data=data)
 
-    def _refused(self, reply: FtpPayload, now_s: float) -> list[Message]:
-        if self.state is not WriterState.CLOSING and self._opening.reopens(reply):
-            return self._open(now_s)
-        return self._fail(FtpRefused(self._requests.peer, self._path, reply))
-
     def _fail(self, error: GcsError) -> list[Message]:
-        opened = self.state in (WriterState.WRITING, WriterState.SEALING, WriterState.CLOSING)
+        opened = self.state in (FtpState.WRITING, FtpState.SEALING, FtpState.CLOSING)
         self._requests.drop()
         self.error = error
-        self.state = WriterState.FAILED
+        self.state = FtpState.FAILED
         return self._invalidate() if opened else []
 
     def _invalidate(self) -> list[Message]:

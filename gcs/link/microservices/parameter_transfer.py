@@ -49,6 +49,7 @@ class ParameterMachine:
         peer: Station,
         autopilot: int,
         *,
+        version: int | None = None,
         me: Station = GROUND,
         timers: ParameterTimers | None = None,
         round_trip: RttEstimator | None = None,
@@ -58,6 +59,7 @@ class ParameterMachine:
         self.state = ParameterState.IDLE
         self.error: GcsError | None = None
         self.values: dict[str, Parameter] = {}
+        self._autopilot, self._version = autopilot, version
         link = link_behaviour(autopilot)
         self._in_bytes = link.integers_in_bytes
         self._timers = timers or link.timers.parameter
@@ -165,20 +167,6 @@ class ParameterReader(ParameterMachine):
     `values` has them by the requested name; `Parameter.name` is the vehicle's own name, and the value is in its unit.
     `version` is AUTOPILOT_VERSION.flight_sw_version, if it is known.
     """
-
-    def __init__(
-        self,
-        names: Sequence[str],
-        peer: Station,
-        autopilot: int,
-        *,
-        version: int | None = None,
-        me: Station = GROUND,
-        timers: ParameterTimers | None = None,
-        round_trip: RttEstimator | None = None,
-    ) -> None:
-        super().__init__(names, peer, autopilot, me=me, timers=timers, round_trip=round_trip)
-        self._autopilot, self._version = autopilot, version
 
     def _spellings(self, name: str) -> tuple[str, ...]:
         return spellings(self._autopilot, name, self._version)

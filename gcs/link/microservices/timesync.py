@@ -51,3 +51,14 @@ class TimeSync:
         sent_s = ts1 / 1e9
         if now_s >= sent_s:
             self._samples.append(TimeSample(tc1 / 1e9 - (sent_s + now_s) / 2, now_s - sent_s))
+
+
+def ping_answers(message: Message) -> list[Message]:
+    """PING (https://mavlink.io/en/services/ping.html): a vehicle asks whether the station has read up to here.
+
+    Return the answer to a request, which has no address; none to an answer.
+    """
+    fields = message.fields
+    if fields["target_system"] or fields["target_component"]:
+        return []
+    return [Message("PING", {"time_usec": fields["time_usec"], "seq": fields["seq"]} | message.source.target)]

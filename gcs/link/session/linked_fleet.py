@@ -17,12 +17,11 @@ from functools import partial
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.endpoints.base import Endpoint
-from gcs.link.endpoints.factory import make_endpoint
+from gcs.link.endpoints.endpoint import make_endpoint
 from gcs.link.endpoints.ip_address import Address
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.routing.routing_table import IDENTIFY_S, LinkAddress, RoutingTable
+from gcs.link.routing.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words
 from gcs.link.routing.strangers import LinkNotice, Strangers
-from gcs.link.routing.system_ids import reject_shared_systems, vehicle_words
 from gcs.link.session.station_messages import STATION_HEARTBEAT, identity_request, is_vehicle_heartbeat
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec

@@ -21,8 +21,9 @@ from gcs.link.microservices.command import CommandRefused, CommandSender, Positi
 from gcs.link.microservices.machine import Machine
 from gcs.link.microservices.parameter import Parameter
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
-from gcs.link.microservices.ping import ping_answers
 from gcs.link.microservices.rtt import RttEstimator
+from gcs.link.microservices.statustext import VehicleTexts
+from gcs.link.microservices.timesync import ping_answers
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite
@@ -30,8 +31,7 @@ from gcs.link.mission_protocol.receiver import reader
 from gcs.link.mission_protocol.strategy import SentAs, Transfer
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.items_upload import upload
-from gcs.link.session.quality import LinkQuality
-from gcs.link.session.vehicle_texts import VehicleTexts
+from gcs.link.wire.frame_scanner import LinkQuality
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MavType, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission

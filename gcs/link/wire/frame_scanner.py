@@ -23,6 +23,8 @@ _CANDIDATE = re.compile(rb"\xfe|\xfd(?=.[\x00\x01]|.?\Z)", re.DOTALL)  # looks a
 _LONG = 256  # bytes from which on all candidates are found at once
 # The work for one chunk, in bytes of checksum. A failed header costs as much as _ATTEMPT bytes.
 _PER_BYTE, _FREE, _ATTEMPT = 4, 2048, 32
+_V2 = 0xFD
+_FAR_BACK = 128  # a larger gap means a late frame or a copy
 
 
 @dataclass(frozen=True)
@@ -151,3 +153,30 @@ def message_id(frame: bytes) -> int:
 def _checksum_is_right(frame: bytes, extra: bytes) -> bool:
     end = (HEADER_V2 if frame[0] == V2 else HEADER_V1) + frame[1]
     return mcrf4xx(frame[1:end] + extra, _CRC_START) == frame[end] | frame[end + 1] << 8
+
+
+class LinkQuality:
+    """Lost frames of one component of one vehicle, counted by the gaps in the sequence numbers of its frames."""
+
+    def __init__(self) -> None:
+        self.received = 0
+        self.lost = 0
+        self._last = -1
+
+    @property
+    def loss(self) -> float | None:
+        """The share of lost frames; None before the first frame."""
+        return self.lost / (self.received + self.lost) if self.received else None
+
+    def receive(self, frame: bytes) -> None:
+        """Count one whole frame."""
+        if not frame:
+            return
+        number = frame[4] if frame[0] == _V2 else frame[2]
+        gap = (number - self._last - 1) & 0xFF if self._last >= 0 else 0
+        self.received += 1
+        if gap >= _FAR_BACK:
+            self.lost = max(self.lost - 1, 0)  # it had been counted as lost
+            return
+        self.lost += gap
+        self._last = number

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.piece import TERMS, Piece
 
 _SAME_S = 1e-6

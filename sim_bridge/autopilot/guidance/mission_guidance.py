@@ -13,17 +13,16 @@ from itertools import chain
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders, vector
+from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders, NavigatorState, vector
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
-from sim_bridge.autopilot.guidance.motion_primitives import brake
-from sim_bridge.autopilot.guidance.navigator_path import follow, motion
+from sim_bridge.autopilot.guidance.motion_primitives import brake, bridge
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
-from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
+from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Mark, Piece, PiecePath, hold
 
 _DAY_S = 86400.0
 _NEAR_M = 1.0
@@ -31,6 +30,7 @@ _FASTEST_MPS = max(known.speed_mps[1] for known in Autopilot)  # PX4's own limit
 _MOVED_M = 0.05  # a target closer than this counts as reached
 _AHEAD = 5  # pieces of a navigator's flight that are computed at once
 _SETTLE_S = 8.0  # time to come to rest at the last waypoint of a mission that ends there
+_PIECE_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -262,3 +262,41 @@ def is_navigation(command: int) -> bool:
 def _cut_at(piece: Piece, end_s: float) -> Piece:
     """Return the same polynomial, ending no later than `end_s`."""
     return Piece(piece.start_s, min(piece.end_s, end_s), piece.coefficients)
+
+
+@dataclass(frozen=True)
+class NavigatorPath:
+    """One piece, and the waypoints completed within it: index and time."""
+
+    piece: Piece
+    completed: tuple[tuple[int, float], ...]
+
+
+def follow(start_s: float, flat: Array, navigator: Navigator, orders: NavigatorOrders) -> Iterator[NavigatorPath]:
+    """Generate the pieces of a navigator from a motion `flat` (DERIVATIVES, 4), without end; yaw is constant."""
+    steps = round(_PIECE_S / navigator.step_s)
+    yaw_rad = flat[0, 3]
+    begin_s, begin = start_s, flat.copy()
+    begin[1:, 3] = 0.0
+    completed: list[tuple[int, float]] = []
+    for count, moment in enumerate(navigator.fly(orders), start=1):
+        if moment.completed is not None:
+            completed.append((moment.completed, start_s + moment.t_s))
+        if count % steps:
+            continue
+        end_s, end = start_s + moment.t_s, _flat(moment, yaw_rad)
+        yield NavigatorPath(bridge(begin_s, begin, end_s, end), tuple(completed))
+        begin_s, begin, completed = end_s, end, []
+
+
+def motion(flat: Array) -> NavigatorState:
+    """Return the motion `flat` (DERIVATIVES, 4) as the initial state of a navigator."""
+    position, velocity, acceleration = (vector(*flat[k, :3]) for k in range(3))
+    return NavigatorState(0.0, position, velocity, acceleration)
+
+
+def _flat(moment: NavigatorState, yaw_rad: float) -> Array:
+    flat = np.zeros((DERIVATIVES, 4))
+    flat[:3, :3] = moment.position_ned_m, moment.velocity_ned_mps, moment.acceleration_ned_mps2
+    flat[0, 3] = yaw_rad
+    return flat

@@ -10,9 +10,9 @@ import numpy as np
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.frames import Origin
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
 from sim_bridge.autopilot.guidance.motion_primitives import (
     Descent,
+    MotionLimits,
     Speeds,
     brake,
     descend,

@@ -11,8 +11,7 @@ import numpy as np
 from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.dynamics.body.battery import Battery, PowerTrain
 from sim_bridge.dynamics.body.failures import Failures
-from sim_bridge.dynamics.body.motors import Motors
-from sim_bridge.dynamics.body.plant import Ground, Mask, Plant
+from sim_bridge.dynamics.body.plant import Ground, Mask, Motors, Plant
 from sim_bridge.dynamics.body.presets import power_train_of
 from sim_bridge.dynamics.body.sensors import BARO_PERIOD_S, GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade, Sensors
 from sim_bridge.dynamics.body.wind_field import CALM, GUST_PERIOD_S, Wind, WindField

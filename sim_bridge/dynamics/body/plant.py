@@ -1,4 +1,4 @@
-"""The true motion of the vehicles: Eq. 1, the ground, and the specific force an inertial unit senses."""
+"""The true motion of the vehicles: the rotors, Eq. 1, the ground, and the specific force an inertial unit senses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, Quadrotor
+from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, Quadrotor, control_from_rotors, rotors_from_control
 from sim_bridge.dynamics.body.integrator import Stepper
 
 Ground = Callable[[Array, Array], Array]  # north_m (V,), east_m (V,) -> height_m (V,)
@@ -83,3 +83,28 @@ class Plant:
             squared = np.add.reduce(state[3:6] ** 2)
             reached = np.sqrt(squared + (2.0 * _GAIN_MPS2 / _STEEPEST) * clearance_m)
             self._look_in_s = float((reached - np.sqrt(squared)).min()) / _GAIN_MPS2
+
+
+class Motors:
+    """The rotors of V vehicles of one type, without inertia: Eq. 2 with limits and weak motors; arrays are (4, V)."""
+
+    def __init__(self, q: Quadrotor) -> None:
+        self._q = q
+        self._top = q.rotor_max_radps**2
+        self._mix = control_from_rotors(np.eye(4), q).T  # squared speeds -> controls
+        self._unmix = np.linalg.inv(self._mix)
+
+    def speeds(self, wanted: Array) -> tuple[Array, Array, bool]:
+        """Wanted controls (4, V) -> squared speeds and speeds (4, V), and whether they give the wanted controls.
+
+        At a limit `gcs.physics.quadrotor.rotors_from_control` decides what is given up: yaw first.
+        """
+        squared = self._unmix.dot(wanted)
+        if squared.min() >= 0.0 and squared.max() <= self._top:
+            return squared, np.sqrt(squared), True
+        speeds = rotors_from_control(wanted.T, self._q).T
+        return speeds * speeds, speeds, False
+
+    def control(self, squared: Array) -> Array:
+        """Return the controls (4, V) of squared speeds (4, V), each times the remaining share of its motor's thrust."""
+        return np.asarray(self._mix.dot(squared))

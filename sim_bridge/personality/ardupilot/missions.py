@@ -8,8 +8,14 @@ from __future__ import annotations
 
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
-from sim_bridge.protocol.missions.stored_params import ardupilot_params, fence_params
-from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
+from sim_bridge.protocol.missions.transfer_traits import (
+    SILENCE,
+    MissionAnswer,
+    MissionTraits,
+    StorageTraits,
+    ardupilot_params,
+    fence_params,
+)
 
 _FLOWN = (*Command, MavCommand.NAV_RETURN_TO_LAUNCH)
 _ANY_FRAME = frozenset(map(int, Frame))

@@ -6,9 +6,7 @@ The original has 1390 of them. Here are those that act, those that ground statio
 from __future__ import annotations
 
 from gcs.mavlink import ParameterType as Kind
-from sim_bridge.personality.failsafe_settings import Setting
-from sim_bridge.personality.link_traits import LinkTraits, ParamTraits
-from sim_bridge.personality.table import Param
+from sim_bridge.personality.table import LinkTraits, Param, ParamTraits, Setting
 
 _INT8, _INT16, _INT32, _REAL32 = map(int, (Kind.INT8, Kind.INT16, Kind.INT32, Kind.REAL32))
 

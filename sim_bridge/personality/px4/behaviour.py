@@ -21,29 +21,26 @@ from gcs.mavlink import (
     Severity,
     px4_mode,
 )
-from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.failsafe_settings import (
+from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
+from sim_bridge.personality.px4.missions import MISSIONS
+from sim_bridge.personality.px4.params import LINK, PARAM_TRAITS, PARAMS
+from sim_bridge.personality.table import (
+    ArmingTraits,
     BatteryFailsafe,
     EstimateFailsafe,
     FailsafeSettings,
     FenceFailsafe,
-    LinkFailsafe,
-    Setting,
-)
-from sim_bridge.personality.flight_traits import (
-    ArmingTraits,
     FlightTraits,
     HealthTraits,
+    Identity,
+    LinkFailsafe,
+    Personality,
     ReplyTraits,
     ReportTraits,
+    Setting,
     StreamingTraits,
     StreamTraits,
 )
-from sim_bridge.personality.modes import Intent, Mode, Modes
-from sim_bridge.personality.px4.missions import MISSIONS
-from sim_bridge.personality.px4.params import LINK, PARAM_TRAITS, PARAMS
-from sim_bridge.personality.table import Identity, Personality
-from sim_bridge.personality.wording import Note
 
 _BY_ITSELF = ModeFlag.CUSTOM | ModeFlag.AUTO | ModeFlag.GUIDED | ModeFlag.STABILIZE
 _ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT

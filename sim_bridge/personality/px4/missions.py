@@ -8,8 +8,14 @@ from __future__ import annotations
 
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
-from sim_bridge.protocol.missions.stored_params import fence_params, px4_params
-from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
+from sim_bridge.protocol.missions.transfer_traits import (
+    SILENCE,
+    MissionAnswer,
+    MissionTraits,
+    StorageTraits,
+    fence_params,
+    px4_params,
+)
 
 _IN_PLACE = frozenset({int(Frame.GLOBAL), int(Frame.GLOBAL_RELATIVE_ALT)})
 _WITHOUT_PLACE = frozenset({int(Frame.MISSION)})

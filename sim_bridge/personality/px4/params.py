@@ -6,9 +6,7 @@ The original has some 900 of them, in alphabetical order.
 from __future__ import annotations
 
 from gcs.mavlink import ParameterType as Kind
-from sim_bridge.personality.failsafe_settings import Setting
-from sim_bridge.personality.link_traits import LinkTraits, ParamTraits
-from sim_bridge.personality.table import Param
+from sim_bridge.personality.table import LinkTraits, Param, ParamTraits, Setting
 
 _INT32, _REAL32 = map(int, (Kind.INT32, Kind.REAL32))
 

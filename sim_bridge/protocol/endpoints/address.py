@@ -10,7 +10,6 @@ from gcs.errors import UsageError
 from gcs.link.endpoints.ip_address import host_port, lacks_brackets, split_host_port
 
 LOOPBACK = "127.0.0.1"
-Address = tuple[str, int]
 
 
 class EndpointKind(StrEnum):
@@ -49,6 +48,20 @@ class EndpointSpec:
                 hint="choose a lower port",
             )
         return port
+
+
+@dataclass(frozen=True)
+class PeerAddress:
+    """The address of a line, for people and programs: `udpin`, `127.0.0.1:14540`."""
+
+    kind: str
+    address: str
+
+    @property
+    def port(self) -> int:
+        """The number of a UDP or TCP port; 0 for a terminal."""
+        _, colon, port = self.address.rpartition(":")
+        return int(port) if colon and port.isdecimal() else 0
 
 
 def call(port: int, host: str = LOOPBACK) -> EndpointSpec:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import selectors
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
-from sim_bridge.protocol.endpoints.line import Line, PeerAddress, Source, Watch
-from sim_bridge.protocol.endpoints.pty_line import PtyLine
-from sim_bridge.protocol.endpoints.tcp_line import TcpLine
-from sim_bridge.protocol.endpoints.udp_line import UdpLine
+from gcs.link.endpoints.ip_address import Address
+from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec, PeerAddress
+from sim_bridge.protocol.endpoints.lines import Line, PtyLine, TcpLine, UdpLine
 
 
 class Arrival(NamedTuple):
@@ -17,7 +16,7 @@ class Arrival(NamedTuple):
 
     line: int
     data: bytes
-    source: Source
+    source: Address
 
 
 class Switchboard:
@@ -25,8 +24,8 @@ class Switchboard:
 
     def __init__(self, specs: Sequence[EndpointSpec], sysids: Sequence[int]) -> None:
         """Open all endpoints. Raises `LinkError` or `UsageError`, and then leaves none open."""
-        self._watch = Watch()
-        self._numbers: dict[int, int] = {}  # id() of a line -> its number
+        self._watch = selectors.DefaultSelector()
+        self._numbers: dict[Line, int] = {}
         self._lines: list[Line] = []
         self.rows: list[tuple[int, ...]] = []
         self._lines_of: list[list[int]] = [[] for _ in sysids]
@@ -42,7 +41,7 @@ class Switchboard:
 
     def _add(self, line: Line, rows: tuple[int, ...]) -> None:
         number = len(self._lines)
-        self._numbers[id(line)] = number
+        self._numbers[line] = number
         self._lines.append(line)
         self.rows.append(rows)
         for row in rows:
@@ -54,18 +53,19 @@ class Switchboard:
 
     def watch(self, file: int) -> None:
         """Watch this file descriptor too; `receive` reports it as line -1."""
-        self._watch.add(file, None)
+        self._watch.register(file, selectors.EVENT_READ, None)
 
     def receive(self, timeout_s: float, now_s: float) -> Iterator[Arrival]:
         """Return all that has arrived, waiting at most `timeout_s` for the first of it."""
-        for file, line in self._watch.ready(timeout_s):
-            if line is None:
-                yield Arrival(-1, b"", None)
+        for key, _ in self._watch.select(timeout_s):
+            if key.data is None:
+                yield Arrival(-1, b"", ("", 0))
                 continue
-            for data, source in line.receive(file, now_s):
-                yield Arrival(self._numbers[id(line)], data, source)
+            number = self._numbers[key.data]
+            for data, source in key.data.receive(key.fd):
+                yield Arrival(number, data, source)
 
-    def heard(self, line: int, source: Source, now_s: float) -> None:
+    def heard(self, line: int, source: Address, now_s: float) -> None:
         """Record that `source` sent a whole frame."""
         self._lines[line].heard(source, now_s)
 
@@ -89,11 +89,7 @@ class Switchboard:
         self._watch.close()
 
 
-def _open(spec: EndpointSpec, row: int, name: str, watch: Watch) -> Line:
-    match spec.kind:
-        case EndpointKind.UDP_OUT | EndpointKind.UDP_IN:
-            return UdpLine(spec, row, watch)
-        case EndpointKind.TCP_IN:
-            return TcpLine(spec, row, watch)
-        case EndpointKind.PTY:
-            return PtyLine(spec, name, watch)
+def _open(spec: EndpointSpec, row: int, name: str, watch: selectors.BaseSelector) -> Line:
+    if spec.kind is EndpointKind.PTY:
+        return PtyLine(spec, name, watch)
+    return (TcpLine if spec.kind is EndpointKind.TCP_IN else UdpLine)(spec, row, watch)

@@ -1,7 +1,6 @@
 """The telemetry of one vehicle: message contents and rates. All of it comes from the estimate, never from the truth."""
 
-from sim_bridge.protocol.telemetry.instruments import GeodeticPositions, Instruments
-from sim_bridge.protocol.telemetry.sources import Sources
+from sim_bridge.protocol.telemetry.instruments import GeodeticPositions, Instruments, Sources
 from sim_bridge.protocol.telemetry.streams import Telemetry
 from sim_bridge.protocol.telemetry.vitals import heartbeat
 

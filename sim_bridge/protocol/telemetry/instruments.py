@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
+from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.failsafe import Readings
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
+from sim_bridge.autopilot.failsafe import Failsafe, Readings
 from sim_bridge.dynamics.body.airframes import Airframes
+from sim_bridge.personality import Milestone, Personality
 
 
 class GeodeticPositions:
@@ -139,3 +143,20 @@ class Instruments:
         volt, _, share, used_Ah = self.battery
         left_Ah = share * self.airframes.battery.train.capacity_Ah
         return Readings(self.estimate[:3], volt, used_Ah, left_Ah, share, self.healthy)
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The parts of one vehicle that telemetry reads."""
+
+    instruments: Instruments
+    autopilot: EmulatedAutopilot
+    failsafe: Failsafe
+    personality: Personality
+
+    def reached(self, milestone: Milestone) -> bool:
+        """Whether the vehicle has reached this milestone of its start-up."""
+        return self.autopilot.readiness.reached(milestone)
+
+
+Builder = Callable[[Sources], Message | None]  # None: no data yet

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from gcs.link.wire.message import Message
-from sim_bridge.protocol.telemetry import motion, places, vitals
-from sim_bridge.protocol.telemetry.sources import Builder, Sources
+from sim_bridge.protocol.telemetry import motion, vitals
+from sim_bridge.protocol.telemetry.instruments import Builder, Sources
 
 _LONGEST_US = 2**31 - 1  # the largest interval that MESSAGE_INTERVAL can hold
-_BUILDERS: dict[int, Builder] = {**vitals.BUILDERS, **motion.BUILDERS, **places.BUILDERS}
+_BUILDERS: dict[int, Builder] = {**vitals.BUILDERS, **motion.BUILDERS}
 _SAME_S = 1e-6
 _FAST_S = 0.2
 _LATER_S = 1e12  # after any flight

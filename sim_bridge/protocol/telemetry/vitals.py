@@ -8,7 +8,7 @@ from gcs.frames import to_degE7
 from gcs.link.wire.message import Message
 from gcs.mavlink import PREARM_CHECK, MavState, MavType, MessageId, ModeFlag
 from sim_bridge.personality import Intent, Milestone
-from sim_bridge.protocol.telemetry.sources import Builder, Sources
+from sim_bridge.protocol.telemetry.instruments import Builder, Sources
 
 _UNKNOWN = 0xFFFF
 _RTK_FIXED, _FIX_3D = 6, 3

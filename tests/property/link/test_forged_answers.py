@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
 from gcs.link.ftp.payload import NAME, FtpError, FtpOpcode, FtpPayload, read_payload
-from gcs.link.ftp.received_bytes import ReceivedBytes
+from gcs.link.ftp.reader import ReceivedBytes
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.mission_dat import HEADER, ITEM, MAGIC, write_mission_file
 from gcs.link.mission_protocol.receiver import MissionReceiver

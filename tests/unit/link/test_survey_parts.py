@@ -6,9 +6,9 @@ import pytest
 
 from gcs.autopilots.flight_modes import autopilot_name, mode_name
 from gcs.autopilots.traits import Autopilot
-from gcs.link.session.quality import LinkQuality
 from gcs.link.session.status_report import version_text
 from gcs.link.wire.codec import Codec
+from gcs.link.wire.frame_scanner import LinkQuality
 from gcs.link.wire.message import Message
 
 

@@ -9,7 +9,7 @@ from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.events import ModeChanged, Reached, Said
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.personality import ARDUPILOT, Intent, Personality, Setting
 

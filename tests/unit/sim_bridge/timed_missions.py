@@ -12,7 +12,7 @@ from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import PieceBatch
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes

@@ -14,7 +14,8 @@ from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused, read_payload
 from gcs.link.ftp.reader import FtpReader
 from gcs.link.ftp.requests import FtpNumbers
-from gcs.link.ftp.writer import FtpWriter, WriterState
+from gcs.link.ftp.transfer import FtpState
+from gcs.link.ftp.writer import FtpWriter
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import item_to_message
 from gcs.link.mission_protocol.mission_dat import (
@@ -222,14 +223,14 @@ def test_the_piece_that_makes_it_a_file_goes_last():
     writing = Writing()
     first = writing.opened()
     assert [read_payload(one).offset for one in first] == [offset for offset, _ in writing.pieces[1:5]]
-    (seal,) = Writing().until(WriterState.SEALING)
+    (seal,) = Writing().until(FtpState.SEALING)
     assert (read_payload(seal).offset, read_payload(seal).data) == writing.pieces[0]
-    (close,) = Writing().until(WriterState.CLOSING)
+    (close,) = Writing().until(FtpState.CLOSING)
     assert opcodes([close]) == [FtpOpcode.TERMINATE_SESSION]
 
 
 def test_a_cancelled_file_is_made_none_before_it_is_closed():
-    for state in (WriterState.WRITING, WriterState.SEALING, WriterState.CLOSING):
+    for state in (FtpState.WRITING, FtpState.SEALING, FtpState.CLOSING):
         writing = Writing()
         writing.until(state)
         told = writing.writer.cancel()
@@ -254,7 +255,7 @@ def test_answers_to_other_questions_count_for_nothing():
         Message("FILE_TRANSFER_PROTOCOL", {**answer(create).fields, "target_system": 17}, *VEHICLE),
     ):
         assert writing.writer.receive(wrong, 0.01) == []
-        assert writing.writer.state is WriterState.OPENING
+        assert writing.writer.state is FtpState.OPENING
     writes = writing.opened()
     assert writing.opened() == []  # the same answer once more
     assert len(writing.writer.receive(answer(writes[0]), 0.02)) <= 1
@@ -264,9 +265,9 @@ def test_answers_to_other_questions_count_for_nothing():
 @pytest.mark.parametrize("code", EVERY_CODE)
 def test_every_no_ends_it_or_leads_to_another_try(code):
     """On opening, on writing, on closing; in the end with an error that says what was refused, and why."""
-    for state in (WriterState.OPENING, WriterState.WRITING, WriterState.SEALING, WriterState.CLOSING):
+    for state in (FtpState.OPENING, FtpState.WRITING, FtpState.SEALING, FtpState.CLOSING):
         writing = Writing()
-        messages = [writing.create] if state is WriterState.OPENING else writing.until(state)
+        messages = [writing.create] if state is FtpState.OPENING else writing.until(state)
         now_s = 0.1
         for _ in range(40):
             messages = writing.writer.receive(refuse(messages[0], code, 22), now_s)
@@ -302,6 +303,13 @@ def test_what_got_no_answer_is_said_again_under_the_same_number():
     assert 8.0 < now_s < 12.0
 
 
+def test_a_no_to_the_end_of_a_file_is_final():
+    writing = Writing()
+    (close,) = writing.until(FtpState.CLOSING)
+    assert FtpOpcode.CREATE_FILE not in opcodes(writing.writer.receive(refuse(close, FtpError.FAIL, 22), 0.1))
+    assert writing.writer.state is FtpState.FAILED
+
+
 def test_numbers_go_on_from_one_file_to_the_next_and_begin_anew():
     numbers = FtpNumbers(0xFFFE, 254)
     assert [numbers.next_seq() for _ in range(3)] == [0xFFFF, 0, 1]
@@ -320,6 +328,15 @@ def burst_of(request, data, size=DATA_MAX):
     asked = read_payload(request)
     pieces = [(at, data[at : at + size]) for at in range(0, len(data), size)]
     return [answer(request, seq=asked.seq + 1 + n, offset=at, data=piece) for n, (at, piece) in enumerate(pieces)]
+
+
+def test_a_cancelled_reading_asks_for_nothing_more():
+    data = write_mission_file(mission_of(40, 3))
+    reader, request = reading(data)
+    reader.receive(burst_of(request, data)[0], 0.02)
+    assert opcodes(reader.cancel()) == [FtpOpcode.TERMINATE_SESSION]
+    assert reader.deadline_s is None
+    assert reader.tick(60.0) == []
 
 
 def finish(reader, sent):

@@ -20,8 +20,7 @@ from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, lacks, until_ready
-from gcs.link.session.newest_message import FRESH_S, newest_message
-from gcs.link.session.status_report import VehicleReport, status_report
+from gcs.link.session.status_report import FRESH_S, VehicleReport, newest_message, status_report
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message

@@ -10,7 +10,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import TICKS_PER_S, Signature
 from sim_bridge.personality import ARDUPILOT, PX4
-from sim_bridge.protocol.timesync_signing import SigningState, TimesyncResponder
+from sim_bridge.protocol.conversation import SigningState, TimesyncResponder
 
 ME = Station(3, 1)
 KEY = bytes(range(32))

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
-from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
 from sim_bridge.autopilot.guidance.motion_primitives import (
     Descent,
+    MotionLimits,
     Speeds,
     brake,
     descend,

@@ -83,24 +83,6 @@ def test_a_battery_is_drained_once_by_each_fault():
     assert faults.effects(2.0).drained == {0: 0.1}
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: GnssOutage(from_s=2.0, until_s=2.0),
-        lambda: GnssJump(from_s=0.0, offset_ned_m=(np.nan, 0.0, 0.0)),
-        lambda: MotorLoss(from_s=0.0, motor=5),
-        lambda: MotorLoss(from_s=0.0, motor=1, share=1.1),
-        lambda: LowBattery(from_s=0.0, remaining=-0.1),
-        lambda: Slow(from_s=0.0, speed_mps=0.0),
-        lambda: WindStep(from_s=0.0, wind_ned_mps=(np.inf, 0.0, 0.0)),
-        lambda: Push(from_s=0.0, push_ned_mps2=(0.0, np.nan, 0.0)),
-    ],
-)
-def test_nonsense_is_refused(make):
-    with pytest.raises(ValueError, match=r"\w+ .*"):
-        make()
-
-
 @pytest.mark.parametrize(("q", "limits", "share"), [(F150, F150_LIMITS, 0.1), (FIELD, FIELD_LIMITS, 0.25)])
 def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, limits, share):
     airframes, there = hovering(q, limits)

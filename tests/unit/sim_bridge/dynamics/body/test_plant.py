@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 
 from gcs.physics.quadrotor import control_from_rotors, rotors_from_control
 from sim_bridge.dynamics.body.integrator import Stepper, Turn
-from sim_bridge.dynamics.body.motors import Motors
-from sim_bridge.dynamics.body.plant import Plant
+from sim_bridge.dynamics.body.plant import Motors, Plant
 from tests.unit.sim_bridge.flights import F150, FIELD, flat_ground
 
 STEP_S = 0.02

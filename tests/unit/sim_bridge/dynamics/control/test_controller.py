@@ -10,8 +10,7 @@ from gcs.physics.quadrotor import derivative, thrust_and_tilt
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.dynamics.body.integrator import Stepper, Turn
 from sim_bridge.dynamics.body.sensors import RTK
-from sim_bridge.dynamics.control.controller import Controller, tilt_along
-from sim_bridge.dynamics.control.disturbance_observer import DisturbanceObserver
+from sim_bridge.dynamics.control.controller import Controller, DisturbanceObserver, tilt_along
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits, chain_gain, lqr_gains, motor_limits
 from sim_bridge.dynamics.control.position_control import AROUND, PositionController
 from sim_bridge.dynamics.control.reference import Reference, hold
