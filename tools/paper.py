@@ -3,8 +3,7 @@
 import os
 
 # Before any library is loaded: seconds are the processor's, and must not be those of waiting threads.
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 if __name__ == "__main__":  # processes that measure load nothing that they do not need
     import typer

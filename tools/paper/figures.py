@@ -18,7 +18,7 @@ from gcs.scenario.schema.scenario import Scenario
 from tools.paper.track import ENDS_S, Track
 from tools.pictures.scenery import LIMIT, colour
 
-_DPI = 85
+_DPI, _ASPECTS = 85, ("equal", "auto", "equal")
 _THICK, _THINNER = 4.5, 0.7  # vehicles that do the same are seen as rims of each other
 CAPTIONS = {
     6: "one vehicle from above, by the weight Q",
@@ -51,15 +51,13 @@ def save(figure: Any, folder: Path, number: int) -> None:
 def weights(tracks: dict[str, Track], bent: Sequence[Track], bent_deg: float, folder: Path) -> None:
     """Figs. 6 and 7: the flights by Q, and the same with a smaller heading scale."""
     figure = Figure(figsize=(12.0, 4.4), layout="constrained")
-    other = [(t, t.t_s >= 0.0) for t in bent]
-    whole = [(t, t.t_s >= 0.0) for t in tracks.values()]
-    end = [(t, t.last(60.0)) for t in tracks.values()]
     titles = ("whole flight", "last 60 s", f"whole flight, heading scale {bent_deg:g}°")
-    panels = figure.subplots(1, 3)
-    for axes, title, drawn in zip(panels, titles, (whole, end, other), strict=True):
-        for row, (q, (track, part)) in enumerate(zip(tracks, drawn, strict=True)):
-            axes.plot(track.states[part, 1], track.states[part, 0], color=colour(row), lw=1.5, label=f"Q = {q}")
-        axes.set(xlabel="east, m", ylabel="north, m", title=title, aspect="auto" if drawn is end else "equal")
+    panels, flights = figure.subplots(1, 3), (tracks.values(), tracks.values(), bent)
+    for axes, title, drawn, last_s, aspect in zip(panels, titles, flights, (1e3, 60.0, 1e3), _ASPECTS, strict=True):
+        for row, (q, track) in enumerate(zip(tracks, drawn, strict=True)):
+            north, east = track.states[track.last(last_s), :2].T
+            axes.plot(east, north, color=colour(row), lw=1.5, label=f"Q = {q}")
+        axes.set(xlabel="east, m", ylabel="north, m", title=title, aspect=aspect)
         axes.grid(alpha=0.3)
     panels[0].legend(fontsize=8)
     save(figure, folder, 6)

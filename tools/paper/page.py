@@ -52,15 +52,11 @@ def plan_of(mission: str) -> Plan:
     return gcs.make_plan(gcs.load_scenario(ROOT / "missions" / mission))
 
 
-def judge_weights(plans: dict[str, Plan]) -> dict[str, Any]:
-    """W: the sentences of §2.5.3."""
-    return sentences.judge("W", *map(Track, plans.values()))
-
-
-def judge_simulations(plans: dict[str, Plan]) -> dict[str, Any]:
-    """A and B: the sentences of §4.1 and §4.2."""
-    one, two = map(Track, plans.values())
-    return sentences.judge("A", one) | sentences.judge("B", one, two)
+def judged(plans: dict[str, Plan]) -> dict[str, Any]:
+    """The sentences of §2.5.3 on four flights, or those of §4.1 and §4.2 on two."""
+    one, *others = map(Track, plans.values())
+    groups = {"W": (one, *others)} if len(plans) == len(WEIGHTS) else {"A": (one,), "B": (one, *others)}
+    return {name: found for group, of in groups.items() for name, found in sentences.judge(group, *of).items()}
 
 
 def weighting(pictures: Path) -> dict[str, Any]:
@@ -69,7 +65,7 @@ def weighting(pictures: Path) -> dict[str, Any]:
     changed = {m: unstated.with_value(plan.scenario, unstated.HEADING_SCALE, BENT_DEG) for m, plan in plans.items()}
     bent = [Track(gcs.make_plan(scenario)) for scenario in changed.values()]
     figures.weights(dict(zip(FLIGHTS, map(Track, plans.values()), strict=True)), bent, BENT_DEG, pictures)
-    return {"found": judge_weights(plans), "varied": unstated.vary(plans, judge_weights)}
+    return {"found": judged(plans), "varied": unstated.vary(plans, judged)}
 
 
 def simulations(pictures: Path) -> dict[str, Any]:
@@ -77,7 +73,7 @@ def simulations(pictures: Path) -> dict[str, Any]:
     plans = {name: plan_of(name) for name in SIMULATIONS}
     for plan, numbers in zip(plans.values(), NUMBERS, strict=True):
         figures.simulation(Track(plan), numbers, pictures)
-    return {"found": judge_simulations(plans), "varied": unstated.vary(plans, judge_simulations)}
+    return {"found": judged(plans), "varied": unstated.vary(plans, judged)}
 
 
 def readings(_: Path) -> dict[str, Any]:
@@ -95,7 +91,7 @@ def readings(_: Path) -> dict[str, Any]:
                 "roll_deg": float(np.abs(t.roll_deg).max()),
                 "u2_share": float(u2),
                 "u3_share": float(u3),
-                "energy_J": t.energy_J,
+                "energy_J": float(drag_energy_J(t.plan)[t.plan.leader]),
                 "apart_m": float(np.linalg.norm(apart, axis=1).max()),
             }
     return columns
@@ -110,8 +106,8 @@ def swarms(pictures: Path, seeds: int = SEEDS, generations: int = swarm.MOST_GEN
     same = {
         "feasible": len(track.plan.sysids) if track.report.ok else 0,
         "late_s": abs(track.plan.phase("mission").end_s - track.end_s),
-        "course_off_deg": swarm.turn_deg(float(track.course_deg[track.speed_mps > COURSE_MPS][-1]), asked),
-        "yaw_off_deg": swarm.turn_deg(float(track.yaw_deg[-1]), asked),
+        "course_off_deg": swarm.turn_deg(track.course_deg[track.speed_mps > COURSE_MPS][-1], asked),
+        "yaw_off_deg": swarm.turn_deg(track.yaw_deg[-1], asked),
         "slowed_J": float(drag_energy_J(track.plan).sum()),
         "clearance_m": float(track.clearance_m.min()),
         "separation_m": track.report.separation_min_m,
@@ -122,17 +118,12 @@ def swarms(pictures: Path, seeds: int = SEEDS, generations: int = swarm.MOST_GEN
     }
     rows = {who: {k: float(median(r[k] for r in of)) for k in of[0]} for who, of in every_seed.items()}
     tracks = [f.track_m for *_, fleet in turns for f in fleet]
-    ours_m = [np.interp(t[:, 0], track.states[:, 0], track.states[:, 1]) for t in tracks]
-    aside_m = [float(np.abs(east - t[:, 1]).mean()) for east, t in zip(ours_m, tracks, strict=True)]
+    aside_m = [float(np.abs(np.interp(t[:, 0], *track.states[:, :2].T) - t[:, 1]).mean()) for t in tracks]
     drawn = swarm.together(turns[-1][2])[:, ::5] * NED_FROM_UP
     t_s = np.arange(drawn.shape[1]) * 5 * swarm.GRID_S
     figures.over_ground(scenario, t_s, drawn, 21, pictures, track.states[:, :3])
-    return {
-        "seeds": seeds,
-        "rows": rows,
-        "every_seed": every_seed,
-        "found": sentences.judge("C", rows["ours"], rows["converged"], aside_m),
-    }
+    found = sentences.judge("C", rows["ours"], rows["converged"], aside_m)
+    return {"seeds": seeds, "rows": rows, "every_seed": every_seed, "found": found}
 
 
 def turn(seed: int, scenario: Scenario, generations: int) -> tuple[float, float, list[swarm.Found]]:
@@ -145,12 +136,7 @@ def turn(seed: int, scenario: Scenario, generations: int) -> tuple[float, float,
     return took_s[0], took_s[1], swarm.fleet(scenario, seed, generations)
 
 
-SECTIONS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    "weighting": weighting,
-    "simulations": simulations,
-    "readings": readings,
-    "swarms": swarms,
-}
+SECTIONS: dict[str, Callable[[Path], Any]] = {f.__name__: f for f in (weighting, simulations, readings, swarms)}
 
 
 def shown(record: dict[str, Any]) -> dict[str, Any]:
@@ -158,7 +144,7 @@ def shown(record: dict[str, Any]) -> dict[str, Any]:
     of = {name: dict(section) for name, section in record.items()}
     for section in of.values():
         section["measured"] = (
-            f"<sub>Measured {peers.about_line(section['about'])}; took {section['took_s']:.0f} s.</sub>"
+            f"<sub>Measured {peers.about_line(section['about'])}; took {section['took_s']:.0f} s</sub>"
         )
         if found := section.get("found"):
             varied = section.get("varied")

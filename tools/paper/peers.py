@@ -6,6 +6,7 @@ import json
 import math
 import os
 import platform
+import re
 import statistics
 import subprocess
 import sys
@@ -23,14 +24,12 @@ from tools.bench_flights import FIGURES, MODES, summary
 Rows = Iterator[str]  # of a table, the first is its head
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = ROOT / "docs" / "bench"
-PEERS = ("mavsdk", "pymavlink")
 
 
-def about(*peers: str) -> dict[str, Any]:
+def about() -> dict[str, Any]:
     """Version, machine and date of a run, and how busy the machine was when it began."""
-    cpu = Path("/proc/cpuinfo")
-    names = [line.split(":")[1].strip() for line in cpu.read_text().splitlines() if line.startswith("model name")]
-    found = {
+    names = re.findall(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.M)
+    return {
         "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
         "versions": {name: version(name) for name in ("skein-gcs", "casadi", "numpy", "scipy")},
         "python": platform.python_version(),
@@ -38,8 +37,8 @@ def about(*peers: str) -> dict[str, Any]:
         "processor": names[0] if names else platform.processor(),
         "cores": os.cpu_count(),
         "load": round(os.getloadavg()[0], 2),
+        "peers": {name: version(name) for name in ("mavsdk", "pymavlink")},
     }
-    return found | ({"peers": {name: version(name) for name in peers}} if peers else {})
 
 
 def about_line(about: dict[str, Any]) -> str:
@@ -117,15 +116,14 @@ BENCHMARKS: dict[str, tuple[str, str, tuple[Callable[[Any], Rows], ...]]] = {
 }
 
 
-def load(name: str) -> dict[str, Any]:
+def load(name: str) -> Any:
     """The record of a benchmark, with its versions, machine and date."""
-    kept: dict[str, Any] = json.loads((BENCH / f"{name}.json").read_text(encoding="utf-8"))
-    return kept
+    return json.loads((BENCH / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def refresh(name: str) -> None:
     """Run a benchmark and keep its record."""
-    options, machine, began = BENCHMARKS[name][1].split(), about(*PEERS), time.perf_counter()
+    options, machine, began = BENCHMARKS[name][1].split(), about(), time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "out.json"
         command = [sys.executable, f"tools/bench_{name}.py", *options, "--json", str(out)]
@@ -141,7 +139,7 @@ def tables(name: str) -> str:
     for rows in BENCHMARKS[name][2]:
         head, *others = rows(kept["record"])
         lines += [f"| {head} |", "|" + " --- |" * len(head.split(" | ")), *(f"| {row} |" for row in others), ""]
-    return "\n".join([*lines, f"<sub>{about_line(kept['about'])}; took {kept['took_s']:.0f} s.</sub>"])
+    return "\n".join([*lines, f"<sub>{about_line(kept['about'])}; took {kept['took_s']:.0f} s</sub>"])
 
 
 def shown() -> dict[str, Any]:

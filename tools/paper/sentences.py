@@ -18,7 +18,7 @@ from tools.paper.track import STEP_S, Track, turns
 
 Found = tuple[Any, ...]  # does it hold, and the numbers of `measured` in its order
 SETTLED_S, LATE_S, CREEP_S = 20.0, 10.0, 3.0  # before the arrival; in the last seconds it creeps into its stop
-ASKED_DEG, TOWARDS_DEG = 90.0, 10.0
+ASKED_DEG, TOWARDS_DEG, MOVING_MPS = 90.0, 10.0, 0.5  # slower, a radius means little
 JUMP_S = 0.1  # a jump of a control is what it does in a tenth of a second
 
 
@@ -88,8 +88,9 @@ def _room(t: Track) -> Found:
 
 
 def _turn(t: Track) -> Found:
-    load, limit = t.load_factor.max(), t.limits.load_factor_max
-    return load <= 1.001 * limit, t.radius_min_m, load, limit
+    load, limit, v = t.load_factor.max(), t.limits.load_factor_max, np.hypot(*t.v_cruise[:, :2].T)
+    normal = np.maximum(t.load_factor[t.cruise] * t.plan.quadrotor.gravity_mps2, 1e-12)
+    return load <= 1.001 * limit, (v**2 / normal)[v > MOVING_MPS].min(), load, limit
 
 
 def _climb_by_pitch(t: Track) -> Found:
@@ -120,12 +121,6 @@ def _moments(t: Track) -> Found:
     return m4 > max(m2, m3), m4, m2, m3, u4, u2, u3
 
 
-def _sign(t: Track) -> Found:
-    moving = np.abs(rises := np.diff(t.height_m)) > 1e-3
-    sign = (np.sign(rises) * np.sign(t.velocity_ned_mps[:-1, 2]))[moving].max()
-    return sign < 0.0, sign
-
-
 def _lands(t: Track) -> Found:
     late = t.last(60.0)
     at_s, height_m, sinks = t.t_s[late], t.height_m[late], t.velocity_ned_mps[late, 2]
@@ -150,11 +145,6 @@ def _towards(_: Track, two: Track) -> Found:
     goal = two.states[-1, :2] - two.states[two.last(30.0), :2][0]
     off = abs(two.at_to_go(two.course_deg, 30.0) - np.degrees(np.arctan2(goal[1], goal[0])))
     return off < TOWARDS_DEG, off, TOWARDS_DEG
-
-
-def _often(one: Track, two: Track) -> Found:
-    counts = [turns(t.u_cruise[:, 0]) for t in (two, one)]
-    return counts[0] > counts[1], *counts, *(t.u_cruise[:, 0].std() for t in (two, one))
 
 
 def _bigger(*tracks: Track) -> Found:
@@ -212,7 +202,7 @@ JUDGES: dict[str, Callable[..., Found]] = {
     "A20": lambda t: ((s := _small(t, 0))[0], s[2], s[1]),
     "A21": lambda t: _small(t, 1),
     "A22": _moments,
-    "A23": _sign,
+    "A23": lambda t: ((s := np.sign((d := np.diff(t.height_m)) * t.states[:-1, 5])[np.abs(d) > 1e-3].max()) < 0.0, s),
     "A24": lambda t: ((most := np.abs(t.v_cruise[:, 2]).max()) > 0.1, t.v_cruise[:, 2].std(), most),
     "A25": lambda t: (min(v := t.v_cruise[:, :2].std(axis=0)) > 0.25, *v),
     "A26": _lands,
@@ -234,7 +224,10 @@ JUDGES: dict[str, Callable[..., Found]] = {
     "B12": lambda *both: ((roll := [np.abs(t.roll_deg[t.cruise]).max() for t in both])[1] > roll[0], *roll[::-1]),
     "B13": _less(lambda t: t.v_cruise[:, 2].std()),
     "B14": lambda *both: (all(np.less(*(v := [t.v_cruise[:, :2].std(axis=0) for t in both]))), *v[1], *v[0]),
-    "B15": _often,
+    "B15": lambda *both: (
+        (n := [turns(t.u_cruise[:, 0]) for t in both])[1] > n[0],
+        *(*n[::-1], *(t.u_cruise[:, 0].std() for t in both[::-1])),
+    ),
     "B16": _less(lambda t: t.u_cruise[:, 0].mean()),
     "B17": _bigger,
     "B18": lambda _, two: (

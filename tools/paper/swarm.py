@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pymoo.algorithms.soo.nonconvex.pso import PSO
@@ -55,12 +54,6 @@ class Search(Problem):  # type: ignore[misc]  # pymoo has no types
             for m, h in zip((-_ASIDE_M, _ASIDE_M), limits.height_m, strict=True)
         )
         super().__init__(n_var=2 * POINTS, n_obj=1, n_ieq_constr=5, xl=low, xu=high)
-
-    def first(self, seed: int) -> Array:
-        """Where the particles begin (P, 2 K): anywhere, but for one on the straight way, half as high as it may."""
-        places = self.xl + np.random.default_rng(seed).random((PARTICLES, self.n_var)) * (self.xu - self.xl)
-        places[0] = 0.5 * (self.xl + self.xu)
-        return np.asarray(places)
 
     def paths(self, x: Array) -> tuple[Array, Array, Array]:
         """Of particles (P, 2 K): places (P, S, 3) north, east, height; least times (P, S); load factors (P, S)."""
@@ -115,8 +108,7 @@ class Search(Problem):  # type: ignore[misc]  # pymoo has no types
         out["F"], out["G"] = paths[1][:, -1:], self.violations(*paths)
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """The best path: places (T, 3) north, east, height on a grid of 0.05 s until it arrives, and how it was found."""
 
     track_m: Array
@@ -127,7 +119,9 @@ class Found:
 
 def search(problem: Search, seed: int, generations: int = MOST_GENERATIONS) -> Found:
     """Run a swarm until it converges."""
-    began, start = time.process_time(), problem.first(seed)
+    began, (low, high) = time.process_time(), problem.bounds()
+    start = low + np.random.default_rng(seed).random((PARTICLES, len(low))) * (high - low)
+    start[0] = 0.5 * (low + high)  # one on the straight way, half as high as it may
     options = {"adaptive": False, "pertube_best": False, "save_history": False}
     swarm = PSO(pop_size=PARTICLES, sampling=start, w=INERTIA, c1=PULL, c2=PULL, **options)
     swarm.setup(problem, seed=seed, termination=("n_gen", generations), verbose=False)
@@ -169,19 +163,13 @@ def slowed_J(scenario: Scenario, found: list[Found]) -> float:
 
 def turn_deg(a_deg: float, b_deg: float) -> float:
     """Angle between two directions."""
-    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
-
-
-def course_deg(track_m: Array) -> float:
-    """Direction of the last metre."""
-    before = track_m[np.flatnonzero(np.linalg.norm(track_m - track_m[-1], axis=1) > 1.0)[-1]]
-    north, east = (track_m[-1] - before)[:2]
-    return float(np.degrees(np.arctan2(east, north)))
+    return float(abs((a_deg - b_deg + 180.0) % 360.0 - 180.0))
 
 
 def row(found: list[Found], scenario: Scenario) -> dict[str, Any]:
     """What a set of tracks amounts to."""
-    asked = heading_ref_deg(scenario)
+    ends = [f.track_m[-1] - f.track_m[np.linalg.norm(f.track_m - f.track_m[-1], axis=1) > 1.0][-1] for f in found]
+    asked, courses_deg = heading_ref_deg(scenario), (np.degrees(np.arctan2(end[1], end[0])) for end in ends)
     grounds = (f.track_m[:, 2] - ground_height_m(scenario.terrain, *f.track_m[:, :2].T) for f in found)
     pairs = itertools.combinations(together(found), 2)
     return {
@@ -189,7 +177,7 @@ def row(found: list[Found], scenario: Scenario) -> dict[str, Any]:
         "six_s": sum(f.seconds for f in found),
         "feasible": sum(f.feasible for f in found),
         "late_s": max(abs(f.arrival_s - scenario.time.flight_s) for f in found),
-        "course_off_deg": max(turn_deg(course_deg(f.track_m), asked) for f in found),
+        "course_off_deg": max(turn_deg(course, asked) for course in courses_deg),
         "slowed_J": slowed_J(scenario, found),
         "clearance_m": min(float(ground.min()) for ground in grounds),
         "separation_m": min(float(np.linalg.norm(a - b, axis=1).min()) for a, b in pairs),

@@ -17,9 +17,7 @@ from gcs.scenario.si import torque_limits
 Mask = NDArray[np.bool_]
 STEP_S = 0.05
 ENDS_S = 15.0  # both simulations prescribe attitudes and a stop at their ends, which say nothing of the flight between
-_MOVING_MPS = 0.5  # slower, a course and a radius mean little
-_LEVEL_M = 1.0
-_AROUND_M, _AROUND_STEP_M = 40.0, 2.0
+_LEVEL_M, _AROUND_M, _AROUND_STEP_M = 1.0, 40.0, 2.0
 
 
 class Track:
@@ -77,13 +75,6 @@ class Track:
         normal = np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.maximum(np.hypot(v[:, 0], v[:, 1]), 0.1)
         return np.asarray(normal / self.plan.quadrotor.gravity_mps2)
 
-    @property
-    def radius_min_m(self) -> float:
-        """Least turning radius between the ends."""
-        v = np.hypot(*self.velocity_ned_mps[:, :2].T)
-        normal = np.maximum(self.load_factor * self.plan.quadrotor.gravity_mps2, 1e-12)
-        return float((v**2 / normal)[self.cruise & (v > _MOVING_MPS)].min())
-
     @cached_property
     def level(self) -> tuple[float, float]:
         """The height, m, near which it stays longest without a break, and how long, s."""
@@ -104,12 +95,6 @@ class Track:
             high = ground_height_m(self.terrain, place[0] + north, place[1] + east) >= -place[2]
             least = min(least, float(distance[high].min(initial=_AROUND_M)))
         return least
-
-    @property
-    def energy_J(self) -> float:
-        """Eq. 32 for one vehicle: the integral of k_f |v|^3."""
-        k_f = self.plan.scenario.objective.drag_power_Ns2pm2
-        return float(np.trapezoid(k_f * self.speed_mps**3, self.t_s))
 
 
 def turns(values: Array) -> int:

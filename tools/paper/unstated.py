@@ -43,25 +43,18 @@ def with_value(scenario: Scenario, key: str, to: Any) -> Scenario:
 
 def vary(plans: dict[str, Plan], judge: Callable[[dict[str, Plan]], Any]) -> list[Any]:
     """For every value and every change of it the verdicts, None where a flight has no plan."""
-
-    def holds(of: dict[str, Plan]) -> list[bool]:
-        return [found[0] for found in judge(of).values()]
-
-    chosen, rows = holds(plans), []
+    chosen, rows = judge(plans), []
     for key, (symbol, unit, values) in VALUES.items():
         (own,) = {value_of(plan.scenario, key) for plan in plans.values()}  # all studies agree
         tried = []
         for to in values:
             print(f"vary: {symbol} = {to}", flush=True)
+            changed = {name: with_value(plan.scenario, key, to) for name, plan in plans.items() if to != own}
             try:
-                new = (
-                    plans
-                    if to == own
-                    else {n: gcs.make_plan(with_value(p.scenario, key, to)) for n, p in plans.items()}
-                )
-                tried.append({"value": to, "holds": chosen if to == own else holds(new)})
+                found = judge({name: gcs.make_plan(s) for name, s in changed.items()}) if changed else chosen
             except GcsError:
-                tried.append({"value": to, "holds": None})
+                found = None
+            tried.append({"value": to, "holds": found and [holds for holds, *_ in found.values()]})
         rows.append({"symbol": symbol, "unit": unit, "chosen": own, "tried": tried})
     return rows
 
