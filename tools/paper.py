@@ -3,10 +3,11 @@
 import os
 
 # Before any library is loaded: seconds are the processor's, and must not be those of waiting threads.
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
-from tools.paper.main import app  # noqa: E402
+if __name__ == "__main__":  # processes that measure load nothing that they do not need
+    import typer
 
-if __name__ == "__main__":
-    app()
+    from tools.paper.page import main
+
+    typer.run(main)

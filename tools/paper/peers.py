@@ -1,130 +1,158 @@
-"""Benchmarks beside their peers, from the records in docs/bench that `--benchmarks` makes anew.
-
-Knows: how each benchmark is run, and which tables its record becomes. Does not know: what it measures.
-"""
+"""Benchmarks beside their peers: how each is run, what is kept of it in docs/bench, and what the page shows of that."""
 
 from __future__ import annotations
 
 import json
+import math
+import os
+import platform
+import re
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from gcs.files import atomic_write
-from tools.paper.peer_tables import (
-    Table,
-    bridge,
-    first_share,
-    legs,
-    maps,
-    planner,
-    planner_times,
-    replan,
-    route,
-    scale,
-    upload,
-)
-from tools.paper.run import DOCS, ROOT, Log, Run, about, about_line
+from tools.bench_flights import FIGURES, MODES, summary
 
-TITLE = "Benchmarks and peers"
-FOLDER = "bench"
-PEERS = ("mavsdk", "pymavlink")
+Rows = Iterator[str]  # of a table, the first is its head
+ROOT = Path(__file__).resolve().parents[2]
+BENCH = ROOT / "docs" / "bench"
 
-TABLES: dict[str, tuple[str, tuple[str, ...], tuple[Callable[[Any], Table], ...]]] = {
-    "planner": (
-        "One vehicle's plan beside other solvers",
-        ("--repetitions", "3"),
-        (planner, planner_times),
-    ),
-    "scale": ("Large formations", ("--repeat", "3"), (scale,)),
-    "replan": ("Plans that change in flight", ("--replans", "50"), (replan,)),
-    "maps": ("Random maps", ("--maps", "30"), (maps,)),
-    "route": ("Drawn routes", ("--points", "2", "5", "20", "50", "100", "--repeat", "1"), (route,)),
-    "legs": ("A drawn route beside other solvers", ("--repetitions", "3"), (legs,)),
-    "upload": (
-        "Uploads over bad links",
-        ("--uploads", "20"),
-        (upload,),
-    ),
-    "bridge": ("Emulated vehicles", ("--seconds", "3"), (bridge,)),
+
+def about() -> dict[str, Any]:
+    """Version, machine and date of a run, and how busy the machine was when it began."""
+    names = re.findall(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.M)
+    return {
+        "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
+        "versions": {name: version(name) for name in ("skein-gcs", "casadi", "numpy", "scipy")},
+        "python": platform.python_version(),
+        "system": platform.system(),
+        "processor": names[0] if names else platform.processor(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 2),
+        "peers": {name: version(name) for name in ("mavsdk", "pymavlink")},
+    }
+
+
+def about_line(about: dict[str, Any]) -> str:
+    """The same for people."""
+    versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
+    peers = "".join(f"; {name} {number}" for name, number in about.get("peers", {}).items())
+    return (
+        f"{about['date']}; {versions}; Python {about['python']}; {about['system']}, {about['processor']}, "
+        f"{about['cores']} cores, load {about['load']:g} when it began{peers}"
+    )
+
+
+def _planner(found: Any) -> Rows:
+    yield "ratio | measured | asked | "
+    for goal in found["goals"]:
+        asked = f"{'at least' if goal['at_least'] else 'at most'} {goal['bound']:g}"
+        yield f"{goal['name']} | {goal['value']:.3g} | {asked} | {'met' if goal['met'] else 'missed'}"
+
+
+def _solvers(found: Any) -> Rows:
+    yield "mesh | solver | over yapss | cold | verified between its nodes"
+    cold_s = {(r["mesh"], r["contender"]): [run["cold_s"] for run in r["runs"]] for r in found["records"]}
+    for r in found["records"]:
+        own_s, yapss_s = cold_s[r["mesh"], r["contender"]], cold_s.get((r["mesh"], "yapss-lg"))
+        ratio = f"{statistics.median(own_s) / statistics.median(yapss_s):.2f}" if own_s and yapss_s else ""
+        measured = f"{ratio} | {statistics.median(own_s):.3f} s" if own_s else f" | {r['failure']}"
+        verified = {True: "yes", False: "no", None: ""}[(r["findings"] or {}).get("verified")]
+        yield f"{r['mesh']} | {r['contender']} | {measured} | {verified}"
+
+
+def _replan(found: Any) -> Rows:
+    yield "mission | median, of the first plan | p95 | verified | no way left | median"
+    for name, record in found.items():
+        first_s, done = statistics.median(record["cold_s"]), record["replans"]
+        seconds = sorted(o["seconds"] for o in done if o["kind"] == "verified")
+        middle_s, most_s = statistics.median(seconds), seconds[min(len(seconds) - 1, int(0.95 * len(seconds)))]
+        counts = f"{len(seconds)} of {len(done)} | {sum(o['kind'] == 'infeasible' for o in done)}"
+        yield f"{name} | {middle_s / first_s:.2f} | {most_s / first_s:.2f} | {counts} | {middle_s:.2f} s"
+
+
+def _scale(found: Any) -> Rows:
+    yield "vehicles | time × | memory × | verifier × | planning | memory | verified"
+    least, keys = found["medians"][0], ("plan_s", "memory_mb", "verify_s")
+    for row in found["medians"]:
+        ratios = " | ".join(f"{row[key] / least[key]:.2f}" for key in keys)
+        verified = "yes" if row["verified"] else "**no**"
+        yield f"{row['vehicles']:.0f} | {ratios} | {row['plan_s']:.2f} s | {row['memory_mb']:.0f} MB | {verified}"
+
+
+def _flights(found: Any) -> Rows:
+    """Mean, tail and worst of each figure; a vehicle that never arrives is infinitely late."""
+    names = (f"{name}: mean / {'95' if large else '5'} % / worst" for name, (_, large) in FIGURES.items())
+    yield " | ".join(["mission", "mode", "wind", "held", *names])
+    winds = {f["mission"]: f"{f['wind']}, gusts {f['gusts']}" for f in found["flights"]}
+    for row in summary(found["flights"]):
+        values = (row.get(key, ()) for key, _ in FIGURES.values())
+        cells = (" / ".join(f"{v:.2f}" if math.isfinite(v) else "never" for v in three) or "none" for three in values)
+        held = f"{row['held']} of {row['flights']}"
+        yield " | ".join([row["mission"], row["mode"], winds[row["mission"]], held, *cells])
+
+
+# What it measures, how it is run, and tables of what no other document shows.
+BENCHMARKS: dict[str, tuple[str, str, tuple[Callable[[Any], Rows], ...]]] = {
+    "planner": ("one vehicle's plan beside other solvers", "--repetitions 3", (_planner, _solvers)),
+    "replan": ("plans that change in flight", "--replans 50", (_replan,)),
+    "maps": ("random maps", "--maps 30", ()),
+    "scale": ("large formations, and the verifier", "--repeat 3", (_scale,)),
+    "route": ("[drawn routes](planner.md)", "--points 2 5 20 50 100 --repeat 1", ()),
+    "legs": ("[a drawn route beside other solvers](planner.md)", "--repetitions 3", ()),
+    "upload": ("[uploads over bad links](links.md), beside MAVSDK", "--uploads 20", ()),
+    "bridge": ("[emulated vehicles](sim_bridge.md)", "--seconds 3", ()),
+    "flights": ("flights in wind", f"--seeds 20 --mode {' '.join(MODES)}", (_flights,)),
 }
-ALL = (*TABLES, "flights")  # whose table is a section of its own
 
 
-def load(name: str) -> dict[str, Any] | None:
+def load(name: str) -> Any:
     """The record of a benchmark, with its versions, machine and date."""
-    file = DOCS / FOLDER / f"{name}.json"
-    kept: dict[str, Any] | None = json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
-    return kept
+    return json.loads((BENCH / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def refresh(names: list[str], flights: tuple[str, ...], log: Log = print) -> None:
-    """Run benchmarks one after another and keep their records; `flights` are the options of that one."""
-    folder = DOCS / FOLDER
-    folder.mkdir(exist_ok=True)
-    for name in names:
-        options = TABLES[name][1] if name in TABLES else flights
-        log(f"benchmark {name}")
-        machine = about() | {"peers": {peer: version(peer) for peer in PEERS}}
-        began = time.perf_counter()
-        with tempfile.TemporaryDirectory() as scratch:
-            out = Path(scratch) / "out.json"
-            command = [sys.executable, f"tools/bench_{name}.py", *options, "--json", str(out)]
-            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-            if not out.exists():
-                log(f"benchmark {name} has no record: {done.stderr.strip()[-500:]}")
-                continue
-            record = json.loads(out.read_text(encoding="utf-8"))
-        kept = {"about": machine, "took_s": time.perf_counter() - began, "options": list(options), "record": record}
-        atomic_write(folder / f"{name}.json", json.dumps(kept, indent=1) + "\n")
+def refresh(name: str) -> None:
+    """Run a benchmark and keep its record."""
+    options, machine, began = BENCHMARKS[name][1].split(), about(), time.perf_counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(scratch) / "out.json"
+        command = [sys.executable, f"tools/bench_{name}.py", *options, "--json", str(out)]
+        subprocess.run(command, cwd=ROOT, check=False)  # it fails where a goal is missed
+        record = json.loads(out.read_text(encoding="utf-8"))
+    kept = {"about": machine, "took_s": time.perf_counter() - began, "options": options, "record": record}
+    atomic_write(BENCH / f"{name}.json", json.dumps(kept, indent=1) + "\n")
 
 
-def measure(run: Run) -> dict[str, Any]:
-    """What was recorded, as tables; the record of the page keeps them, so that it can be printed alone."""
-    benchmarks = {}
-    for name, (title, _, makers) in TABLES.items():
-        kept = load(name)
-        if kept is None:
-            run.log(f"no record of benchmark {name}: make one with --benchmarks")
-            continue
-        tables = [maker(kept["record"]) for maker in makers]
-        benchmarks[name] = {
-            "title": title,
-            "command": " ".join(["tools/bench_" + name + ".py", *kept["options"]]),
-            "about": kept["about"],
-            "took_s": kept["took_s"],
-            "tables": [table for table in tables if len(table) > 1],
-        }
-    return {"benchmarks": benchmarks, "figures": _figures()}
+def tables(name: str) -> str:
+    """What was recorded, and on which machine."""
+    kept, lines = load(name), list[str]()
+    for rows in BENCHMARKS[name][2]:
+        head, *others = rows(kept["record"])
+        lines += [f"| {head} |", "|" + " --- |" * len(head.split(" | ")), *(f"| {row} |" for row in others), ""]
+    return "\n".join([*lines, f"<sub>{about_line(kept['about'])}; took {kept['took_s']:.0f} s</sub>"])
 
 
-def _figures() -> dict[str, Any]:
-    """Numbers that the README tells."""
-    kept = load("replan")
-    return {} if kept is None else {"replan": {name: first_share(found) for name, found in kept["record"].items()}}
-
-
-def page(record: dict[str, Any]) -> list[str]:
-    """A heading and tables for each."""
-    lines = [
-        "Each benchmark is a program of its own (`tools/bench_*.py`); `tools/paper.py --benchmarks all` runs them and "
-        "keeps their records in `docs/bench`. Ratios come before times: times belong to the machine.",
-    ]
-    if not record["benchmarks"]:
-        return [*lines, "", "None is recorded yet."]
-    for name, benchmark in record["benchmarks"].items():
-        lines += ["", f"### {benchmark['title']}", "", f"`{benchmark['command']}` ([record](bench/{name}.json))"]
-        for table in benchmark["tables"]:
-            lines += ["", _row(table[0]), _row(["---"] * len(table[0])), *map(_row, table[1:])]
-        peers = ", ".join(f"{peer} {number}" for peer, number in benchmark["about"]["peers"].items())
-        lines += ["", f"<sub>{about_line(benchmark['about'])}; {peers}; took {benchmark['took_s']:.0f} s.</sub>"]
-    return lines
-
-
-def _row(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+def shown() -> dict[str, Any]:
+    """Tables of all benchmarks, and the ratios that the README has: re-plans over first plans, the largest over six."""
+    commands = (
+        f"| {what} | `tools/bench_{name}.py {options}` | [{load(name)['about']['date'][:10]}](bench/{name}.json) |"
+        for name, (what, options, _) in BENCHMARKS.items()
+    )
+    replans = {
+        name: statistics.median(o["seconds"] for o in found["replans"] if o["kind"] == "verified")
+        / statistics.median(found["cold_s"])
+        for name, found in load("replan")["record"].items()
+    }
+    least, *_, most = load("scale")["record"]["medians"]
+    ratio = {name: most[key] / least[key] for name, key in (("time", "plan_s"), ("memory", "memory_mb"))}
+    index = "\n".join(("| what | command | when |", "| --- | --- | --- |", *commands))
+    page = {name: tables(name) for name in BENCHMARKS} | {"index": index, "figures": {"replan": replans}}
+    return {"peers": page, "scale": {"ratio": {"vehicles": most["vehicles"], **ratio}}}

@@ -1,7 +1,4 @@
-"""A leader's flight from t = 0 to its arrival on a fine grid, and what the paper's sentences speak of.
-
-Knows: angles, radii and roughness of one flight. Does not know: claims, pictures.
-"""
+"""A leader's flight from t = 0 to its arrival on a fine grid: angles, radii and roughness that sentences speak of."""
 
 from __future__ import annotations
 
@@ -10,40 +7,45 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+import gcs
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import Report
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.si import torque_limits
 
 Mask = NDArray[np.bool_]
 STEP_S = 0.05
 ENDS_S = 15.0  # both simulations prescribe attitudes and a stop at their ends, which say nothing of the flight between
-_MOVING_MPS = 0.5  # slower, a course and a radius mean little
-SETTLED_S = 20.0
-_LEVEL_M = 1.0
-_AROUND_M, _AROUND_STEP_M = 40.0, 2.0
+_LEVEL_M, _AROUND_M, _AROUND_STEP_M = 1.0, 40.0, 2.0
 
 
 class Track:
     """Arrays over the mission's instants t_s (N,), the arrival included."""
 
     def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.end_s = plan.flight_s
+        self.plan, self.end_s = plan, plan.flight_s
         self.t_s = np.append(np.arange(0.0, self.end_s, STEP_S), np.nextafter(self.end_s, 0.0))
-        states, controls = plan.motion(self.t_s)
-        self.states, self.controls = states[plan.leader], controls[plan.leader]  # (N, 12), (N, 4)
-        self.places_ned_m = states[..., POSITION]  # (V, N, 3)
+        self.all_states, self.all_controls = plan.motion(self.t_s)  # (V, N, 12), (V, N, 4)
+        self.states, self.controls = self.all_states[plan.leader], self.all_controls[plan.leader]
+        self.places_ned_m = self.all_states[..., POSITION]  # (V, N, 3)
         self.height_m = -self.states[:, 2]
         self.velocity_ned_mps = self.states[:, VELOCITY]
         self.acceleration_ned_mps2 = plan.accelerations(self.t_s)[plan.leader]
         self.roll_deg, self.pitch_deg, self.yaw_deg = np.degrees(self.states[:, 6:9]).T
         self.course_deg = np.degrees(np.unwrap(np.arctan2(self.states[:, 4], self.states[:, 3])))
         self.speed_mps = np.linalg.norm(self.velocity_ned_mps, axis=1)
+        self.cruise: Mask = (self.t_s > ENDS_S) & (self.t_s < self.end_s - ENDS_S)
+        self.v_cruise, self.u_cruise = self.velocity_ned_mps[self.cruise], self.controls[self.cruise]
+        self.limits, self.terrain = plan.scenario.limits, plan.scenario.terrain
+        self.torque = np.array(torque_limits(self.limits, plan.quadrotor.arm_m))  # (3,) N, N, N m
+        self.ground_m = ground_height_m(self.terrain, *np.moveaxis(self.places_ned_m[..., :2], -1, 0))  # (V, N)
+        self.clearance_m = -self.places_ned_m[..., 2] - self.ground_m  # (V, N)
 
     @cached_property
-    def cruise(self) -> Mask:
-        """Mask of what lies between the ends."""
-        return (self.t_s > ENDS_S) & (self.t_s < self.end_s - ENDS_S)
+    def report(self) -> Report:
+        """The verifier's."""
+        return gcs.verify(self.plan)
 
     def last(self, first_s: float, last_s: float = 0.0) -> Mask:
         """Mask from `first_s` to `last_s` before the arrival."""
@@ -54,28 +56,17 @@ class Track:
         """A value so long before the arrival."""
         return float(np.interp(self.end_s - seconds, self.t_s, values))
 
-    @cached_property
-    def length_m(self) -> float:
-        """Length of the way."""
-        return float(np.linalg.norm(np.diff(self.states[:, POSITION], axis=0), axis=1).sum())
+    @property
+    def longer(self) -> float:
+        """The way's length over the distance of its ends."""
+        way = self.states[:, POSITION]
+        return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum() / np.linalg.norm(way[-1] - way[0]))
 
-    @cached_property
-    def straight_m(self) -> float:
-        """Distance of its ends."""
-        return float(np.linalg.norm(self.states[-1, POSITION] - self.states[0, POSITION]))
-
-    @cached_property
-    def aside_m(self) -> Array:
-        """Distance (N,) from the straight line between the ends, seen from above."""
-        way = self.states[-1, :2] - self.states[0, :2]
-        relative = self.states[:, :2] - self.states[0, :2]
-        return np.asarray(np.abs(relative @ np.array([-way[1], way[0]])) / np.linalg.norm(way))
-
-    def bend_m(self, first_s: float) -> float:
-        """How far the way of the last `first_s` seconds is from a line, seen from above."""
-        part = self.states[self.last(first_s), :2]
-        way = part[-1] - part[0]
-        return float(np.abs((part - part[0]) @ np.array([-way[1], way[0]])).max() / np.linalg.norm(way))
+    def aside_m(self, part: Mask | None = None) -> float:
+        """How far the way, or a part, is from the straight line between its ends, seen from above."""
+        places = self.states[:, :2] if part is None else self.states[part, :2]
+        way = places[-1] - places[0]
+        return float(np.abs((places - places[0]) @ np.array([-way[1], way[0]])).max() / np.linalg.norm(way))
 
     @cached_property
     def load_factor(self) -> Array:
@@ -83,19 +74,6 @@ class Track:
         v, a = self.velocity_ned_mps, self.acceleration_ned_mps2
         normal = np.abs(v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.maximum(np.hypot(v[:, 0], v[:, 1]), 0.1)
         return np.asarray(normal / self.plan.quadrotor.gravity_mps2)
-
-    @cached_property
-    def radius_min_m(self) -> float:
-        """Least turning radius between the ends."""
-        v = np.hypot(*self.velocity_ned_mps[:, :2].T)
-        counted = self.cruise & (v > _MOVING_MPS)
-        normal = np.maximum(self.load_factor * self.plan.quadrotor.gravity_mps2, 1e-12)
-        return float((v**2 / normal)[counted].min())
-
-    @cached_property
-    def ground_m(self) -> Array:
-        """Ground below every vehicle (V, N)."""
-        return ground_height_m(self.plan.scenario.terrain, self.places_ned_m[..., 0], self.places_ned_m[..., 1])
 
     @cached_property
     def level(self) -> tuple[float, float]:
@@ -108,33 +86,15 @@ class Track:
         return float(best[0]), best[1]
 
     @cached_property
-    def clearance_m(self) -> Array:
-        """Height of every vehicle over its ground (V, N)."""
-        return np.asarray(-self.places_ned_m[..., 2] - self.ground_m)
-
-    @cached_property
     def mountain_aside_m(self) -> float:
         """Least horizontal distance between any vehicle and ground as high as it flies, as far as is looked."""
         around = np.arange(-_AROUND_M, _AROUND_M + 1.0, _AROUND_STEP_M)
         north, east = np.meshgrid(around, around, indexing="ij")
-        distance = np.hypot(north, east)
-        least = _AROUND_M
-        for places in self.places_ned_m:
-            for place in places[:: int(2.0 / STEP_S)]:
-                high = ground_height_m(self.plan.scenario.terrain, place[0] + north, place[1] + east) >= -place[2]
-                least = min(least, float(distance[high].min(initial=_AROUND_M)))
+        distance, least = np.hypot(north, east), _AROUND_M
+        for place in self.places_ned_m[:, :: int(2.0 / STEP_S)].reshape(-1, 3):
+            high = ground_height_m(self.terrain, place[0] + north, place[1] + east) >= -place[2]
+            least = min(least, float(distance[high].min(initial=_AROUND_M)))
         return least
-
-    @cached_property
-    def energy_J(self) -> float:
-        """Eq. 32 for one vehicle: the integral of k_f |v|^3."""
-        k_f = self.plan.scenario.objective.drag_power_Ns2pm2
-        return float(np.trapezoid(k_f * self.speed_mps**3, self.t_s))
-
-
-def rms(values: Array) -> float:
-    """Of the deviations from the mean."""
-    return float(np.std(values))
 
 
 def turns(values: Array) -> int:
