@@ -27,7 +27,7 @@ class Complaint:
         self.armed |= {sysid for sysid, session in flight.sessions.items() if session.armed}
         if flight.held is not None and not self.made:
             self.made = True
-            world.call(lambda: world.vehicles[1]._queue_text(2, RTL))
+            world.vehicles[1]._queue_text(2, RTL)
 
 
 def flown(hop: Plan, **options: object) -> tuple[Flown, Complaint]:
