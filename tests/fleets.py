@@ -10,6 +10,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Self
+from unittest.mock import patch
 
 from gcs.link.wire.message import Message
 from gcs.scenario.schema.scenario import Scenario
@@ -97,6 +98,21 @@ TURN_S = 1e-3  # a turn of the loop takes time: a setpoint may be due in less th
 def still_loop() -> VirtualLoop:
     """An event loop whose time is that of the fleets."""
     return VirtualLoop(TURN_S, CLOCK)
+
+
+@contextmanager
+def still_commands() -> Iterator[None]:
+    """Commands that this process runs have the time of the fleets; what they would compute beside it, they do first."""
+
+    async def at_once(work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        return work(*arguments, **options)
+
+    with (
+        patch("gcs.aio.SteadyLoop", still_loop),
+        patch("gcs.flight.sequence.flight.in_own_process", at_once),
+        patch("gcs.flight.setup.build_loads.in_own_process", at_once),
+    ):
+        yield
 
 
 def in_their_time(scene: Coroutine[Any, Any, None], patience_s: float = 90.0) -> None:

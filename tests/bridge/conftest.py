@@ -18,16 +18,15 @@ from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.fleet import Fleet
 from sim_bridge.testing import fleet
 from tests.bridge.flying import hop_scenario
-from tests.fleets import StillFleet, still_loop
+from tests.fleets import StillFleet, still_commands
 
 __all__ = ["fleet"]
 
 
 @pytest.fixture
-def make_fleet(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Fleet]]:
+def make_fleet() -> Iterator[Callable[..., Fleet]]:
     """A function that makes fleets, with the arguments of `Fleet`. They and commands that are run have virtual time."""
-    monkeypatch.setattr("gcs.aio.SteadyLoop", still_loop)
-    with ExitStack() as stack:
+    with still_commands(), ExitStack() as stack:
         yield lambda *arguments, **options: stack.enter_context(StillFleet(*arguments, **options))
 
 

@@ -170,9 +170,10 @@ def test_the_same_flight_at_any_speed_up(aside: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None:
-    mission = repo_root / "missions" / "simulation1"
-    done = fly(mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=900.0)
+def test_waypoint_missions_hold_as_well(short_mission: Path, tmp_path: Path) -> None:
+    done = fly(
+        short_mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=900.0
+    )
     report = json.loads(done.stdout)
     assert done.returncode == 0, report
     assert (report["mode"], report["navigator"]) == ("mission", "ideal")  # this autopilot would be late

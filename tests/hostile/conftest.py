@@ -18,7 +18,7 @@ from sim_bridge.personality import by_name
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import hop_scenario
-from tests.fleets import StillFleet, free_port, running_fleet, still_loop
+from tests.fleets import StillFleet, free_port, running_fleet, still_commands
 
 SPEEDUP = 10.0
 MakeVehicles = Callable[..., tuple[World, int]]
@@ -57,13 +57,12 @@ def vehicles(hop: Plan) -> Iterator[MakeVehicles]:
 
 
 @pytest.fixture
-def still(hop: Plan, monkeypatch: pytest.MonkeyPatch) -> Iterator[MakeStill]:
+def still(hop: Plan) -> Iterator[MakeStill]:
     """A function that makes the plan's vehicles, and returns them with the port that they call.
 
     They and commands of this process have virtual time.
     """
-    monkeypatch.setattr("gcs.aio.SteadyLoop", still_loop)
-    with ExitStack() as stack:
+    with still_commands(), ExitStack() as stack:
 
         def make(**options: Any) -> tuple[StillFleet, int]:
             port = free_port()

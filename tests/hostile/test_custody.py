@@ -5,7 +5,6 @@ The vehicles have several links. One carries a flight, which must go on undistur
 
 from __future__ import annotations
 
-import io
 import json
 import signal
 import struct
@@ -116,9 +115,10 @@ def test_a_flight_that_is_not_confirmed_sends_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     fleet, port = still()
-    monkeypatch.setattr("sys.stdin", io.StringIO())
     arguments = [str(one) for one in fly_arguments(hop_file, port, tmp_path) if one != "--yes-arm"]
-    code = run(arguments)
+    with Path("/dev/null").open() as nobody:
+        monkeypatch.setattr("sys.stdin", nobody)
+        code = run(arguments)
     said = "".join(capsys.readouterr())
     assert code == 2, said
     assert "not armed" in said
