@@ -53,6 +53,7 @@ def test_a_vehicle_is_lost_the_others_land(two_fail: Flown) -> None:
 
 
 def test_a_critical_battery_lands_at_once(two_fail: Flown) -> None:
+    assert two_fail.happened(3)[0] == "battery critical"
     assert set(two_fail.orders(3)) == {"land"}
     assert two_fail.at_s(3, "ordered to land") < two_fail.at_s(2, "link lost")
     down = two_fail.places[2, -1]
