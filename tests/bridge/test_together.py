@@ -42,10 +42,11 @@ def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_followers_do_not_add_an_error_that_all_make(hop: Plan) -> None:
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_followers_do_not_add_an_error_that_all_make(hop: Plan, autopilot: str) -> None:
     """All are held up for 2 s, in a wind. A copied error made it 2.1 times the leader's, the shape 2.1 m off."""
     data = hop.scenario.model_dump(mode="json")
-    data["formation"]["vehicle"][1]["autopilot"] = "px4"
+    data["mission"]["autopilot"] = autopilot
     plan = replace(hop, scenario=type(hop.scenario).model_validate(data))
     flown = fly(plan, "all:slow=1.0@25..27", "all:wind=0,5@15", follow=True)
     assert flown.error is None
@@ -65,7 +66,7 @@ def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed
 
     The flight's record has the error as well.
     """
-    flown = fly(hop, "all:wind=0,8@15", "1:push=0,5.5@23..24.2", follow=True, folder=tmp_path)
+    flown = fly(hop, "all:wind=0,8@17", "1:push=0,5.5@25..26.2", follow=True, folder=tmp_path)
     assert flown.error is None
     assert flown.events == []
     assert flown.world.airframes.wind_ned_mps[:, 1].tolist() == [8.0] * 3
