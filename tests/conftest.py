@@ -28,7 +28,7 @@ for module, name, *makers in (
 
 settings.register_profile("suite", max_examples=40, deadline=None)
 settings.load_profile("suite")
-LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
+LONG = ("test_fly.py", "test_every_await.py", "test_recorded_flight.py", "test_mixed_fleet.py", "test_real_flights.py")
 
 
 @pytest.hookimpl(trylast=True)

@@ -1,17 +1,23 @@
-"""An emulated fleet for tests: in this process, on a port that nobody uses."""
+"""Emulated fleets for tests: in this process, on a port that nobody uses."""
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any, Self
+from unittest.mock import patch
 
 from gcs.link.wire.message import Message
 from gcs.scenario.schema.scenario import Scenario
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.fleet import Fleet
 from sim_bridge.sim.world import World, WorldOptions
+from tests.virtual_clock import VirtualClock, VirtualLoop
 
 EPOCH_UNIX_S = 1_700_000_000.0
 
@@ -51,6 +57,91 @@ def running_fleet(scenario: Scenario, options: WorldOptions, *, paused: bool = F
             thread.join(60.0)
         assert not thread.is_alive()
         assert not failures, failures
+
+
+class Moved:
+    """Emulated vehicles as something that moves with a virtual clock, in the thread of whoever lets it pass."""
+
+    def __init__(self, world: World, clock: VirtualClock) -> None:
+        self._world = world
+        self._began_s = clock.now_s - world.t_s
+
+    @property
+    def due_s(self) -> float:
+        return self._began_s + self._world.t_s + CONTROL_PERIOD_S
+
+    def hear(self) -> None:
+        self._world.traffic.listen(0.0, self._world.t_s)
+
+    def move(self) -> None:
+        while self._world._calls:
+            self._world._calls.popleft()()
+        self._world.step()
+
+
+@contextmanager
+def emulated(scenario: Scenario, options: WorldOptions, clock: VirtualClock) -> Iterator[World]:
+    """A fleet that moves with this clock until the block ends."""
+    with World(scenario, replace(options, epoch_unix_s=EPOCH_UNIX_S, clock=clock)) as world:
+        moved = Moved(world, clock)
+        clock.moving.append(moved)
+        try:
+            yield world
+        finally:
+            clock.moving.remove(moved)
+
+
+CLOCK = VirtualClock()  # of `StillFleet`s, of the scenes with them, and of commands (the fixture `make_fleet`)
+TURN_S = 1e-3  # a turn of the loop takes time: a setpoint may be due in less than a loop can wait
+
+
+def still_loop() -> VirtualLoop:
+    """An event loop whose time is that of the fleets."""
+    return VirtualLoop(TURN_S, CLOCK)
+
+
+@contextmanager
+def still_commands() -> Iterator[None]:
+    """Commands that this process runs have the time of the fleets; what they would compute beside it, they do first."""
+
+    async def at_once(work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        return work(*arguments, **options)
+
+    with (
+        patch("gcs.aio.SteadyLoop", still_loop),
+        patch("gcs.flight.sequence.flight.in_own_process", at_once),
+        patch("gcs.flight.setup.build_loads.in_own_process", at_once),
+    ):
+        yield
+
+
+def in_their_time(scene: Coroutine[Any, Any, None], patience_s: float = 90.0) -> None:
+    """Run `scene` as `asyncio.run` does, in the time of the fleets; fails after `patience_s` of it."""
+
+    async def bounded() -> None:
+        async with asyncio.timeout(patience_s):
+            await scene
+
+    with asyncio.Runner(loop_factory=still_loop) as runner:
+        runner.run(bounded())
+
+
+class StillFleet(Fleet):
+    """A fleet without a thread: it moves when a loop waits, or `wait_until` does."""
+
+    def __enter__(self) -> Self:
+        self._world.options = replace(self._world.options, clock=CLOCK)
+        self._world.traffic._clock = CLOCK
+        self._moved = Moved(self._world, CLOCK)
+        CLOCK.moving.append(self._moved)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        CLOCK.moving.remove(self._moved)
+        self._world.close()
+
+    def wait_until(self, condition: Callable[[], bool], patience_s: float = 60.0) -> None:
+        CLOCK.wait_until(condition, patience_s)
 
 
 def ask(world: World, row: int, number: int, rate_hz: float) -> None:

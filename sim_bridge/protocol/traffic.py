@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from gcs.link.ftp.payload import NAME as FTP
@@ -51,10 +51,17 @@ class Departure:
 class Traffic:
     """Carries messages between a switchboard and vehicles, whose members may be replaced."""
 
-    def __init__(self, board: Switchboard, vehicles: Sequence[Conversation], injector: FaultInjector) -> None:
+    def __init__(
+        self,
+        board: Switchboard,
+        vehicles: Sequence[Conversation],
+        injector: FaultInjector,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._board = board
         self._vehicles = vehicles
         self._injector = injector
+        self._clock = clock
         self._row_of = {vehicle.station.sysid: row for row, vehicle in enumerate(vehicles)}
         self._encoders = [Codec(*vehicle.station) for vehicle in vehicles]
         self._decoders = [Codec(0, 0) for _ in board.rows]
@@ -73,24 +80,24 @@ class Traffic:
     def listen(self, timeout_s: float, t_s: float) -> bool:
         """Pass on what has arrived, waiting at most `timeout_s` for it; return False when the watched file ended."""
         goes_on = True
-        for line, data, source in self._board.receive(timeout_s, time.monotonic()):
+        for line, data, source in self._board.receive(timeout_s, self._clock()):
             if line < 0:
                 goes_on = bool(os.read(self._watched, 4096))
                 continue
             messages = self._decoders[line].decode(data, source)
             if messages:
-                now_s = time.monotonic()
+                now_s = self._clock()
                 self._board.heard(line, source, now_s)
                 for message in messages:
                     for row in self._addressed(line, message):
                         self._hand_on(row, message, t_s, now_s)
-        self._board.flush(time.monotonic())
+        self._board.flush(self._clock())
         return goes_on
 
     def send(self, row: int, messages: Sequence[Message], t_s: float) -> None:
         """Send messages of a vehicle to the ground; they leave with `carry`, or with the next `listen`."""
         encode, signature = self._encoders[row].encode, self._vehicles[row].signature
-        now_s = time.monotonic()
+        now_s = self._clock()
         frames = [encode(message, signature(now_s)) for message in messages]
         self.sent += len(frames)
         radio = self._injector.radios.get(row)
@@ -120,7 +127,7 @@ class Traffic:
             for message in self._vehicles[row].reminders():
                 self._put(row, message)
         self._ask(self._echo.again(t_s))
-        self._board.flush(time.monotonic())
+        self._board.flush(self._clock())
 
     def unread_after_s(self, t_s: float) -> float | None:
         """Return the time up to which the ground station has read, if it is too far behind; None to go on."""
@@ -141,7 +148,7 @@ class Traffic:
         return [row for row, v in enumerate(self._vehicles) if v.speaks and row not in self._injector.radios]
 
     def _put(self, row: int, message: Message) -> None:
-        self._board.put(row, [self._encoders[row].encode(message, self._vehicles[row].signature(time.monotonic()))])
+        self._board.put(row, [self._encoders[row].encode(message, self._vehicles[row].signature(self._clock()))])
 
     def departure(self, row: int, t_s: float) -> Departure | None:
         """Return the newest setpoint that arrived for an impaired link; None if there is none."""

@@ -55,6 +55,7 @@ class WorldOptions:
     ideal: bool = False  # fly missions on time, as no real autopilot does
     wind: Wind = CALM
     signing_key: bytes | None = field(default=None, repr=False)  # of all vehicles
+    clock: Callable[[], float] = time.monotonic  # wall time
 
 
 class World:
@@ -75,7 +76,7 @@ class World:
         self.vehicles = [factory.vehicle(row) for row in range(len(self.sysids))]
         if options.signing_key is not None:
             for vehicle in self.vehicles:
-                vehicle.sign(options.signing_key, signing_ticks(), time.monotonic())
+                vehicle.sign(options.signing_key, signing_ticks(), options.clock())
         self._steps = 0
         self._stopped = False
         self._calls: deque[Callable[[], None]] = deque()
@@ -86,7 +87,7 @@ class World:
         self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
         self.injector = FaultInjector(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
         self._board = Switchboard(options.links, self.sysids)
-        self.traffic = Traffic(self._board, self.vehicles, self.injector)
+        self.traffic = Traffic(self._board, self.vehicles, self.injector, options.clock)
         self.places: dict[int, list[PeerAddress]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
 
     def __enter__(self) -> Self:
@@ -127,7 +128,7 @@ class World:
         while not self._stopped and self._steps < until_s * _STEPS_PER_S:
             while self._calls:
                 self._calls.popleft()()
-            now_s = time.monotonic()
+            now_s = self.options.clock()
             wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
             if not wait_s and self.options.speedup > 1.0:
                 wait_s = self._ground_wait_s(now_s)
@@ -139,7 +140,7 @@ class World:
     def step(self) -> None:
         """Run one control period without waiting: receive, decide, move, send."""
         self._listen(0.0)
-        now_s, t_s = time.monotonic(), self.t_s
+        now_s, t_s = self.options.clock(), self.t_s
         vehicles, landed = self.vehicles, self.airframes.landed.tolist()
         self.injector.step(t_s)
         self.traffic.carry(t_s, now_s)

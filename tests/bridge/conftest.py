@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -13,10 +15,26 @@ from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.testing import fleet, make_fleet
+from sim_bridge.fleet import Fleet
+from sim_bridge.testing import fleet
 from tests.bridge.flying import hop_scenario
+from tests.fleets import StillFleet, still_commands
 
-__all__ = ["fleet", "make_fleet"]
+__all__ = ["fleet"]
+
+
+@pytest.fixture
+def make_fleet() -> Iterator[Callable[..., Fleet]]:
+    """A function that makes fleets, with the arguments of `Fleet`. They and commands that are run have virtual time."""
+    with still_commands(), ExitStack() as stack:
+        yield lambda *arguments, **options: stack.enter_context(StillFleet(*arguments, **options))
+
+
+@pytest.fixture
+def make_threaded_fleet() -> Iterator[Callable[..., Fleet]]:
+    """The same, ten times as fast as real time, in threads of their own."""
+    with ExitStack() as stack:
+        yield lambda *arguments, **options: stack.enter_context(Fleet(*arguments, **{"speedup": 10.0, **options}))
 
 
 @pytest.fixture(scope="session")
@@ -28,6 +46,14 @@ def field(repo_root: Path) -> Scenario:
 def hop(field: Scenario) -> Plan:
     """Three vehicles, half a minute, a plan."""
     return make_plan(hop_scenario(field))
+
+
+@pytest.fixture(scope="session")
+def hop_skein(hop: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`hop` as a file, verified."""
+    path = tmp_path_factory.mktemp("hop") / "hop.skein"
+    save_plan(hop, verify(hop), path)
+    return path
 
 
 @pytest.fixture(scope="session")

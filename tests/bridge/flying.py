@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-import math
-import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.flight.hooks import FlightHooks
+from gcs.flight.offboard import streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step
 from gcs.flight.recording.writing.flight_record import FlightRecord
@@ -23,17 +25,21 @@ from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
+from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World, WorldOptions
-from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet
+from tests.fleets import EPOCH_UNIX_S, TURN_S, emulated, free_port
+from tests.virtual_clock import VirtualClock, VirtualLoop
 
 LEAD_S = 0.2
+_RETURNS: dict[tuple[str, tuple[Autopilot, ...]], ReturnPlan] = {}
 
 
 def hop_scenario(field_scenario: Scenario) -> Scenario:
@@ -60,15 +66,35 @@ def hop_scenario(field_scenario: Scenario) -> Scenario:
     return Scenario.model_validate(data)
 
 
-def mixed_scenario(field_scenario: Scenario) -> Scenario:
-    """The same flight with a fourth vehicle behind; 1 and 3 run ArduCopter, 2 and 4 run PX4."""
+def step_aside(field_scenario: Scenario) -> Scenario:
+    """Two vehicles, 8 m, twelve seconds."""
     data = hop_scenario(field_scenario).model_dump(mode="json")
+    data["formation"]["vehicle"] = data["formation"]["vehicle"][:2]
+    data["time"]["flight_s"] = 12.0
+    data["end"]["position_m"] = [8.0, 0.0, 8.0]
+    data["ground_phases"].update(takeoff_s=10.0, hover_s=1.0, landing_s=12.0)
+    return Scenario.model_validate(data)
+
+
+def mixed_scenario(field_scenario: Scenario) -> Scenario:
+    """Four vehicles step aside in the same way; 1 and 3 run ArduCopter, 2 and 4 run PX4."""
+    data = step_aside(field_scenario).model_dump(mode="json")
     data.update(name="mixed", title="Mixed")
-    vehicles = data["formation"]["vehicle"]
+    vehicles = data["formation"]["vehicle"] = hop_scenario(field_scenario).model_dump(mode="json")["formation"][
+        "vehicle"
+    ]
     vehicles.append({"sysid": 4, "position_m": [-8.66, 0.0, 8.0]})
     for row in (1, 3):
         vehicles[row]["autopilot"] = "px4"
     return Scenario.model_validate(data)
+
+
+def returns_of(plan: Plan, autopilots: tuple[Autopilot, ...]) -> ReturnPlan:
+    """The returns of a plan, computed once: a flight would start a process for it."""
+    key = (plan.hash, autopilots)
+    if key not in _RETURNS:
+        _RETURNS[key] = plan_returns(plan, autopilots)
+    return _RETURNS[key]
 
 
 def is_order(event: Event) -> bool:
@@ -131,30 +157,31 @@ def fly(
     plan: Plan,
     *faults: str,
     during: Callable[[World, FlightSequence], Any] | None = None,
-    speedup: float = math.inf,
     safety: bool = False,
     folder: Path | None = None,
-    after: Callable[[World], Any] | None = None,
+    until: Callable[[World], bool] | None = None,
     stop: tuple[Step, float] | None = None,
     enough: Callable[[FlightSequence], bool] | None = None,
     **options: Any,
 ) -> Flown:
-    """Fly a plan with faults of the emulated vehicles; `during` is called again and again meanwhile.
+    """Fly a plan in virtual time with faults of the emulated vehicles; `during` is called after each of their steps.
 
     With `safety` fences, rally points and parameters are loaded as well; `folder` gets the telemetry; vehicles go on
-    until `after` returns. `stop` ends it as Ctrl-C does, so many seconds after the beginning of a step, `enough` as
+    until `until` is true. `stop` ends it as Ctrl-C does, so many seconds after the beginning of a step, `enough` as
     soon as it is true.
     """
-    port = free_port()
-    world_options = WorldOptions(
-        links=(call(port),), speedup=speedup, faults=parse_faults(faults, plan.sysids), record_truth=True
-    )
-    with running_fleet(plan.scenario, world_options) as world:
+    port, clock = free_port(), VirtualClock()
+    world_options = WorldOptions(links=(call(port),), faults=parse_faults(faults, plan.sysids), record_truth=True)
+    with (
+        patch.object(streamer, "_EMULATED_WAIT_S", CONTROL_PERIOD_S),  # nothing becomes due between two steps
+        emulated(plan.scenario, world_options, clock) as world,
+        asyncio.Runner(loop_factory=partial(VirtualLoop, TURN_S, clock)) as runner,
+    ):
         mode = options.pop("mode", FlightMode.STREAM)
         settings = FlightOptions(mode=mode, lead_s=LEAD_S, **options)
-        flown = asyncio.run(_fly(plan, world, port, settings, during, safety, folder, stop, enough))
-        if after is not None:
-            after(world)
+        flown = runner.run(_fly(plan, world, port, settings, during, safety, folder, stop, enough))
+        if until is not None:
+            clock.wait_until(lambda: until(world))
         return flown
 
 
@@ -185,7 +212,13 @@ async def _fly(
                     asyncio.get_running_loop().call_later(stop[1] + again_s, work.cancel)
 
         flight = FlightSequence(
-            plan, sessions, options, loads=loads, stream=stream, hooks=FlightHooks(events.append, step)
+            plan,
+            sessions,
+            options,
+            loads=loads,
+            stream=stream,
+            returns=returns_of(plan, tuple(Autopilot(autopilots[sysid]) for sysid in plan.sysids)),
+            hooks=FlightHooks(events.append, step),
         )
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
@@ -207,7 +240,7 @@ def say(world: World, sysid: int, name: str, **fields: Any) -> None:
     """Have a vehicle hear this from another ground station, over a good link."""
     vehicle = world.vehicles[world.sysids.index(sysid)]
     message = Message(name, {"target_system": sysid, "target_component": 1} | fields, 254, 190)
-    world.call(lambda: vehicle.receive(message, time.monotonic()))
+    world.call(lambda: vehicle.receive(message, world.options.clock()))
 
 
 def take_over(world: World, sysid: int, mode: int) -> None:
@@ -228,4 +261,4 @@ async def _cancel_when(
 async def _look(world: World, flight: FlightSequence, during: Callable[[World, FlightSequence], Any] | None) -> None:
     while during is not None:
         during(world, flight)
-        await asyncio.sleep(0.002)
+        await asyncio.sleep(CONTROL_PERIOD_S)

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-import gcs
 from gcs.cli.main import run
 from gcs.flight.sequence.takeoff_landing import WATCHED_IDS
 from gcs.link.connection import Connection, listeners
@@ -21,8 +20,6 @@ from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId
-from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.scenario.load import load_scenario
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World, WorldOptions
@@ -102,7 +99,7 @@ def test_every_frame_of_every_vehicle_arrives_and_pymavlink_reads_it(repo_root: 
         seen = {(m.get_srcSystem(), m.get_type()) for m in messages if getattr(m, "lat", 1)}
         return seen >= {(n, name) for n in SYSIDS for name in SHOWN}
 
-    with running_fleet(scenario, WorldOptions((call(port),))) as fleet:
+    with running_fleet(scenario, WorldOptions((call(port),), speedup=10.0)) as fleet:
         frames, _ = asyncio.run(watched(fleet, port, (name_of(listener),), all_seen, SYSIDS))
     messages.extend(decoded(listener))
     assert {m.get_srcSystem() for m in messages} == set(SYSIDS)  # nothing that the ground station sent
@@ -125,7 +122,7 @@ def test_nothing_that_comes_back_reaches_a_vehicle(repo_root: Path, listener: so
                 listener.sendto(b"\xff" * 400, sender)
                 answered += 1
 
-    with running_fleet(scenario, WorldOptions((call(port),))) as fleet:
+    with running_fleet(scenario, WorldOptions((call(port),), speedup=10.0)) as fleet:
         frames, heard = asyncio.run(watched(fleet, port, (name_of(listener),), lambda: answered > 400, SYSIDS, answer))
     acknowledged = {m.fields["command"] for m in heard if m.name == "COMMAND_ACK"}
     assert acknowledged <= {MavCommand.SET_MESSAGE_INTERVAL}
@@ -143,7 +140,7 @@ def test_a_listener_that_reads_nothing_or_is_not_there_costs_no_frame(repo_root:
         frames: list[bytes] = []
         with running_fleet(scenario, WorldOptions((call(port),), speedup=20.0)) as fleet:
             copies = (name_of(deaf), gone, nowhere)
-            frames, heard = asyncio.run(watched(fleet, port, copies, lambda: fleet.t_s > 30.0, SYSIDS))
+            frames, heard = asyncio.run(watched(fleet, port, copies, lambda: fleet.t_s > 12.0, SYSIDS))
     numbers: dict[int, list[int]] = {}
     for frame in frames:
         numbers.setdefault(frame[5], []).append(frame[4])
@@ -209,12 +206,11 @@ def test_a_whole_flight_of_emulated_vehicles_is_watched(
 
 
 def test_an_unknown_host_is_said_before_a_simulator_is_started(
-    simulation1_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    hop_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    save_plan(simulation1_plan, gcs.verify(simulation1_plan), tmp_path / "one.skein")
     flights = tmp_path / "flights"
     options = ("--sim", "--to", str(flights), "--also-to", "udpout:no-such-host.invalid:14550")
-    assert run(["fly", str(tmp_path / "one.skein"), *options]) == 7
+    assert run(["fly", str(hop_skein), *options]) == 7
     assert "frames cannot be copied to udpout:no-such-host.invalid:14550" in capsys.readouterr().err
     assert not list(flights.glob("*/simulator.log"))
 

@@ -34,9 +34,9 @@ def test_the_example_plans_exports_and_flies(short_mission: Path, tmp_path: Path
     assert len(list((tmp_path / "out").glob("*.waypoints"))) == 6
 
 
-def test_vehicles_on_a_link_are_not_armed_without_confirmation(simulation1_plan: Plan, tmp_path: Path) -> None:
+def test_vehicles_on_a_link_are_not_armed_without_confirmation(hop: Plan, tmp_path: Path) -> None:
     with pytest.raises(gcs.GcsError, match="not armed without confirmation") as caught:
-        gcs.fly(simulation1_plan, link=gcs.Connection(("udpin:127.0.0.1:0",)), to=tmp_path)
+        gcs.fly(hop, link=gcs.Connection(("udpin:127.0.0.1:0",)), to=tmp_path)
     assert "confirmed=True" in caught.value.hint
     assert list(tmp_path.iterdir()) == []
 

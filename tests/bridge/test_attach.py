@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.cli.main import run as gcs
 from gcs.scenario.load import load_scenario
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World, WorldOptions
@@ -89,7 +90,7 @@ def test_it_lands(left_alone: tuple[World, Path]) -> None:
     assert 4.0 < world.airframes.truth[0, 0] < 55.0
 
 
-def test_a_flight_that_is_still_flown_is_left_alone(tmp_path: Path) -> None:
+def test_a_flight_that_is_still_flown_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     book = {
         "format": "skein-flight-1",
         "mission": "hop",
@@ -97,10 +98,9 @@ def test_a_flight_that_is_still_flown_is_left_alone(tmp_path: Path) -> None:
         "links": ["udpin:127.0.0.1:1"],
         "mode": "stream",
     }
-    book |= {"systems": {}, "follow": False, "step": "flying", "t0_unix_s": 1.0, "pid": os.getpid()}
+    book |= {"systems": {}, "follow": False, "step": "flying", "t0_unix_s": 1.0, "pid": os.getppid()}
     folder = tmp_path / "now"
     folder.mkdir()
     (folder / "flight.json").write_text(json.dumps(book))
-    done = subprocess.run([*GCS, "attach", "--to", str(tmp_path)], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert f"still flown by process {os.getpid()}" in done.stderr
+    assert gcs(["attach", "--to", str(tmp_path)]) == 2
+    assert f"still flown by process {os.getppid()}" in capsys.readouterr().err

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -22,27 +23,33 @@ from gcs.link.mavsdk.mavsdk_vehicle import mavsdk_url
 from gcs.link.session.vehicle_api import Loadable, Setpoint
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.fleet import Fleet
-from tests.fleets import free_port
+from tests.fleets import free_port, in_their_time
 
 EACH = pytest.mark.parametrize("backend", BACKENDS)
-BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+MAVSDK_SLOW = pytest.mark.parametrize("backend", ["skein", pytest.param("mavsdk", marks=pytest.mark.slow)])
+OURS = [("skein", "ardupilot"), ("skein", "px4")]
 PX4_TOO = pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
 SYSIDS = (1, 2)
 
 
-def run(scene: Awaitable[None]) -> None:
-    async def bounded() -> None:
-        await asyncio.wait_for(scene, 90)
+@pytest.fixture
+def make(backend: str, request: pytest.FixtureRequest) -> Callable[..., Fleet]:
+    """A function that makes fleets: in virtual time for our own machines; MAVSDK has threads and a clock of its own."""
+    made: Callable[..., Fleet] = request.getfixturevalue("make_fleet" if backend == "skein" else "make_threaded_fleet")
+    return made
 
-    asyncio.run(bounded())
+
+def run(backend: str, scene: Coroutine[Any, Any, None]) -> None:
+    if backend == "skein":
+        in_their_time(scene)
+    else:
+        asyncio.run(asyncio.wait_for(scene, 90.0))
 
 
 @asynccontextmanager
-async def vehicles(
-    make_fleet: Callable[..., Fleet], backend: str, autopilot: str
-) -> AsyncIterator[dict[int, Loadable]]:
+async def vehicles(make: Callable[..., Fleet], backend: str, autopilot: str) -> AsyncIterator[dict[int, Loadable]]:
     port = free_port()
-    make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",))
+    make(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",))
     async with Connection((f"udpin:127.0.0.1:{port}",)).open_backend(backend) as fleet:
         yield dict(await fleet.vehicles(SYSIDS, 20.0))
 
@@ -56,19 +63,20 @@ def loads_for(plan: Plan, autopilot: str):
     return tuple(short)
 
 
-@EACH
-@BOTH
+@pytest.mark.parametrize(
+    ("backend", "autopilot"), [*OURS, ("mavsdk", "px4"), pytest.param("mavsdk", "ardupilot", marks=pytest.mark.slow)]
+)
 def test_everything_is_loaded_read_and_put_back(
-    simulation1_plan: Plan, make_fleet: Callable[..., Fleet], backend: str, autopilot: str
+    hop: Plan, make: Callable[..., Fleet], backend: str, autopilot: str
 ) -> None:
-    loads = loads_for(simulation1_plan, autopilot)
+    loads = loads_for(hop, autopilot)
 
     async def scene() -> None:
-        async with vehicles(make_fleet, backend, autopilot) as found:
+        async with vehicles(make, backend, autopilot) as found:
             before = await preview(found, loads)
             assert before
-            held = await upload_fleet(found, loads, simulation1_plan.hash)
-            held.require(simulation1_plan.hash, SYSIDS)
+            held = await upload_fleet(found, loads, hop.hash)
+            held.require(hop.hash, SYSIDS)
             assert held.changes == before
             for load in loads:
                 assert (await read_onboard(found[load.sysid])).differences(load) == []
@@ -76,38 +84,39 @@ def test_everything_is_loaded_read_and_put_back(
             await restore(found, held.changes)
             assert await preview(found, loads) == before
 
-    run(scene())
+    run(backend, scene())
 
 
-@EACH
-@BOTH
+@pytest.mark.parametrize(
+    ("backend", "autopilot"), [*OURS, ("mavsdk", "ardupilot"), pytest.param("mavsdk", "px4", marks=pytest.mark.slow)]
+)
 def test_one_bad_item_leaves_nobody_with_a_mission(
-    simulation1_plan: Plan, make_fleet: Callable[..., Fleet], backend: str, autopilot: str
+    hop: Plan, make: Callable[..., Fleet], backend: str, autopilot: str
 ) -> None:
-    first, second = loads_for(simulation1_plan, autopilot)
+    first, second = loads_for(hop, autopilot)
     items = list(second.mission.items)
     items[3] = replace(items[3], command=9999)
     second = replace(second, mission=replace(second.mission, items=tuple(items)))
 
     async def scene() -> None:
-        async with vehicles(make_fleet, backend, autopilot) as found:
+        async with vehicles(make, backend, autopilot) as found:
             with pytest.raises(UploadFailed, match="because of vehicle 2: ") as caught:
-                await upload_fleet(found, (first, second), simulation1_plan.hash)
+                await upload_fleet(found, (first, second), hop.hash)
             assert all("cleared" in state for state in caught.value.states.values()), str(caught.value)
             for vehicle in found.values():
                 held = await read_onboard(vehicle)
                 assert held.mission == held.fence == held.rally == ()
 
-    run(scene())
+    run(backend, scene())
 
 
 @EACH
 @PX4_TOO
 def test_vehicles_are_listed(
-    make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str, autopilot: str
+    make: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str, autopilot: str
 ) -> None:
     port = free_port()
-    fleet = make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=10.0)
+    fleet = make(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=10.0)
     fleet.wait_until(lambda: fleet.t_s > 6.0)
     link = f"udpin:127.0.0.1:{port}"
     assert main.run(["vehicles", "--link", link, "--listen", "1", "--backend", backend, "--json"]) == 0
@@ -125,11 +134,11 @@ def test_vehicles_are_listed(
         assert abs(first[place]["alt_amsl_m"] - 584.0) < 5.0
 
 
-@EACH
+@MAVSDK_SLOW
 @PX4_TOO
-def test_a_vehicle_takes_off_follows_and_lands(make_fleet: Callable[..., Fleet], backend: str, autopilot: str) -> None:
+def test_a_vehicle_takes_off_follows_and_lands(make: Callable[..., Fleet], backend: str, autopilot: str) -> None:
     port = free_port()
-    fleet = make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=8.0, seed=2)
+    fleet = make(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=8.0, seed=2)
 
     async def scene() -> None:
         await fleet.until(lambda: fleet.t_s > 6.0)
@@ -159,15 +168,15 @@ def test_a_vehicle_takes_off_follows_and_lands(make_fleet: Callable[..., Fleet],
             finally:
                 await hands.close()
 
-    run(scene())
+    run(backend, scene())
 
 
-@EACH
+@MAVSDK_SLOW
 def test_those_in_the_air_are_told(
-    make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str
+    make: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str
 ) -> None:
     port = free_port()
-    fleet = make_fleet(vehicles=2, links=(f"udpout:127.0.0.1:{port}",), speedup=10.0, seed=2)
+    fleet = make(vehicles=2, links=(f"udpout:127.0.0.1:{port}",), speedup=10.0, seed=2)
     link = f"udpin:127.0.0.1:{port}"
 
     async def up() -> None:
@@ -178,7 +187,7 @@ def test_those_in_the_air_are_told(
             await hands.take_off(8.0)
             await fleet.until(lambda: fleet.state(1).flying)
 
-    asyncio.run(up())
+    run(backend, up())
     assert main.run(["tell", "hold", "--link", link, "--backend", backend, "--listen", "1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["vehicles"] == {"1": "holds", "2": "is not armed, no command sent"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -22,6 +22,7 @@ from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from sim_bridge import Fleet
 from sim_bridge.protocol.ftp_server import _nak
 from tests.air import mission_of
+from tests.fleets import in_their_time
 
 ITEMS = mission_of(60, seed=3)
 ITEM, FILE = 73, 110
@@ -30,14 +31,6 @@ MakeFleet = Callable[..., Fleet]
 
 
 IMPATIENT = ProtocolTimers(mission=MissionTimers(give_up_s=2.0), ftp=FtpTimers(give_up_s=2.0))
-
-
-def run(scene: Awaitable[None]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(60):
-            await scene
-
-    asyncio.run(bounded())
 
 
 def emulated(make_fleet: MakeFleet, autopilot: str = "ardupilot", *faults: str) -> tuple[Fleet, str]:
@@ -73,7 +66,7 @@ def test_a_wrong_checksum_sends_nothing_twice(make_fleet: MakeFleet) -> None:
         assert not seen[ITEM]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -> None:
@@ -85,7 +78,7 @@ def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -
         assert seen[FILE] and not seen[ITEM]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_item_by_item_where_that_is_asked_for(make_fleet: MakeFleet) -> None:
@@ -97,7 +90,7 @@ def test_item_by_item_where_that_is_asked_for(make_fleet: MakeFleet) -> None:
         assert seen[ITEM] and not seen[FILE]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: MakeFleet) -> None:
@@ -109,7 +102,7 @@ def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: 
         assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_px4_is_not_asked_and_does_not_take_them(make_fleet: MakeFleet) -> None:
@@ -122,7 +115,7 @@ def test_px4_is_not_asked_and_does_not_take_them(make_fleet: MakeFleet) -> None:
         with pytest.raises(PeerError, match="takes no missions as files"):
             await upload(link, Transfer.FILE)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_a_refused_file_is_told_or_gone_around(make_fleet: MakeFleet) -> None:
@@ -146,7 +139,7 @@ def test_a_refused_file_is_told_or_gone_around(make_fleet: MakeFleet) -> None:
         assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_a_restart_in_the_middle_of_a_file_loses_the_file_and_nothing_else(make_fleet: MakeFleet) -> None:
@@ -158,7 +151,7 @@ def test_a_restart_in_the_middle_of_a_file_loses_the_file_and_nothing_else(make_
         assert [now is then for now, then in zip(fleet._world.vehicles, before, strict=True)] == [False, True]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_the_option(capsys: pytest.CaptureFixture[str]) -> None:

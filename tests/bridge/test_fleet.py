@@ -20,6 +20,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MessageId, MissionResult
 from gcs.mission.model import Home, MissionItem, VehicleMission
+from tests.fleets import in_their_time
 
 QUICK = ProtocolTimers(mission=MissionTimers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5))
 PATIENT = MissionTimers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)
@@ -105,7 +106,7 @@ async def flying(*vehicles):
 
 
 def run(scene):
-    asyncio.run(asyncio.wait_for(scene, 30))
+    in_their_time(scene, 30.0)
 
 
 def mission(sysid):

@@ -16,7 +16,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId
 from sim_bridge.fleet import Fleet
-from tests.fleets import free_port
+from tests.fleets import free_port, in_their_time
 
 LINKS = {
     "udp": ("udpin:0", "udpout:{}"),
@@ -31,7 +31,7 @@ def run(scene: Awaitable[None]) -> None:
     async def bounded() -> None:
         await asyncio.wait_for(scene, 30)
 
-    asyncio.run(bounded())
+    in_their_time(bounded())
 
 
 def spec_of(fleet: Fleet, sysid: int, form: str, link: int = 0) -> str:

@@ -15,8 +15,11 @@ from gcs.mavlink import CopterMode, MavCommand, MavResult
 from gcs.scenario.validation.cross_table import check
 from sim_bridge import Fleet, NotInTime
 from sim_bridge.sim.default_scenario import SPACING_M, plain_scenario, scenario_for
+from sim_bridge.testing import make_fleet
 from tests.bridge.test_links import serial_station, udp_station
 from tests.fleets import free_port
+
+__all__ = ["make_fleet"]  # that of users, not the one of this folder
 
 
 def test_a_fleet_flies_in_a_thread_and_tells_the_truth(repo_root: Path) -> None:

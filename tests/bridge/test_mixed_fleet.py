@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,6 +31,7 @@ from gcs.scenario.load import load_scenario
 from sim_bridge.fleet import Fleet
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly, mixed_scenario
+from tests.fleets import in_their_time
 
 ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
 MIXED = (ARDUPILOT, PX4, ARDUPILOT, PX4)
@@ -187,13 +187,14 @@ def test_the_commands(
     code, told = call("diff", skein, "--untimed", "--link", link)
     assert (code, [line for lines in told["differences"].values() for line in lines]) == (0, [])
 
-    async def boards() -> list[list[str]]:
+    async def boards() -> None:
         async with LinkedFleet.open(link) as ground:
             sessions = await ground.vehicles(mixed.sysids, 10.0)
             loads = build_loads(mixed, NUMBERS, timed=False)
-            return [(await read_onboard(sessions[load.sysid])).differences(load) for load in loads]
+            for load in loads:
+                assert (await read_onboard(sessions[load.sysid])).differences(load) == []
 
-    assert asyncio.run(boards()) == [[]] * 4
+    in_their_time(boards())
 
 
 def test_a_flight_of_missions_is_refused_before_anything_is_computed(

@@ -34,6 +34,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
+from tests.fleets import StillFleet, in_their_time
 
 HEIGHT_M = 4.0
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
@@ -51,11 +52,11 @@ async def hop_up_and_down(session: VehicleSession, fleet: Fleet) -> None:
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two vehicles go up and down again, ten times as fast as in real life; the log has their own time."""
+    """Two vehicles go up and down again; the log has their own time."""
     path = tmp_path_factory.mktemp("recorded") / "hop.tlog"
 
     async def scene() -> None:
-        with Fleet(vehicles=2, one_port=True, speedup=10.0, seed=5) as vehicles:
+        with StillFleet(vehicles=2, one_port=True, seed=5) as vehicles:
             await vehicles.until(lambda: vehicles.t_s > 6.0)
             ground: GroundFleet | None = None
 
@@ -76,7 +77,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
                             await session.command(MavCommand.SET_MESSAGE_INTERVAL, number, 1e6 * period_s)
                     await asyncio.gather(*(hop_up_and_down(session, vehicles) for session in sessions.values()))
 
-    asyncio.run(scene())
+    in_their_time(scene())
     return path
 
 

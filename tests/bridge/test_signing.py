@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 import pytest
@@ -20,18 +20,12 @@ from gcs.link.wire.signing_keys import signing_with
 from gcs.mavlink import MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from sim_bridge.fleet import Fleet
+from tests.fleets import in_their_time
 
 KEY, OTHER_KEY = bytes(range(1, 33)), bytes(range(33, 65))
 ITEMS = tuple(MissionItem(16, 3, (0.0,) * 4, 470000000 + n, 80000000, 10.0) for n in range(4))
 MISSION = VehicleMission(1, Home(47.0, 8.0, 500.0), ITEMS, (None,) * len(ITEMS))
 TARGET = {"target_system": 1, "target_component": 1}
-
-
-def run(scene: Awaitable[None]) -> None:
-    async def bounded() -> None:
-        await asyncio.wait_for(scene, 60)
-
-    asyncio.run(bounded())
 
 
 def command(number: int, *params: float) -> Message:
@@ -113,7 +107,7 @@ def guarded(fleet: Fleet) -> Iterator[list[bytes]]:
             )
             await session.wait_for(lambda m: m.name == "PARAM_VALUE", 5.0, "the parameter")
 
-    run(scene())
+    in_their_time(scene())
     before = what_it_is(fleet)
     assert before[0] == 2222.0
     yield recorded
@@ -169,7 +163,7 @@ def test_a_vehicle_that_does_not_sign_is_not_believed(fleet: Fleet) -> None:
                 await ground.vehicles([1], 1.5)
             assert ground.refused_frames > 0
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_whoever_plays_our_vehicle_is_not_believed(fleet: Fleet) -> None:
@@ -204,7 +198,7 @@ def test_whoever_plays_our_vehicle_is_not_believed(fleet: Fleet) -> None:
             assert session.custom_mode != 21
             ground.check()
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_what_a_vehicle_said_before_is_not_believed_again(fleet: Fleet) -> None:
@@ -226,7 +220,7 @@ def test_what_a_vehicle_said_before_is_not_believed_again(fleet: Fleet) -> None:
             assert ground.refused_frames >= refused + len(old) > refused
             ground.check()
 
-    run(scene())
+    in_their_time(scene())
 
 
 def test_commands_sign_with_a_key_from_the_environment_and_never_show_it(
@@ -236,7 +230,7 @@ def test_commands_sign_with_a_key_from_the_environment_and_never_show_it(
         async with opened(fleet, None) as ground:
             await signed_session(fleet, ground)
 
-    run(scene())
+    in_their_time(scene())
     host, port = fleet.address(1)
     line = ["vehicles", "--link", f"udpout:{host}:{port}", "--listen", "2"]
     monkeypatch.setenv("SKEIN_SIGNING_KEY", KEY.hex())

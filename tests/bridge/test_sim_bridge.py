@@ -23,6 +23,7 @@ from gcs.scenario import si
 from gcs.scenario.si import local_origin
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import WorldOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 
@@ -112,7 +113,7 @@ def options(port: int, **kwargs) -> WorldOptions:
 
 def test_six_vehicles_on_one_port_with_clocks_of_their_own(simulation1, station):
     port = free_port()
-    with running_fleet(simulation1, options(port, speedup=5.0)) as fleet:
+    with running_fleet(simulation1, options(port, speedup=20.0)) as fleet:
         ground = station(port)
         heard, offsets, ids = set(), {}, {}
         while len(heard) < 6 or len(offsets) < 6:
@@ -135,7 +136,7 @@ def test_six_vehicles_on_one_port_with_clocks_of_their_own(simulation1, station)
 
 def test_arming_is_refused_with_a_reason_until_the_estimator_is_ready(simulation1, station):
     port = free_port()
-    with running_fleet(simulation1, options(port, speedup=2.0)):
+    with running_fleet(simulation1, options(port, speedup=20.0)):
         ground = station(port)
         ground.hear("HEARTBEAT", 4)
         assert ground.command(4, MavCommand.COMPONENT_ARM_DISARM, 1) == MavResult.FAILED
@@ -188,11 +189,11 @@ def missions(scenario) -> dict[int, VehicleMission]:
     return found
 
 
-def test_missions_are_stored_as_sent_and_flown_on_board(simulation1):
-    port = free_port()
+def test_missions_are_stored_as_sent_and_flown_on_board():
+    port, scenario = free_port(), plain_scenario(3)
 
     async def fly() -> None:
-        wanted = missions(simulation1)
+        wanted = missions(scenario)
         async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
             vehicles = await ground.vehicles(wanted, 20.0)
             for sysid, vehicle in vehicles.items():
@@ -215,7 +216,7 @@ def test_missions_are_stored_as_sent_and_flown_on_board(simulation1):
             )
             assert reached == [2, 4, 6, 8, 9]
 
-    with running_fleet(simulation1, options(port, speedup=math.inf)):
+    with running_fleet(scenario, options(port, speedup=math.inf)):
         asyncio.run(fly())
 
 
@@ -301,7 +302,7 @@ def test_the_reject_fault_reaches_the_ground_as_a_refusal(simulation1):
             with pytest.raises(MissionRefused):
                 await vehicles[2].upload_mission(missions(simulation1)[2])
 
-    with running_fleet(simulation1, options(port, speedup=5.0, faults=parse_faults(["2:reject-mission"], [2]))):
+    with running_fleet(simulation1, options(port, speedup=20.0, faults=parse_faults(["2:reject-mission"], [2]))):
         asyncio.run(try_it())
 
 
@@ -315,7 +316,9 @@ def sim_bridge(*arguments: str) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.parametrize("ending", ["SIGINT", "SIGTERM", "end of input"])
+@pytest.mark.parametrize(
+    "ending", ["end of input", *(pytest.param(name, marks=pytest.mark.slow) for name in ("SIGINT", "SIGTERM"))]
+)
 def test_the_command_says_when_it_is_ready_and_leaves_the_truth(repo_root, tmp_path, ending):
     truth = tmp_path / "truth.npz"
     process = sim_bridge(

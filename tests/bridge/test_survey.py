@@ -25,8 +25,9 @@ def survey(plan_of: Callable[[str], Plan], tmp_path_factory: pytest.TempPathFact
     return path
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", ["stream", "mission"])
+@pytest.mark.parametrize(
+    "mode", [pytest.param("mission", marks=pytest.mark.slow), pytest.param("stream", marks=pytest.mark.long)]
+)
 def test_every_pass_is_flown(survey: Path, mode: str, tmp_path: Path) -> None:
     arguments = ["fly", str(survey), "--sim", "--speedup", "max", "--mode", mode, "--json", "--to", str(tmp_path)]
     done = subprocess.run([*GCS, *arguments], capture_output=True, text=True, timeout=900.0, check=False)

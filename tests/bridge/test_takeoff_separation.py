@@ -11,14 +11,14 @@ from gcs.flight.options import FlightMode
 from gcs.flight.progress import FlightPart
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
+from tests.bridge.test_mishaps import flew_on
 
-SPEEDUP = 5.0
 DRIFT = "2:push=0,2.5@3..10"  # more than its controller holds against, towards vehicle 3
 
 
 @pytest.mark.parametrize("mode", [FlightMode.STREAM, pytest.param(FlightMode.MISSION, marks=pytest.mark.slow)])
 def test_a_vehicle_that_drifts_at_the_take_off_lands_before_it_meets_another(hop: Plan, mode: FlightMode) -> None:
-    flown = fly(hop, DRIFT, speedup=SPEEDUP, mode=mode)
+    flown = fly(hop, DRIFT, mode=mode)
     assert isinstance(flown.error, FlightError)
     assert "the start was aborted: vehicle 2" in flown.error.message
     assert flown.happened(2) == ["separation in danger"]
@@ -31,10 +31,13 @@ def test_a_vehicle_that_drifts_at_the_take_off_lands_before_it_meets_another(hop
     assert nearest.distance_m < 0.9 * pdist(hop.pads_ned_m).min()
 
 
+@pytest.mark.slow
 def test_an_undisturbed_flight_tells_its_separations_from_the_take_off_to_the_ground(hop: Plan) -> None:
     flown = fly(hop)
     assert flown.error is None
     assert flown.events == []
+    for sysid in (1, 2, 3):
+        flew_on(flown, sysid)
     assert list(flown.flight.monitor.nearest) == list(FlightPart)
     for part in flown.flight.monitor.nearest.values():
         assert part.distance_m == pytest.approx(pdist(hop.pads_ned_m).min(), abs=0.3)

@@ -13,9 +13,6 @@ from gcs.flight.recording.record_table import write_record
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
 
-# Followers use what the station has read: up to 0.5 s old where it is busy and time runs at `max`, as with no radio.
-FOLLOWED = 4.0
-
 
 @pytest.mark.slow
 def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
@@ -34,10 +31,10 @@ def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
 @pytest.mark.slow
 def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
     """The leader slows down for three seconds. Followers stay behind it; without following, they come too close."""
-    fault = "1:slow=1.0@30..33"
+    fault = "1:slow=1.0@25..28"
     alone = fly(hop, fault)
     assert "separation in danger" in [event.what for event in alone.events]
-    following = fly(hop, fault, follow=True, speedup=FOLLOWED)
+    following = fly(hop, fault, follow=True)
     assert following.error is None
     assert following.events == []
     error = following.formation_error_m()
@@ -51,7 +48,7 @@ def test_followers_do_not_add_an_error_that_all_make(hop: Plan, autopilot: str) 
     data = hop.scenario.model_dump(mode="json")
     data["mission"]["autopilot"] = autopilot
     plan = replace(hop, scenario=type(hop.scenario).model_validate(data))
-    flown = fly(plan, "all:slow=1.0@30..32", "all:wind=0,5@20", follow=True, speedup=FOLLOWED)
+    flown = fly(plan, "all:slow=1.0@25..27", "all:wind=0,5@15", follow=True)
     assert flown.error is None
     during = (flown.t_s > 0.0) & (flown.t_s < plan.flight_s)
     off = np.linalg.norm(flown.places - flown.planned, axis=-1)[:, during]
@@ -69,7 +66,7 @@ def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed
 
     The flight's record has the error as well.
     """
-    flown = fly(hop, "all:wind=0,8@20", "1:push=0,5.5@28..29.2", follow=True, folder=tmp_path, speedup=FOLLOWED)
+    flown = fly(hop, "all:wind=0,8@17", "1:push=0,5.5@25..26.2", follow=True, folder=tmp_path)
     assert flown.error is None
     assert flown.events == []
     assert flown.world.airframes.wind_ned_mps[:, 1].tolist() == [8.0] * 3

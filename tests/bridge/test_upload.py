@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from gcs.mission.formats.any_mission import load_missions
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.fleet import Fleet
 from sim_bridge.personality import by_name
+from tests.fleets import in_their_time
 
 ARDUPILOT = Autopilot.ARDUPILOT
 BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -32,17 +32,10 @@ PARAMETER = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
 STORED = {**PARAMETER, "ardupilot-4.7": "RTL_ALT_M"}
 
 
-def run(scene: Awaitable[None]) -> None:
-    async def bounded() -> None:
-        await asyncio.wait_for(scene, 60)
-
-    asyncio.run(bounded())
-
-
 @pytest.fixture
-def fleet_of(short_plan: Plan, make_fleet: Callable[..., Fleet]) -> Callable[..., tuple[Fleet, str]]:
+def fleet_of(hop: Plan, make_fleet: Callable[..., Fleet]) -> Callable[..., tuple[Fleet, str]]:
     def make(autopilot: str, **options: object) -> tuple[Fleet, str]:
-        fleet = make_fleet(short_plan.scenario, autopilot=autopilot, one_port=True, **options)
+        fleet = make_fleet(hop.scenario, autopilot=autopilot, one_port=True, **options)
         return fleet, f"udpout:{fleet.places[1][0].address}"
 
     return make
@@ -70,16 +63,16 @@ def parameter(fleet: Fleet, sysid: int, name: str) -> float:
     "autopilot", ["ardupilot", *(pytest.param(x, marks=pytest.mark.slow) for x in ("px4", "ardupilot-4.7"))]
 )
 def test_everything_for_everybody_at_once_and_parameters_back(
-    short_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
+    hop: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
 ) -> None:
     fleet, link = fleet_of(autopilot, faults=["all:loss=0.05", "all:duplicate=0.05"])
-    loads, name = loads_for(short_plan, autopilot), STORED[autopilot]
+    loads, name = loads_for(hop, autopilot), STORED[autopilot]
 
     async def scene() -> None:
         async with Ground.open(link) as ground:
-            sessions = await ground.vehicles(short_plan.sysids, 10.0)
+            sessions = await ground.vehicles(hop.sysids, 10.0)
             before = {sysid: parameter(fleet, sysid, name) for sysid in sessions}
-            held = await upload_fleet(sessions, loads, short_plan.hash)
+            held = await upload_fleet(sessions, loads, hop.hash)
             assert set(held.digests) == set(sessions)
             assert len(set(held.digests.values())) == len(sessions)
             assert set(held.sent_as) == set(sessions)
@@ -93,97 +86,97 @@ def test_everything_for_everybody_at_once_and_parameters_back(
                 wanted = dict(with_new_names(number(autopilot), load.parameters))[name]
                 assert parameter(fleet, load.sysid, name) == pytest.approx(wanted)
                 assert name in {change.after.name for change in held.changes if change.sysid == load.sysid}
-            held.require(short_plan.hash, short_plan.sysids)
+            held.require(hop.hash, hop.sysids)
             with pytest.raises(FlightError, match="of this plan: all"):
-                held.require("another plan", short_plan.sysids)
+                held.require("another plan", hop.sysids)
             with pytest.raises(FlightError, match="of this plan: 99"):
-                held.require(short_plan.hash, [1, 99])
+                held.require(hop.hash, [1, 99])
             await restore(sessions, held.changes)
             assert {sysid: parameter(fleet, sysid, name) for sysid in sessions} == before
 
-    run(scene())
+    in_their_time(scene())
 
 
 @BOTH
 def test_one_refusal_ends_it_for_all_and_everything_is_taken_back(
-    short_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
+    hop: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
 ) -> None:
     fleet, link = fleet_of(autopilot)
-    loads = loads_for(short_plan, autopilot)
-    items = list(loads[3].mission.items)
+    loads = loads_for(hop, autopilot)
+    items = list(loads[2].mission.items)
     items[5] = replace(items[5], command=9999)
-    bad = replace(loads[3], mission=replace(loads[3].mission, items=tuple(items)))
+    bad = replace(loads[2], mission=replace(loads[2].mission, items=tuple(items)))
 
     async def scene() -> None:
         async with Ground.open(link) as ground:
-            sessions = await ground.vehicles(short_plan.sysids, 10.0)
+            sessions = await ground.vehicles(hop.sysids, 10.0)
             with pytest.raises(UploadFailed) as caught:
-                await upload_fleet(sessions, (*loads[:3], bad, *loads[4:]), short_plan.hash)
+                await upload_fleet(sessions, (*loads[:2], bad), hop.hash)
             failed = caught.value
-            assert failed.sysid == 4
+            assert failed.sysid == 3
             item = 5 + int(autopilot == "ardupilot")
-            assert f"no vehicle may start, because of vehicle 4: vehicle 4 refused the mission at item {item}" in str(
+            assert f"no vehicle may start, because of vehicle 3: vehicle 3 refused the mission at item {item}" in str(
                 failed
             )
             assert "command not supported" in str(failed)
-            assert set(failed.states) == set(short_plan.sysids)
+            assert set(failed.states) == set(hop.sysids)
             assert all("cleared" in state for state in failed.states.values())
-            for sysid in short_plan.sysids:
+            for sysid in hop.sysids:
                 for kind in (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY):
                     assert held_by(fleet, sysid, kind) == ()
 
-    run(scene())
+    in_their_time(scene())
 
 
 @pytest.mark.slow
 def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
-    short_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
+    hop: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
 ) -> None:
     fleet, link = fleet_of("ardupilot")
-    loads = missions_only(load.mission for load in loads_for(short_plan, "ardupilot"))
+    loads = missions_only(load.mission for load in loads_for(hop, "ardupilot"))
 
     async def scene() -> None:
         async with Ground.open(link) as ground:
-            sessions = await ground.vehicles(short_plan.sysids, 10.0)
+            sessions = await ground.vehicles(hop.sysids, 10.0)
             fleet.fault("2:die@start:0")
             with pytest.raises(UploadFailed, match="because of vehicle 2: vehicle 2 stopped answering") as caught:
-                await upload_fleet(sessions, loads, short_plan.hash)
+                await upload_fleet(sessions, loads, hop.hash)
             assert "may be a mix of old and new" in caught.value.states[2]
             assert caught.value.states[1] == "mission cleared"
             assert held_by(fleet, 1) == ()
 
-    run(scene())
+    in_their_time(scene())
 
 
 @pytest.mark.slow
 def test_an_armed_vehicle_and_an_unknown_parameter_stop_it_before_anything_is_sent(
-    short_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
+    hop: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
 ) -> None:
     fleet, link = fleet_of("ardupilot")
-    loads = loads_for(short_plan, "ardupilot")
+    loads = loads_for(hop, "ardupilot")
     strange = replace(loads[0], parameters=(("NO_SUCH_THING", 1),))
 
     async def scene() -> None:
         async with Ground.open(link) as ground:
-            sessions = await ground.vehicles(short_plan.sysids, 10.0)
+            sessions = await ground.vehicles(hop.sysids, 10.0)
             with pytest.raises(PeerError, match="vehicle 1 does not answer for parameter NO_SUCH_THING"):
-                await upload_fleet(sessions, (strange, *loads[1:]), short_plan.hash)
+                await upload_fleet(sessions, (strange, *loads[1:]), hop.hash)
             await fleet.until(lambda: fleet.t_s > 6.0)
-            await sessions[5].command(MavCommand.DO_SET_MODE, 1.0, 4.0)
-            await sessions[5].command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
-            await sessions[5].wait_for(lambda m: sessions[5].armed, 5.0, "arming")
-            with pytest.raises(PeerError, match="vehicle 5 is armed"):
-                await upload_fleet(sessions, loads, short_plan.hash)
+            await sessions[3].command(MavCommand.DO_SET_MODE, 1.0, 4.0)
+            await sessions[3].command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
+            await sessions[3].wait_for(lambda m: sessions[3].armed, 5.0, "arming")
+            with pytest.raises(PeerError, match="vehicle 3 is armed"):
+                await upload_fleet(sessions, loads, hop.hash)
             assert held_by(fleet, 1) == ()
 
-    run(scene())
+    in_their_time(scene())
 
 
 @pytest.mark.slow
 def test_the_commands(
-    short_plan: Plan,
+    hop: Plan,
     fleet_of: Callable[..., tuple[Fleet, str]],
-    short_skein: Path,
+    hop_skein: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -196,40 +189,40 @@ def test_the_commands(
         code = gcs([*map(str, arguments), "--link", link, "--json"])
         return code, json.loads(capsys.readouterr().out)
 
-    code, told = call("diff", short_skein, "--untimed")
+    code, told = call("diff", hop_skein, "--untimed")
     assert code == 11
-    assert len(told["differences"]) == 6
-    code, told = call("upload", short_skein, "--untimed", "--dry-run")
+    assert len(told["differences"]) == 3
+    code, told = call("upload", hop_skein, "--untimed", "--dry-run")
     assert code == 0
     assert told["uploaded"] is False
-    assert {p["vehicle"] for p in told["parameters"]} == set(short_plan.sysids)
+    assert {p["vehicle"] for p in told["parameters"]} == set(hop.sysids)
     assert held_by(fleet, 1) == ()
-    code, told = call("upload", short_skein, "--untimed", "--to", tmp_path / "records")
+    code, told = call("upload", hop_skein, "--untimed", "--to", tmp_path / "records")
     assert code == 0
-    assert len(told["digests"]) == 6
+    assert len(told["digests"]) == 3
     assert told["missions"] == [
-        {"vehicle": sysid, "sent_as": "file", "why": "it reports MAVLink FTP"} for sysid in short_plan.sysids
+        {"vehicle": sysid, "sent_as": "file", "why": "it reports MAVLink FTP"} for sysid in hop.sysids
     ]
     assert parameter(fleet, 1, name) != old
-    code, compared = call("diff", short_skein, "--untimed")
+    code, compared = call("diff", hop_skein, "--untimed")
     assert code == 0, compared
-    code, compared = call("diff", short_skein)
+    code, compared = call("diff", hop_skein)
     assert code == 11, "speeds are corrected"
     code, _ = call("download", "--to", tmp_path / "held", "--listen", 1.5)
     assert code == 0
     files = load_missions(sorted((tmp_path / "held").glob("*.plan")))
-    loads = loads_for(short_plan, autopilot)
+    loads = loads_for(hop, autopilot)
     assert [
         compare_missions(load.mission.items, f.items, autopilot=ARDUPILOT) for load, f in zip(loads, files, strict=True)
-    ] == [[]] * 6
+    ] == [[]] * 3
     assert all(f.geofence.polygons and f.rally for f in files)
     code, _ = call("restore", told["record"])
     assert code == 0
     assert parameter(fleet, 1, name) == old
-    code, compared = call("diff", short_skein, "--untimed")
+    code, compared = call("diff", hop_skein, "--untimed")
     assert code == 11, "an upload would set parameters again"
     assert any(line.startswith(f"parameter {name} required ") for line in compared["differences"]["1"])
-    code, compared = call("diff", short_skein, "--untimed", "--missions-only")
+    code, compared = call("diff", hop_skein, "--untimed", "--missions-only")
     assert code == 0, compared
     (tmp_path / "not.json").write_text("{}")
     code, told = call("restore", tmp_path / "not.json")

@@ -23,7 +23,10 @@ from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
+from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.load import load_scenario
+from tests.bridge.flying import hop_scenario
 
 FORMATS = ["plan", "waypoints", "fence", "rally", "param"]
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
@@ -79,14 +82,20 @@ def assert_raw(raw: RawItem, item: MissionItem, seq: int, kind: int) -> None:
         assert bool(raw.autocontinue) == item.autocontinue
 
 
+@pytest.fixture(scope="module")
+def hop(repo_root: Path) -> Plan:
+    """Three vehicles, half a minute."""
+    return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
+
+
 @pytest.fixture(scope="module", params=[(f, a) for f in Autopilot for a in (Altitude.RELATIVE, Altitude.AMSL)], ids=str)
 def exported(
-    request: pytest.FixtureRequest, simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory
+    request: pytest.FixtureRequest, hop: Plan, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, Autopilot, tuple[VehicleMission, ...], Safety]:
     firmware, altitude = request.param
     folder = tmp_path_factory.mktemp("exported") / "out"
     timed = firmware is Autopilot.ARDUPILOT and altitude is Altitude.RELATIVE
-    index = export(simulation1_plan, folder, formats=FORMATS, firmware=firmware, altitude=altitude, timed=timed)
+    index = export(hop, folder, formats=FORMATS, firmware=firmware, altitude=altitude, timed=timed)
     return folder, firmware, index.missions, index.safety
 
 

@@ -103,7 +103,8 @@ def test_parameters_missions_and_fences_of_all_six(autopilot: str) -> None:
             missions.clear_mission()
 
 
-@pytest.mark.parametrize("autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), "px4"])
+@pytest.mark.slow
+@autopilots
 def test_take_off_offboard_mission_and_landing(autopilot: str) -> None:
     port, sysid = free_port(), 1
     with (
@@ -150,11 +151,11 @@ def test_take_off_offboard_mission_and_landing(autopilot: str) -> None:
         assert fleet.state(sysid).landed
 
 
-@autopilots
+@pytest.mark.parametrize("autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), "px4"])
 def test_failures_by_name_and_a_landing_where_it_is(autopilot: str) -> None:
     port, sysid = free_port(), 2
     with (
-        Fleet(vehicles=2, autopilot=autopilot, links=[f"udpout:127.0.0.1:{port}"], speedup=4.0) as fleet,
+        Fleet(vehicles=2, autopilot=autopilot, links=[f"udpout:127.0.0.1:{port}"], speedup=8.0) as fleet,
         client(f"udpin://127.0.0.1:{port}", 2) as systems,
     ):
         action, telemetry = ready(systems[sysid])

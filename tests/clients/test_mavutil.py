@@ -21,7 +21,7 @@ SYSID = 2
     ("autopilot", "link"),
     [
         ("ardupilot", "udp"),
-        ("px4", "tcp"),
+        pytest.param("px4", "tcp", marks=pytest.mark.slow),
         pytest.param("ardupilot", "tcp", marks=pytest.mark.slow),
         pytest.param("px4", "udp", marks=pytest.mark.slow),
     ],

@@ -18,10 +18,11 @@ from sim_bridge.personality import by_name
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import hop_scenario
-from tests.fleets import free_port, running_fleet
+from tests.fleets import StillFleet, free_port, running_fleet, still_commands
 
 SPEEDUP = 10.0
 MakeVehicles = Callable[..., tuple[World, int]]
+MakeStill = Callable[..., tuple[StillFleet, int]]
 
 
 @pytest.fixture(scope="session")
@@ -53,6 +54,21 @@ def vehicles(hop: Plan) -> Iterator[MakeVehicles]:
             return stack.enter_context(running_fleet(hop.scenario, WorldOptions(**known))), port
 
         yield start
+
+
+@pytest.fixture
+def still(hop: Plan) -> Iterator[MakeStill]:
+    """A function that makes the plan's vehicles, and returns them with the port that they call.
+
+    They and commands of this process have virtual time.
+    """
+    with still_commands(), ExitStack() as stack:
+
+        def make(**options: Any) -> tuple[StillFleet, int]:
+            port = free_port()
+            return stack.enter_context(StillFleet(hop.scenario, links=[f"udpout:127.0.0.1:{port}"], **options)), port
+
+        yield make
 
 
 def all_down(world: World) -> bool:

@@ -204,8 +204,9 @@ def chosen(lines: Iterator[list[str]], count: int | None, seed: int) -> list[tup
     return [(line, dice.random() < 0.5) for line in every[:count]]
 
 
-def test_no_argument_reaches_a_bug(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for line, as_json in chosen(quick(), 150, seed=1):
+@pytest.mark.parametrize(("count", "seed"), [(25, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
+def test_no_argument_reaches_a_bug(place: Path, capsys: pytest.CaptureFixture[str], count: int, seed: int) -> None:
+    for line, as_json in chosen(quick(), count, seed):
         ends_well(line, as_json, capsys)
     left = {path.name for path in place.iterdir()}
     assert not {name for name in left if name.startswith(".") or name in ("out", "flights")}, left
@@ -214,7 +215,12 @@ def test_no_argument_reaches_a_bug(place: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [
-        (["fly", "hop.skein", "--sim", "--fault", "99:die@5"], 2, "vehicle 99 is not in this mission"),
+        pytest.param(
+            ["fly", "hop.skein", "--sim", "--fault", "99:die@5"],
+            2,
+            "vehicle 99 is not in this mission",
+            marks=pytest.mark.slow,
+        ),
         (["fly", "hop.skein", "--sim", "--speedup", "inf"], 2, "--speedup inf: not a speed"),
         (["fly", "hop.skein", "--sim", "--to", "/proc/x"], 2, "/proc/x"),
         (["export", "hop.skein", "--to", "/proc/x"], 6, "/proc/"),

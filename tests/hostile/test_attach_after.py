@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.cli.main import run
 from gcs.flight.recording.flight_state import NAME, held_folder
 from gcs.flight.sequence.resume import where_in_plan
 from gcs.plan.trajectory.plan import Plan
@@ -177,12 +178,11 @@ def flight(root: Path, name: str, text: str) -> Path:
     return folder
 
 
-def test_a_second_attach_is_refused(tmp_path: Path) -> None:
+def test_a_second_attach_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = flight(tmp_path, "now", json.dumps(STATE))
     with held_folder(folder):
-        done = attach(tmp_path, "--land")
-    assert done.code == USAGE, done.output
-    assert "still flown by process" in done.output
+        assert run(["attach", "--to", str(tmp_path), "--land"]) == USAGE
+    assert "still flown by process" in capsys.readouterr().err
 
 
 def test_the_nearest_instant_needs_no_vehicle_that_is_not_heard(hop: Plan) -> None:

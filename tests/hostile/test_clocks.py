@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.cli.main import run
 from gcs.flight.recording.flight_folder import read_events
 from gcs.flight.recording.flight_state import read_flight_state
 from gcs.flight.recording.tlog import load_tlog
@@ -20,7 +21,7 @@ from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.sim.world import World
 from tests.fleets import EPOCH_UNIX_S
 from tests.hostile.attacker import Attacker
-from tests.hostile.conftest import MakeVehicles, all_down
+from tests.hostile.conftest import MakeStill, MakeVehicles, all_down
 from tests.hostile.ground import Ground, fly_arguments
 
 SET_CLOCK = Path(__file__).parent / "wall_clock"
@@ -103,12 +104,12 @@ def test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_noth
 
 
 def test_a_vehicle_with_another_time_is_named_before_anything_is_armed(
-    vehicles: MakeVehicles, hop: Plan, hop_file: Path, tmp_path: Path
+    still: MakeStill, hop_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    world, port = vehicles(faults=parse_faults(["2:clock-jump=20"], hop.sysids))
-    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        done = ground.ended()
-    assert done.code == NO_GO, done.output
-    assert re.search(r"vehicle 2: clock: GNSS time is off by \+(19|20)\.\d s from the others", done.output), done.output
-    assert "vehicle 1: clock" not in done.output
-    assert not any(vehicle.autopilot.armed for vehicle in world.vehicles)
+    fleet, port = still(faults=["2:clock-jump=20"])
+    code = run(list(map(str, fly_arguments(hop_file, port, tmp_path))))
+    said = "".join(capsys.readouterr())
+    assert code == NO_GO, said
+    assert re.search(r"vehicle 2: clock: GNSS time is off by \+(19|20)\.\d s from the others", said), said
+    assert "vehicle 1: clock" not in said
+    assert not any(vehicle.autopilot.armed for vehicle in fleet._world.vehicles)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from gcs.cli.main import run
 from gcs.link.wire.codec import Codec
 from gcs.mavlink import MavCommand
 from gcs.plan.planner import make_plan
@@ -26,7 +27,7 @@ from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World
 from tests.bridge.flying import say
 from tests.fleets import free_port, wait_until
-from tests.hostile.conftest import SPEEDUP, MakeVehicles, all_down
+from tests.hostile.conftest import SPEEDUP, MakeStill, MakeVehicles, all_down
 from tests.hostile.ground import PATIENCE_S, Ground, fly_arguments
 
 GROUND_STATION = 255
@@ -106,15 +107,23 @@ def test_further_flights_of_vehicles_that_fly_leave_them_alone(
     assert all_down(world)
 
 
-def test_a_flight_that_is_not_confirmed_sends_nothing(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
-    world, port = vehicles()
-    arguments = [one for one in fly_arguments(hop_file, port, tmp_path) if one != "--yes-arm"]
-    with Ground(*arguments) as ground:
-        done = ground.ended()
-    assert done.code == 2, done.output
-    assert "not armed" in done.output
+def test_a_flight_that_is_not_confirmed_sends_nothing(
+    still: MakeStill,
+    hop_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fleet, port = still()
+    arguments = [str(one) for one in fly_arguments(hop_file, port, tmp_path) if one != "--yes-arm"]
+    with Path("/dev/null").open() as nobody:
+        monkeypatch.setattr("sys.stdin", nobody)
+        code = run(arguments)
+    said = "".join(capsys.readouterr())
+    assert code == 2, said
+    assert "not armed" in said
     assert not sent(tmp_path)
-    assert not any(vehicle.autopilot.armed for vehicle in world.vehicles)
+    assert not any(vehicle.autopilot.armed for vehicle in fleet._world.vehicles)
 
 
 @pytest.mark.slow

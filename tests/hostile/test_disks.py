@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from gcs.cli.main import run
-from tests.hostile.conftest import MakeVehicles, all_down
+from tests.hostile.conftest import MakeStill, MakeVehicles, all_down
 from tests.hostile.ground import GCS, Ground, fly_arguments
 
 FULL = "File too large"
@@ -105,25 +105,32 @@ def test_attach_lands_a_flight_whose_folder_was_deleted_and_whose_disk_is_full(
     assert "all vehicles have landed" in done.output
 
 
-def test_without_room_nothing_is_uploaded(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
-    world, port = vehicles()
-    line = " ".join(f"'{word}'" for word in (*GCS, *fly_arguments(hop_file, port, tmp_path / "flights")))
-    done = subprocess.run(["sh", "-c", f"ulimit -f 1000; exec {line}"], capture_output=True, text=True, check=False)
-    assert done.returncode == 9, done.stdout + done.stderr
-    assert "no-go: files of this process may grow to 0.5 MB; the record of this flight may need " in done.stderr
-    assert "Nothing was uploaded" in done.stderr
-    assert all(vehicle.autopilot.mission == () for vehicle in world.vehicles)
+def test_without_room_nothing_is_uploaded(
+    still: MakeStill, hop_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet, port = still()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (512_000, before[1]))
+    try:
+        code = run(list(map(str, fly_arguments(hop_file, port, tmp_path / "flights"))))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    said = capsys.readouterr().err
+    assert code == 9, said
+    assert "no-go: files of this process may grow to 0.5 MB; the record of this flight may need " in said
+    assert "Nothing was uploaded" in said
+    assert all(vehicle.autopilot.mission == () for vehicle in fleet._world.vehicles)
     assert list(tmp_path.glob("flights/*")) == []
 
 
 @pytest.mark.parametrize("root", ["file/below", "/proc/nothing/here"])
 def test_a_folder_that_cannot_be_written_is_a_refusal(
-    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, root: str
+    still: MakeStill, hop_file: Path, tmp_path: Path, root: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    world, port = vehicles()
+    fleet, port = still()
     (tmp_path / "file").write_text("")
-    done = gcs(*fly_arguments(hop_file, port, tmp_path / root))
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert done.stderr.startswith("error: no-go: the flight's folder cannot be written: ")
-    assert "next: name another folder with --to" in done.stderr
-    assert all(vehicle.autopilot.mission == () for vehicle in world.vehicles)
+    assert run(list(map(str, fly_arguments(hop_file, port, tmp_path / root)))) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: no-go: the flight's folder cannot be written: ")
+    assert "next: name another folder with --to" in said
+    assert all(vehicle.autopilot.mission == () for vehicle in fleet._world.vehicles)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -16,6 +15,7 @@ from gcs.aio import Stoppable, Stopped
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.flight.hooks import FlightHooks
+from gcs.flight.offboard import streamer
 from gcs.flight.options import FlightOptions
 from gcs.flight.orders.fleet_landing import HANDED_OVER
 from gcs.flight.progress import Event, Step
@@ -28,13 +28,14 @@ from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
-from gcs.scenario.schema.scenario import Scenario
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import WorldOptions
-from tests.bridge.flying import LEAD_S, hop_scenario
-from tests.fleets import free_port, running_fleet, wait_until
+from tests.bridge.flying import LEAD_S, step_aside
+from tests.fleets import TURN_S, emulated, free_port
 from tests.hostile.conftest import all_down
 from tests.hostile.raising import Place, Raising
+from tests.virtual_clock import VirtualClock, VirtualLoop
 
 FAILURES: dict[str, Callable[[], BaseException]] = {
     "RuntimeError": lambda: RuntimeError("raised by a test"),
@@ -66,14 +67,8 @@ class Flight:
 
 
 @pytest.fixture(scope="module")
-def step_aside(repo_root: Path) -> Plan:
-    """Two vehicles, 8 m, twelve seconds."""
-    data = json.loads(hop_scenario(load_scenario(repo_root / "missions" / "field")).model_dump_json())
-    data["formation"]["vehicle"] = data["formation"]["vehicle"][:2]
-    data["time"]["flight_s"] = 12.0
-    data["end"]["position_m"] = [8.0, 0.0, 8.0]
-    data["ground_phases"].update(takeoff_s=8.0, hover_s=1.0, landing_s=12.0)
-    return make_plan(Scenario.model_validate(data))
+def aside(repo_root: Path) -> Plan:
+    return make_plan(step_aside(load_scenario(repo_root / "missions" / "field")))
 
 
 def fly(plan: Plan, raising: Raising, *, hooks: FlightHooks | None = None) -> Flight:
@@ -82,8 +77,12 @@ def fly(plan: Plan, raising: Raising, *, hooks: FlightHooks | None = None) -> Fl
     Fails if one that was armed is neither down nor handed over.
     """
     found = Flight(raising)
-    port = free_port()
-    with running_fleet(plan.scenario, WorldOptions(links=(call(port),), speedup=math.inf)) as world:
+    port, clock = free_port(), VirtualClock()
+    with (
+        patch.object(streamer, "_EMULATED_WAIT_S", CONTROL_PERIOD_S),  # nothing becomes due between two steps
+        patch("gcs.aio.SteadyLoop", lambda: VirtualLoop(TURN_S, clock)),
+        emulated(plan.scenario, WorldOptions(links=(call(port),)), clock) as world,
+    ):
 
         async def run() -> None:
             asyncio.get_running_loop().set_task_factory(raising)
@@ -97,7 +96,7 @@ def fly(plan: Plan, raising: Raising, *, hooks: FlightHooks | None = None) -> Fl
         if not left:
             down = world.airframes.landed.all() and not any(v.autopilot.armed for v in world.vehicles)
             assert down, f"armed vehicles were left alone: {found}"
-        wait_until(lambda: all_down(world) or bool(left))
+        clock.wait_until(lambda: all_down(world) or bool(left))
     return found
 
 
@@ -119,8 +118,8 @@ async def _fly(plan: Plan, port: int, found: Flight, hooks: FlightHooks | None) 
 
 
 @pytest.fixture(scope="module")
-def undisturbed(step_aside: Plan) -> Flight:
-    flown = fly(step_aside, Raising())
+def undisturbed(aside: Plan) -> Flight:
+    flown = fly(aside, Raising())
     assert flown.error is None
     assert flown.steps[-1] is Step.DONE
     return flown
@@ -144,38 +143,39 @@ def survives(plan: Plan, place: Place, nth: int, kind: str) -> None:
         assert isinstance(flown.error, EXPECTED[kind]), where
 
 
-def test_whatever_fails_while_vehicles_fly_they_land(step_aside: Plan, undisturbed: Flight) -> None:
+@pytest.mark.parametrize(("seed", "count"), [(16, 3), pytest.param(17, 12, marks=pytest.mark.slow)])
+def test_whatever_fails_while_vehicles_fly_they_land(aside: Plan, undisturbed: Flight, seed: int, count: int) -> None:
     """A choice of places and failures; the long form has all of them."""
-    chance = random.Random(16)
-    some = chance.sample(points(undisturbed), 6)
+    chance = random.Random(seed)
+    some = chance.sample(points(undisturbed), count)
     for number, (place, nth) in enumerate(some):
-        survives(step_aside, place, nth, list(FAILURES)[number % len(FAILURES)])
+        survives(aside, place, nth, list(FAILURES)[number % len(FAILURES)])
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", FAILURES)
-def test_whatever_fails_anywhere_all_vehicles_land(step_aside: Plan, undisturbed: Flight, kind: str) -> None:
+def test_whatever_fails_anywhere_all_vehicles_land(aside: Plan, undisturbed: Flight, kind: str) -> None:
     for place, nth in points(undisturbed):
-        survives(step_aside, place, nth, kind)
+        survives(aside, place, nth, kind)
 
 
-@pytest.mark.parametrize("kind", ["RuntimeError", "KeyboardInterrupt"])
-def test_a_landing_that_fails_itself_is_begun_again(step_aside: Plan, kind: str) -> None:
+@pytest.mark.parametrize("kind", [pytest.param("RuntimeError", marks=pytest.mark.slow), "KeyboardInterrupt"])
+def test_a_landing_that_fails_itself_is_begun_again(aside: Plan, kind: str) -> None:
     """The contingency policy fails in flight, and so does the landing that follows, while it waits for the ground."""
     raising = Raising(CONTINGENCY, 60, RuntimeError("raised by a test"))
     raising.more[LANDING] = FAILURES[kind]()
-    flown = fly(step_aside, raising)
+    flown = fly(aside, raising)
     assert isinstance(flown.error, RuntimeError | Stopped)
     assert not raising.more
     assert "landing interrupted" in [event.what for event in flown.events]
 
 
-def test_reports_that_fail_do_not_reach_the_flight(step_aside: Plan, caplog: pytest.LogCaptureFixture) -> None:
+def test_reports_that_fail_do_not_reach_the_flight(aside: Plan, caplog: pytest.LogCaptureFixture) -> None:
     """Neither the events nor the steps of this flight can be written anywhere."""
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    flown = fly(step_aside, Raising(), hooks=FlightHooks(full, full))
+    flown = fly(aside, Raising(), hooks=FlightHooks(full, full))
     assert flown.error is None
     assert [record.message.count("No space left on device") for record in caplog.records] == [1]

@@ -14,7 +14,9 @@ from tests.hostile.ground import Ground, fly_arguments
 LAND, DISARMED, LOW = 9, False, 3
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), pytest.param("px4", marks=pytest.mark.long)]
+)
 def test_lies_from_another_port_change_nothing(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:

@@ -67,7 +67,7 @@ SLOW = pytest.mark.long
 @pytest.mark.parametrize(
     ("names", "chance"),
     [
-        (None, 0.02),
+        pytest.param(None, 0.02, marks=pytest.mark.slow),
         pytest.param(None, 0.3, marks=SLOW),
         pytest.param(POSITIONS, 0.2, marks=SLOW),
         pytest.param(STATES, 0.2, marks=SLOW),

@@ -52,7 +52,7 @@ def catches(pid: int, number: int) -> bool:
         pytest.param("take-off", HUP, marks=SLOW),
         pytest.param("take-off", TERM, marks=SLOW),
         pytest.param("flying", HUP, marks=SLOW),
-        ("flying", TERM),
+        pytest.param("flying", TERM, marks=pytest.mark.slow),
         pytest.param("landing", HUP, marks=SLOW),
         pytest.param("landing", TERM, marks=SLOW),
     ],

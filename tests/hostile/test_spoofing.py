@@ -73,6 +73,7 @@ def test_a_vehicle_keeps_its_address_while_the_ground_station_stands_still(
     assert abs(world.airframes.truth[0, :2] - [60.0, 20.0]).max() < 1.0
 
 
+@pytest.mark.slow
 def test_who_claims_a_vehicle_before_it_is_heard_stops_the_flight_and_gets_nothing(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:

@@ -26,7 +26,9 @@ def played(autopilot: str, scene: str) -> Scene:
     return outcome
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize(
+    "scene", [scene if scene in KEPT_SCENES else pytest.param(scene, marks=pytest.mark.slow) for scene in SCENES]
+)
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_every_step_is_the_same_or_differs_as_known(autopilot: str, scene: str) -> None:
     outcome = played(autopilot, scene)
@@ -40,12 +42,14 @@ def test_the_scenes_in_the_tree_are_played_to_the_last_step(autopilot: str) -> N
     assert sum(sum(played(autopilot, scene).counts.values()) for scene in KEPT_SCENES) == KEPT_STEPS[autopilot]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_all_steps_are_played(autopilot: str) -> None:
     counted = sum(sum(played(autopilot, scene).counts.values()) for scene in SCENES)
     assert counted == STEPS[autopilot]
 
 
+@pytest.mark.slow
 def test_every_reason_explains_something() -> None:
     outcomes = [played(autopilot, scene) for autopilot in AUTOPILOTS for scene in SCENES]
     assert stale(outcomes) == []

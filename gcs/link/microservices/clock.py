@@ -59,6 +59,8 @@ class VehicleClock:
         self._newest_s = float("-inf")  # local time of the newest sample
         self._odd_boot_s: list[float] = []
         self._returned_boot_s = float("-inf")
+        self._ahead_known: tuple[float, int, tuple[float, float]] | None = None
+        self._ahead = (0.0, 0.0)  # the sample that is furthest ahead
 
     @property
     def ready(self) -> bool:
@@ -195,8 +197,12 @@ class VehicleClock:
     def _ahead_boot_s(self, now_s: float) -> float:
         rate = self.rate
         samples = self._samples or ((self._newest_s, self._newest_boot_s),)
-        ahead_s = max(boot + rate * (now_s - then) for then, boot in samples)
-        return max(ahead_s, self._newest_boot_s)
+        known = (rate, len(samples), samples[-1])
+        if known != self._ahead_known:  # asked often, between two samples
+            self._ahead_known = known
+            self._ahead = max(samples, key=lambda sample: sample[1] - rate * sample[0])
+        then, boot = self._ahead
+        return max(boot + rate * (now_s - then), self._newest_boot_s)
 
     def _plausible(self, boot_s: float, now_s: float) -> bool:
         """Whether to use this boot time. Odd ones in a row are the clock of a vehicle that rebooted or jumped."""
