@@ -16,8 +16,8 @@ from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.plan_file import is_plan_file, load_plan, read_plan
 from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.load import load_scenario
+from gcs.scenario.mistakes.unit_guesses import doubts
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation.slips.lookalikes import doubts
 
 
 @dataclass

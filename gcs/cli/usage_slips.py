@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 
 import typer
+
+from gcs.scenario.mistakes.mistake import nearest
 
 _COMMAND = re.compile(r"No such command '([^']*)'\.")
 _NUMBER = re.compile(r"Input should be a valid (number|integer)")
@@ -19,12 +20,12 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
     see, text = f"see `{path} --help`", error.format_message()
     option, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
     if option is not None and near is not None:
-        return f"{path} has no option {option}", f"write {best_of(option, near)}" if near else see
+        return f"{path} has no option {option}", f"write {near[0]}" if near else see
     if option is not None and not near:
         return text, see
     if (found := _COMMAND.match(text)) and context is not None:
-        close = difflib.get_close_matches(found[1], getattr(context.command, "commands", {}), n=1)
-        return f"gcs has no command {found[1]}", f"write gcs {close[0]}" if close else see
+        close = nearest(found[1], getattr(context.command, "commands", {}))
+        return f"gcs has no command {found[1]}", f"write gcs {close}" if close else see
     if found := _TOO_MANY.match(text):
         return f"{path} takes no more arguments; there is also {found[1]}", see
     if found := _NUMBER.search(text):
@@ -32,11 +33,6 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
         name = _named(error)
         return f"{name}: must be a {kind}, without a unit, and with a decimal point", f"write for example {name} 5"
     return text, see
-
-
-def best_of(name: str, known: list[str]) -> str:
-    """The known name that is the most similar."""
-    return max(known, key=lambda one: difflib.SequenceMatcher(None, name, one).ratio())
 
 
 def _named(error: typer.TyperException) -> str:

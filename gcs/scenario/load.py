@@ -14,14 +14,15 @@ from gcs.errors import ScenarioError
 from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file
 from gcs.reading.bounded_json import read_json
 from gcs.scenario.degrees.to_metres import in_metres
-from gcs.scenario.degrees.told_in_degrees import told_in_degrees
+from gcs.scenario.mistakes.degree_keys_in_errors import in_degree_keys
+from gcs.scenario.mistakes.error_report import error_report
+from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.mistakes.schema_words import from_pydantic
+from gcs.scenario.mistakes.slips import Meant, as_meant, type_mistake
+from gcs.scenario.mistakes.toml_slips import read_toml, syntax_mistake
 from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.si import ground_needed, local_origin, with_changes_of_route
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.mistakes import Mistake, from_pydantic
-from gcs.scenario.validation.slips.key_slips import Meant, as_meant, type_mistake
-from gcs.scenario.validation.slips.told_at_once import all_at_once
-from gcs.scenario.validation.slips.toml_slips import read_toml, syntax_mistake
 from gcs.scenario.validation.toml_lines import Key
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
@@ -52,12 +53,12 @@ def load_scenario(path: Path | str) -> Scenario:
     scenario, found = judged[0]
     # Where the type is unknown, only what holds for every type is a mistake.
     mistakes += [
-        told_in_degrees(one, converted)
+        in_degree_keys(one, converted)
         for one in found
         if not meant.follows(one) and all(_has(others, one) for _, others in judged)
     ]
     if mistakes or elsewhere is not None or scenario is None:
-        raise all_at_once(file, mistakes, meant, elsewhere)
+        raise error_report(file, mistakes, meant, elsewhere)
     return with_changes_of_route(scenario)
 
 
@@ -73,7 +74,7 @@ def load_vehicle(file: Path) -> VehicleFile:
     except ValidationError as error:
         mistakes += [one for one in from_pydantic(error, VehicleFile) if not meant.follows(one)]
     if mistakes:
-        raise all_at_once(file, mistakes, meant)
+        raise error_report(file, mistakes, meant)
     return kind
 
 
@@ -152,7 +153,7 @@ def _meant(file: Path, text: str, model: type[BaseModel], also: tuple[str, ...] 
         else:
             data, text, slips = read_toml(text, _from_toml)
     except tomllib.TOMLDecodeError as error:
-        raise all_at_once(file, [syntax_mistake(text, error)]) from None
+        raise error_report(file, [syntax_mistake(text, error)]) from None
     except json.JSONDecodeError as error:
         raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
     except ValueError as error:  # a number of thousands of digits, for example

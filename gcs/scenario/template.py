@@ -17,9 +17,10 @@ from scipy.spatial import KDTree
 from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, place_up_m
 from gcs.physics.quadrotor import Array
-from gcs.scenario.degrees.place_questions import degrees, question
 from gcs.scenario.formations import places_up_m, turned
 from gcs.scenario.load import FILE_NAME, load_scenario
+from gcs.scenario.mistakes.mistake import degrees
+from gcs.scenario.mistakes.written_places import question
 from gcs.scenario.navigation_error import vehicle_size_m
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.scenario import OriginTable, Scenario
@@ -136,7 +137,7 @@ def straight_to(end_deg: tuple[float, float], origin_deg: tuple[float, float]) -
     option = f"--end {degrees(end_deg[0])},{degrees(end_deg[1])}"
     if asked := question(end_deg, origin):
         meant = asked.degrees and f"write --end {degrees(asked.degrees[0])},{degrees(asked.degrees[1])}"
-        raise UsageError(f"{option} {asked.text}", hint=meant or "give the origin too: --at LAT,LON[,ALT]")
+        raise UsageError(f"{option}: {asked.text}", hint=meant or "give the origin too: --at LAT,LON[,ALT]")
     north_m, east_m, _ = place_up_m(*end_deg, 0.0, origin)
     distance_m = float(np.hypot(north_m, east_m))
     if not 1.0 <= distance_m <= _LONGEST_M:

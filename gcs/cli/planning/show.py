@@ -59,7 +59,7 @@ def show(
     from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
     from gcs.plan.verification.navigation_margins import thin_margins
     from gcs.scenario.load import load_scenario
-    from gcs.scenario.validation.slips.lookalikes import doubts
+    from gcs.scenario.mistakes.unit_guesses import doubts
 
     plan, report = load_plan(mission, screen.warn) if is_plan_file(mission) else (None, None)
     scenario = plan.scenario if plan else load_scenario(mission)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import typing
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -13,11 +12,11 @@ from pydantic import BaseModel, ValidationError
 
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
 from gcs.physics.quadrotor import Array
-from gcs.scenario.degrees.place_mistakes import as_shown, in_other_form, is_three, misplaced, missing_height
-from gcs.scenario.schema.degree_keys import DegreeKeys, adapter
+from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.mistakes.written_places import place_mistakes
+from gcs.scenario.schema.degree_keys import DegreeKeys
 from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.scenario import OriginTable, Scenario
-from gcs.scenario.validation.mistakes import Mistake, from_pydantic
 from gcs.scenario.validation.toml_lines import Key
 
 _SPOILT = ""  # no number: it makes a table invalid, and keeps rules about other tables away from it
@@ -94,9 +93,7 @@ class _Converter:
         if not values:
             return
         in_metres = [name for name in keys.metres if table.get(name) is not None]
-        mistakes = in_other_form(keys, values, in_metres, key)
-        if not mistakes:
-            mistakes = self._wrong(keys, values, key)
+        mistakes = list(place_mistakes(keys, values, in_metres, self.origin, key))
         self.found.mistakes += mistakes
         if not mistakes and self.origin is not None:
             metres = _converted(keys, values, self.origin)
@@ -105,23 +102,6 @@ class _Converter:
         elif len(in_metres) < len(keys.metres):
             table |= dict.fromkeys(keys.metres, _SPOILT)
             self.found.spoilt |= {(*key, name) for name in keys.metres}
-
-    def _wrong(self, keys: DegreeKeys, values: dict[str, Any], key: Key) -> list[Mistake]:
-        """The mistakes in the numbers of a place."""
-        mistakes = misplaced(keys, values, self.origin, key)
-        told = {mistake.key[len(key)] for mistake in mistakes}
-        is_placed = not told & set(keys.degrees)
-        if not is_placed:
-            told |= set(keys.degrees)
-        for name, value in values.items():
-            if name not in told and not is_three(keys, name, value):
-                try:
-                    adapter(keys.every[name]).validate_python(value)
-                except ValidationError as error:
-                    found = from_pydantic(error, Scenario, (*key, name))
-                    mistakes += [dataclasses.replace(one, value=as_shown(one.value)) for one in found]
-        is_whole = not is_placed and any(is_three(keys, name, value) for name, value in values.items())
-        return mistakes if is_whole else mistakes + missing_height(keys, values, key)
 
 
 def _converted(keys: DegreeKeys, values: dict[str, Any], origin: Origin) -> dict[str, Any]:
@@ -138,8 +118,10 @@ def _converted(keys: DegreeKeys, values: dict[str, Any], origin: Origin) -> dict
         return {keys.metres[0]: _listed(place_up_m(lat, lon, 0.0, origin)[:, :2])}
     if keys.form == "axes":
         lat, lon = (np.array(values[name], dtype=float) for name in keys.degrees)
-        flat_m = place_up_m(lat, lon, 0.0, origin)
-        return {"north_m": _listed(flat_m[..., 0]), "east_m": _listed(flat_m[..., 1])}
+        size = max(lat.shape, lon.shape)  # where one is shorter, the model tells that
+        flat_m = place_up_m(np.resize(lat, size), np.resize(lon, size), 0.0, origin)
+        axes = [_listed(flat_m[: one.size, axis] if size else flat_m[axis]) for axis, one in enumerate((lat, lon))]
+        return dict(zip(keys.metres, axes, strict=True))
     return _box(values["lat_deg"], values["lon_deg"], origin)
 
 

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
+from gcs.scenario.mistakes.mistake import nearest
 from gcs.scenario.schema.degree_keys import GATE, POSITION
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
@@ -285,7 +285,7 @@ class Formation(Part):
 
 
 def _no_such_shape(name: str, names: list[str]) -> str:
-    if near := difflib.get_close_matches(name, names, n=1):
-        return f'is the name of no shape. Write "{near[0]}"'
+    if near := nearest(name, names):
+        return f'is the name of no shape. Write "{near}"'
     known = ", ".join(f'"{known}"' for known in names) if names else "none yet"
     return f"is the name of no shape; [[formation.shape]] tables give names, and there are {known}"

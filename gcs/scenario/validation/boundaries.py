@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gcs.errors import counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
+from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Place
 from gcs.scenario.schema.scenario import START_SHAPE, Scenario
 from gcs.scenario.si import (
@@ -33,9 +34,7 @@ from gcs.scenario.si import (
     sysids,
 )
 from gcs.scenario.validation.formation_rules import pairs_in_start_shape
-from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.spacing import SLACK, close_pairs
 from gcs.scenario.validation.toml_lines import Key
 

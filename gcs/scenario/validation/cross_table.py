@@ -10,14 +10,13 @@ from collections.abc import Collection
 import numpy as np
 
 from gcs.physics.quadrotor import Array
+from gcs.scenario.mistakes import unit_guesses
+from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation import boundaries, formation_rules, vehicle_rules, zone_rules
-from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.route import route_places, route_shapes, route_times
 from gcs.scenario.validation.route.route_times import WITH_TURNS
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.slips import lookalikes
-from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.toml_lines import Key
 
 RULES = Rules()
@@ -31,7 +30,7 @@ def check(
     Where numbers look like degrees, or like heights of another kind, no rule is applied to their tables. `certain` are
     keys whose numbers are metres, whatever they look like.
     """
-    asked = [mistake for mistake in lookalikes.RULES.violated(scenario, tables) if mistake.key not in certain]
+    asked = [mistake for mistake in unit_guesses.RULES.violated(scenario, tables) if mistake.key not in certain]
     alike = {dotted(mistake.key): mistake for mistake in asked}
     sound = set(tables) - {mistake.key[0] for mistake in alike.values()}
     rule_sets = (

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Point
 from gcs.scenario.schema.formation_table import START_SHAPE
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m, sysids
-from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.spacing import SLACK, Pair, close_pairs, nearest_pair
 from gcs.scenario.validation.toml_lines import Key
 

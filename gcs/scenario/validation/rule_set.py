@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 
+from gcs.scenario.mistakes.mistake import Mistake
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation.mistakes import Mistake
 
 Mistakes = Iterator[Mistake]
 Rule = Callable[[Scenario], Mistakes]

@@ -70,7 +70,7 @@ def test_a_vehicle_of_ones_own(tmp_path: Path) -> None:
         (
             "arm_m = 0.25",
             "arm_m = -1.0",
-            r"big.toml:\d+: vehicle.arm_m = -1.0: must not be negative; .* from 0.001 to 10 \(l, centre to rotor",
+            r"big.toml:\d+: vehicle.arm_m = -1.0: must be a number from 0.001 to 10 \(l, centre to rotor",
         ),
         ("[limits]", "[limit]", r"limit: unknown key; the nearest known one is limits"),
         ("[limits]", "[limits]\nnorth_m = [0.0, 1.0]", r"limits.north_m: unknown key"),

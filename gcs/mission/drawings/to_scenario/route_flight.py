@@ -17,9 +17,9 @@ from gcs.mission.drawings.to_scenario.flight_time import CRUISE_MPS, flight_time
 from gcs.mission.drawings.to_scenario.placed_point import PlacedPoint
 from gcs.mission.drawings.to_scenario.placed_route import PlacedRoute, placed_route
 from gcs.physics.quadrotor import Array
-from gcs.scenario.degrees.place_questions import degrees
 from gcs.scenario.formations import places_up_m, turned
 from gcs.scenario.load import load_vehicle
+from gcs.scenario.mistakes.mistake import degrees
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.template import FirstFlight

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs.scenario.mistakes.mistake import Mistake, plain
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.boundaries import BOX, Stop, out_of_the_box, stop_at, too_low
-from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.slips.shown_values import plain
 from gcs.scenario.validation.spacing import SLACK
 
 RULES = Rules()

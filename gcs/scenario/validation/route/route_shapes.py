@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from gcs.errors import counted
+from gcs.scenario.mistakes.mistake import Mistake
 from gcs.scenario.schema.scenario import START_SHAPE, Scenario
 from gcs.scenario.si import route_points
-from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 
 RULES = Rules()

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.errors import counted
+from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Place
 from gcs.scenario.schema.route_tables import ROUTE_MAX
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
 from gcs.scenario.si import route_points
-from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.spacing import SLACK
 from gcs.scenario.validation.toml_lines import Key
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from gcs.scenario.mistakes import unit_guesses
+from gcs.scenario.mistakes.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation import boundaries, cross_table, formation_rules, vehicle_rules, zone_rules
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.route import route_places, route_shapes, route_times
-from gcs.scenario.validation.slips import lookalikes
-from gcs.scenario.validation.slips.shown_values import dotted
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_rules_look_at_no_table_but_those_they_need(data: dict[str, Any]) -> Non
     for one in (data, broken):
         scenario = Scenario.model_validate(one)
         for rules in (
-            lookalikes.RULES,
+            unit_guesses.RULES,
             cross_table.RULES,
             vehicle_rules.RULES,
             boundaries.RULES,

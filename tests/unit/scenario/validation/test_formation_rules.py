@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gcs.scenario.mistakes.mistake import Mistake
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check, least_acceleration_mps2
-from gcs.scenario.validation.mistakes import Mistake
 from tests.unit.scenario.variants import Data, changed, counted, counted_scenario, with_changes
 
 # Simulation 1 keeps 0.4 m; its vehicles 2 and 5 are the nearest, 0.5 m apart.

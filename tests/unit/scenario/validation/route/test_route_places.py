@@ -9,9 +9,9 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.scenario.load import load_scenario
+from gcs.scenario.mistakes.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.slips.shown_values import dotted
 from tests.unit.scenario.validation.orchard import orchard, orchard_text
 
 

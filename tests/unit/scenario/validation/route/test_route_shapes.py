@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from gcs.scenario.mistakes.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.slips.shown_values import dotted
 from tests.unit.scenario.validation.orchard import orchard
 
 POINTS = [[80.0, 0.0, 15.0], [40.0, 50.0, 15.0]]

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.scenario.mistakes.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.slips.shown_values import dotted
 from tests.unit.scenario.validation.orchard import orchard
 
 # 100 m north take 20 s, 60 m east 12 s, and 15 m down 10 s: back at the start after 42 s and more.

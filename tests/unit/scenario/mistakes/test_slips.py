@@ -52,13 +52,13 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((ZONE, "north_m = 47.4012, east_m = 8.5511, radius_m = 50.0")), "look like degrees", "lat_deg = 47.4012 and"),
     (edit((ZONE, "polygon_m = [[47.401, 8.551], [47.402, 8.551], [47.402, 8.552]]")), "degrees", "polygon_deg"),
     (edit((END, "position_m = [474030000, 0.0, 15.0]")), "degrees times 10 million?", "474030000 would be 47.403"),
-    (edit(("lat_deg = 47.4, lon_deg = 8.55", "lat_deg = 149.2, lon_deg = -35.4")), "swapped lat", "exchange lat_deg"),
     (edit(("lat_deg = 47.4", "lat_deg = 474000000")), "degrees times 10 million?", "write lat_deg = 47.4"),
+    (edit(("lat_deg = 47.4, lon_deg = 8.55", "lat_deg = 149.2, lon_deg = -35.4")), "swapped lat", "exchange lat_deg"),
     (edit((END, "position_m = [300.0, 0.0, -15.0]")), "is below the origin; heights are positive", "write 15 for 15 m"),
     (edit(("[0.0, 40.0]", "[-40.0, 0.0]")), "the flight is above; heights are positive", "write [0, 40]"),
     (edit(("[0.0, 40.0]", "[0.0, -40.0]")), "heights are positive upwards", "write [0, 40]"),
     (edit((END, "position_m = [300.0, 0.0, 503.0]")), "height above mean sea level", "write 15"),
-    (edit((CLEARANCE, "clearance_min_m = -5.0")), "must not be negative", "write clearance_min_m = 5"),
+    (edit((CLEARANCE, "clearance_min_m = -5.0")), "must be a number from 0", "write clearance_min_m = 5"),
     # Units after numbers, commas, other units.
     (edit((CLEARANCE, "clearance_min_m = 5 m")), "clearance_min_m = 5 m: has a unit", "write clearance_min_m = 5"),
     (edit((CLEARANCE, 'clearance_min_m = "5 m"')), "clearance_min_m = 5 m: has a unit", "write clearance_min_m = 5"),
@@ -66,11 +66,15 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((SEPARATION, "separation_min_m = 20 ft")), "is in ft; this key is in m", "write separation_min_m = 6.096"),
     (edit((SEPARATION, SPEED + "[18 km/h, 18 km/h, 6 km/h]")), "is in km/h; this key is in m/s", "write [5, 5, 1.667]"),
     (edit((FLIGHT, 'flight_s = "90s"')), "has a unit", "write flight_s = 90"),
-    (edit((FLIGHT, 'flight_s = "1:30"')), "must be a number of seconds", "write flight_s = 90"),
-    (edit((FLIGHT, "flight_min = 1.5")), "Skein has it in s, as flight_s", "write flight_s = 90"),
+    (edit((FLIGHT, "flight_s = 1:30")), "flight_s = 1:30: must be one number", "write flight_s = 90"),
+    (edit((FLIGHT, 'flight_s = "1:30"')), "flight_s = 1:30: must be one number, in s", "write flight_s = 90"),
+    (edit((FLIGHT, 'flight_s = "0:01:30"')), "must be one number, in s", "write flight_s = 90"),
+    (edit((SEPARATION, SPEED + "[10 kn, 10 kn, 5 kn]")), "is in kn; this key is in m/s", "write [5.144, 5.144, 2.572]"),
+    (edit(("lon_deg = 8.55", "lon_deg = \"-8:33:00\"")), "must be one number, in degrees", "write lon_deg = -8.55"),
+    (edit((FLIGHT, "flight_min = 1.5")), "Skein has it as flight_s", "write flight_s = 90"),
     (edit((SEPARATION, "separation_min_m = 5,5")), "has a decimal comma", "write separation_min_m = 5.5"),
-    (edit(("lat_deg = 47.4", "lat_deg = \"47°24'00\\\"N\"")), "must be a number of degrees", "write lat_deg = 47.4"),
-    (edit((END, "lat = 47.41, lon = 8.55, alt = 15")), "given as lat, lon, alt; ", f"{POSITION} = [47.41, 8.5"),
+    (edit(("lat_deg = 47.4", "lat_deg = \"47°24'00\\\"N\"")), "one number, in degrees", "write lat_deg = 47.4"),
+    (edit((END, "lat = 47.41, lon = 8.55, alt = 15")), "end.lat: unknown key; a place is", f"{POSITION} = [47.41, 8.5"),
     # One typo is one mistake.
     (edit(("clearance_min_m", "clearence_min_m")), "unknown key", "write clearance_min_m instead of clearence_min_m"),
     (edit(("[limits]", "[limit]")), "limit: unknown key", "write limits instead of limit"),
@@ -192,6 +196,12 @@ def test_metres_near_the_numbers_of_the_origin_are_metres(tmp_path: Path) -> Non
     text = scenario_text(tmp_path / "mine", *ORIGIN).replace(ZONE, "north_m = 47.0, east_m = 8.0, radius_m = 0.5")
     (tmp_path / "scenario.toml").write_text(text.replace("[0.0, 0.0, 15.0]", "[-20.0, 8.5, 15.0]"))
     assert load_scenario(tmp_path).start.position_m[1] == 8.5
+
+
+def test_rows_of_a_list_with_the_same_mistake_are_told_once(tmp_path: Path) -> None:
+    error = told(tmp_path, edit((ZONE, "polygon_m = [[1.5, 2.5, 0], [1.5, 4.5, 0], [3.5, 4.5, 0]]")))
+    assert "no_fly[0].polygon_m[0] = [1.5, 2.5, 0]: must be a list of 2" in error.message
+    assert error.message.endswith(" (and 2 more in this list)") and error.hint == "change no_fly[0].polygon_m[0]"
 
 
 def test_a_single_pair_is_one_pair(tmp_path: Path) -> None:

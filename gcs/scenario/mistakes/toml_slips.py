@@ -7,20 +7,26 @@ import tomllib
 from collections.abc import Callable
 from typing import Any
 
-from gcs.scenario.validation.mistakes import Mistake
-from gcs.scenario.validation.slips.number_units import ANY_UNIT
+from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.mistakes.number_units import UNIT
 
 _SLIPS_MAX = 20  # corrected in one file
 _TEXT_MAX, _LINE_MAX = 200_000, 2_000  # characters of what a person wrote
 _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
-_KEY = r"""[A-Za-z0-9_.-]+"""
-_STRING_OR_REMARK = re.compile(r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*'|#[^\n]*)""")
-_UNIT = re.compile(rf"(?<![\w.])([-+]?[0-9][0-9_]*(?:\.[0-9]+)?)(\s*)({ANY_UNIT})(?![\w/²^])")
-_COMMA = re.compile(rf"^(\s*{_KEY}\s*=\s*)([-+]?[0-9]+,[0-9]+)(\s*(?:\0\d+\0)?\s*)$")
-_COLON = re.compile(rf"^(\s*{_KEY})\s*:\s+(?=\S)")
-_TRUTH = re.compile(r"(?<![\w.])(True|TRUE|False|FALSE|yes|no)(?![\w.])")
-_WORD = re.compile(r"(=\s*)([A-Za-z][\w-]*)(?=\s*(?:[,}\]]|$))")
-_NAME = re.compile(rf"^\s*({_KEY})\s*=")
+_TWICE = re.compile(r"Cannot declare \((.*?),?\) twice")
+_TEXT_OR_REMARK = re.compile(r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*'|#[^\n]*)""")
+_HEADER = re.compile(r"\s*\[+\s*[A-Za-z_]")
+_VALUE, _AFTER = r"(?<=[=\[,])(\s*)", r"(?=\s*(?:[,}\]\0]|$))"
+_TRUTH, _TRUE = "{} is not a value of TOML", "write %s, in lower case, without quotes"
+_BARE = rf"{_VALUE}(?!(?:true|false|inf|nan)\b)([A-Za-z][\w-]*){_AFTER}"
+_SLIPS = [  # what is looked for in a line, what was meant, and a sentence where the value does not show that
+    (r"^(\s*)([\w.-]+)\s*:\s+(?=\S)", r"\1\2 = ", "a colon stands after {}", "write {} = ..."),
+    (rf"(?<![\w.:])()([-+]?[0-9][0-9_]*(?:\.[0-9]+)?\s*(?:{UNIT})|[0-9]+:[0-9]+)(?![\w/²^:-])", r'\1"\2"', "", ""),
+    (r"^(\s*[\w.-]+\s*=\s*)([-+]?[0-9]+,[0-9]+)(?=\s*(?:\0|$))", r'\1"\2"', "", ""),
+    (rf"{_VALUE}(True|TRUE|[Yy]es){_AFTER}", r"\1true", _TRUTH, _TRUE % "true"),
+    (rf"{_VALUE}(False|FALSE|[Nn]o){_AFTER}", r"\1false", _TRUTH, _TRUE % "false"),
+    (_BARE, r'\1"\2"', "the text {} stands without quotes", 'write "{}"'),
+]
 _WORDS = {  # what tomllib says, as this program says it
     "Cannot overwrite a value": "this key stands twice in its table. Keep one of the two",
     "Unclosed array": "a list is not closed. Give the missing ]",
@@ -43,7 +49,7 @@ def read_toml(text: str, loads: Callable[[str], dict[str, Any]]) -> tuple[dict[s
             return loads(text), text, mistakes
         except tomllib.TOMLDecodeError as error:
             lines = text.split("\n")
-            number = min(line_at(text, error), len(lines))
+            number = min(_line_at(text, error), len(lines))
             mended, found = _meant(lines[number - 1], number)
             if mended == lines[number - 1] or len(text) > _TEXT_MAX:
                 raise
@@ -53,45 +59,29 @@ def read_toml(text: str, loads: Callable[[str], dict[str, Any]]) -> tuple[dict[s
     return loads(text), text, mistakes
 
 
-def line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
-    """The line (from 1) of a syntax error."""
+def syntax_mistake(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
+    """The mistake of a text that is not TOML."""
+    said = _PLACE.sub("", str(error))
+    if found := _TWICE.fullmatch(said):
+        name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
+        said = f"table [{name}] stands twice. Keep one, with the keys of both"
+    return Mistake((), f"not TOML: {_WORDS.get(said, said)}", line=_line_at(text, error))
+
+
+def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
     place = _PLACE.search(str(error))
     return int(place[1]) if place and place[1] else max(len(text.splitlines()), 1)
 
 
-def syntax_mistake(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
-    """The mistake of a text that is not TOML."""
-    said = _PLACE.sub("", str(error))
-    if found := re.fullmatch(r"Cannot declare \((.*?),?\) twice", said):
-        name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
-        said = f"table [{name}] stands twice. Keep one, with the keys of both"
-    return Mistake((), f"not TOML: {_WORDS.get(said, said)}", line=line_at(text, error))
-
-
 def _meant(line: str, number: int) -> tuple[str, list[Mistake]]:
     """A line as it was meant, and what was wrong with it where the value does not show that itself."""
-    if len(line) > _LINE_MAX:
-        return line, []
-    pieces = _STRING_OR_REMARK.split(line)
+    told: list[Mistake] = []
+    if len(line) > _LINE_MAX or _HEADER.match(line):
+        return line, told
+    pieces = _TEXT_OR_REMARK.split(line)
     code = "".join(piece if n % 2 == 0 else f"\0{n}\0" for n, piece in enumerate(pieces))
-    mistakes = []
-
-    def told(text: str, step: str) -> None:
-        mistakes.append(Mistake((), text, remedy=step, line=number))
-
-    if found := _COLON.match(code):
-        code = f"{found[1]} = {code[found.end() :]}"
-        told(f"a colon stands after {found[1].strip()}", f"write {found[1].strip()} = ...")
-    code = _UNIT.sub(r'"\1\2\3"', code)
-    code = _COMMA.sub(r'\1"\2"\3', code)
-    if found := _TRUTH.search(code):
-        right = "true" if found[1].lower() in ("true", "yes") else "false"
-        told(f"{found[1]} is not a value of TOML", f"write {right}, in lower case, without quotes")
-        code = _TRUTH.sub(right, code)
-    for found in _WORD.finditer(code):
-        if found[2] not in ("true", "false", "inf", "nan"):
-            told(f"the text {found[2]} stands without quotes", f'write "{found[2]}"')
-    code = _WORD.sub(
-        lambda word: word[0] if word[2] in ("true", "false", "inf", "nan") else f'{word[1]}"{word[2]}"', code
-    )
-    return re.sub(r"\0(\d+)\0", lambda mark: pieces[int(mark[1])], code), mistakes
+    for pattern, right, text, step in _SLIPS:
+        slips = [found[2] for found in re.finditer(pattern, code)] if text else []
+        told += [Mistake((), text.format(one), remedy=step.format(one), line=number) for one in slips]
+        code = re.sub(pattern, right, code)
+    return re.sub(r"\0(\d+)\0", lambda mark: pieces[int(mark[1])], code), told

@@ -11,7 +11,7 @@ from gcs.cli.main import run
 from gcs.errors import ScenarioError
 from gcs.scenario.load import load_scenario
 from gcs.scenario.template import scenario_text
-from tests.unit.scenario.validation.slips.test_wrong_scenarios import (
+from tests.unit.scenario.mistakes.test_slips import (
     END,
     ORIGIN,
     START,
@@ -48,31 +48,33 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     # Something else than latitude and longitude.
     (end("position_deg = [8.55, 47.4027], height_m = 15"), "5,470 km from the origin: swapped", f"write {HERE}"),
     (end("position_deg = [-47.4027, 8.55], height_m = 15"), "south and west are negative;", f"write {HERE}"),
+    (end("position_deg = [-47.4027, -8.55], height_m = 15"), "is a sign wrong?", f"write {HERE}"),
+    (end("position_deg = [47.4027, 368.55], height_m = 15"), "is this one counted to 360?", f"write {HERE}"),
     (end("position_deg = [474027000, 85500000], height_m = 15"), "times 10 million?", f"write {HERE}"),
     (end("position_deg = [8.55, 47.4027, 15]"), "from the origin: swapped", f"write {HERE}, height_m = 15"),
-    (zone(f"polygon_deg = [{A}, {B}, [0, 0]]"), "polygon_deg[2] = [0, 0]: is 5,163 km", "correct the place"),
+    (zone(f"polygon_deg = [{A}, {B}, [0, 0]]"), "polygon_deg[2] = [0, 0]: 5,163 km", "correct the place"),
     (end("position_deg = [300, 0], height_m = 15"), "no place on Earth: are these", "position_m = [300, 0, 15]"),
     (end("position_deg = [60, 10], alt_amsl_m = 500"), ": are these metres?", "position_m = [60, 10, height]"),
     (end("position_deg = [51.4027, 8.55], height_m = 15"), "445 km from the origin; places are", "or [origin]"),
     (end("position_deg = [47.4027], height_m = 15"), "has too few values", "change end.position_deg"),
-    (end('position_deg = ["47°24\'09\\"N", 8.55], height_m = 9'), "a number of degrees", "write [47.4025, 8.55]"),
+    (end('position_deg = ["47°24\'09\\"N", 8.55], height_m = 9'), "one number, in degrees", "write [47.4025, 8.55]"),
     (end(f"{HERE}, height_m = 15 m"), "height_m = 15 m: has a unit", "write height_m = 15"),
-    (end(f"{HERE}, height_ft = 50"), "Skein has it in m, as height_m", "write height_m = 15.24"),
-    (zone(f"polygon_deg = [{SWAPPED}]"), "has places 5,470 km from the origin: swapped", f"write {TRIANGLE}"),
-    (zone(f"polygon_deg = [{A}, {B}, [8.5515, 47.4018]]"), "]]: is 5,470 km from", f"write {TRIANGLE}"),
+    (end(f"{HERE}, height_ft = 50"), "Skein has it as height_m", "write height_m = 15.24"),
+    (zone(f"polygon_deg = [{SWAPPED}]"), ": 5,470 km from the origin: swapped", f"write {TRIANGLE}"),
+    (zone(f"polygon_deg = [{A}, {B}, [8.5515, 47.4018]]"), "]]: 5,470 km from", f"write {TRIANGLE}"),
     (zone("polygon_deg = [[150, 60], [200, 60], [200, 90]]"), "are these metres?", "polygon_m = [[150, 60], [200,"),
-    (zone(f"polygon_deg = [{A}, {B}, [51.40, 8.55]]"), "polygon_deg[2] = [51.4, 8.55]: is 445 km", "or [origin]"),
-    (zone("polygon_deg = [47.4012, 8.5504, 47.4018, 8.5515]"), "one list of numbers", "write polygon_deg = [[47.4012"),
-    (zone(TRIANGLE.replace("],", ", 0],").replace("]]", ", 0]]")), "has three numbers for each", f"write {TRIANGLE}"),
+    (zone(f"polygon_deg = [{A}, {B}, [51.40, 8.55]]"), "polygon_deg[2] = [51.4, 8.55]: 445 km", "or [origin]"),
+    (zone("polygon_deg = [47.4012, 8.5504, 47.4018, 8.5515]"), "polygon_deg[0] = 47.4012: must be a list", "change"),
+    (zone(TRIANGLE.replace("],", ", 0],").replace("]]", ", 0]]")), "a list of 2: a number from -90", "polygon_deg[0]"),
     (zone("lat_deg = 8.5508, lon_deg = 47.4013, radius_m = 50"), "swapped latitude", "lat_deg = 47.4013 and lon_deg ="),
     (zone("lat_deg = 150, lon_deg = 60, radius_m = 50"), "are these metres?", "write north_m = 150 and east_m = 60"),
     (box("lat_deg = [-60, 360]", "lon_deg = [-120, 120]"), "are these metres?", "write north_m = [-60, 360] and"),
-    (box("lat_deg = [47.4, 47.3]", "lon_deg = [8.54, 8.56]"), "must be [south, north]", "lat_deg = [47.3, 47.4]"),
-    (box("lat_deg = [47.3, 47.5]", "lon_deg = [8.56, 8.54]"), "must be [west, east]", "lon_deg = [8.54, 8.56]"),
+    (box("lat_deg = [47.4, 47.3]", "lon_deg = [8.54, 8.56]"), "lat_deg = [47.4, 47.3]: must", "exchange the two"),
+    (box("lat_deg = [47.3, 47.5]", "lon_deg = [8.56, 8.54]"), "lon_deg = [8.56, 8.54]: must", "exchange the two"),
     (box("north_m = [47.3, 47.5]", "east_m = [8.54, 8.56]"), "look like degrees", "lat_deg = [47.3, 47.5] and lon_deg"),
     # Both forms, or not the whole of one.
     (end(f"{END}, {HERE}, height_m = 15"), "stands beside position_m", "keep one of the two"),
-    (end(f"{END}, height_m = 15"), "stands beside position_m, whose third number", "remove height_m"),
+    (end(f"{END}, height_m = 15"), "stands beside position_m; a place is in metres or", "keep one of the two"),
     (end(f"{HERE}, height_m = 15, alt_amsl_m = 503"), "both are the height", "keep one of the two"),
     (end(HERE), "end.height_m: missing", "add height_m"),
     (edit((f"{{ {END} }}", "{}")), "end.position_m: missing; give position_m or", "add end.position_m = ["),
@@ -84,19 +86,19 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (zone("lat_deg = 47.4013, east_m = 60, radius_m = 50"), "lat_deg = 47.4013: stands beside east_m", "keep one"),
     (zone("lat_deg = 47.4013, lon_deg = 8.5508"), "a disk needs lat_deg, lon_deg and radius_m", "give it"),
     # Keys that people expect.
-    (end("position = [47.4027, 8.55], height_m = 15"), "known one is position_deg", "write position_deg instead of"),
-    (end("latitude = 47.4027, longitude = 8.55, height = 15"), "given as latitude, ", f"write {HERE}, height_m = 15"),
+    (end("position = [47.4027, 8.55], height_m = 15"), "end.position: unknown key; a place is", f"write {HERE}"),
+    (end("latitude = 47.4027, longitude = 8.55, height = 15"), "or position_deg with", f"write {HERE}, height_m = 15"),
     (zone(TRIANGLE.replace("_deg", "")), "nearest known one is polygon_deg", "write polygon_deg instead of polygon"),
     (zone("center = [47.4013, 8.5508], radius_m = 50"), "no_fly[0].center: unknown", "lat_deg = 47.4013 and lon_deg"),
     (zone("centre = [150, 60], radius_m = 50"), "no_fly[0].centre: unknown", "north_m = 150 and east_m = 60"),
-    (end("gps = [47.4027, 8.55, 15]"), "end.gps: unknown key; degrees", f"write {HERE}, height_m = 15"),
-    (end(f"{HERE}, altitude = 15"), "a height is height_m, above the", "write height_m = 15, or alt_amsl_m = 15"),
-    (zone(f"{TRIANGLE}, moves_deg = [[0, 47.4, 8.55]]"), "moves are displacements in metres", "write moves = [["),
+    (end("gps = [47.4027, 8.55, 15]"), "end.gps: unknown key; a place", f"write {HERE}, height_m = 15"),
+    (end(f"{HERE}, altitude = 15"), "(with position_deg: height, m above", "write height_m instead of"),
+    (zone(f"{TRIANGLE}, moves_deg = [[0, 47.4, 8.55]]"), "moves (displacement over", "moves instead of moves_deg"),
     (zone(f"{TRIANGLE}, moves = [[0, 47.4, 8.5504]]"), "look like degrees; moves are displacements", "moves = [["),
     # Places that are where they should not be: the keys of the file, and degrees to write.
     (end(f"{HERE}, height_m = 2"), "end.height_m = 2: vehicle 1 would be 3.00 m too low", "set end.height_m to 5 or"),
     (end(f"{HERE}, height_m = 503"), "height_m = 503: looks like a height above mean sea", "write 15"),
-    (end(f"{HERE}, alt_amsl_m = 15"), "is 473.007 m below the origin", "write height_m = 15"),
+    (end(f"{HERE}, alt_amsl_m = 15"), "is -473.007 m above the origin", "write height_m = 15"),
     (end("position_deg = [47.4034, 8.55], height_m = 15"), "[47.4034, 8.55]: puts", "end.position_deg to [47.403237"),
     (box("lat_deg = [47.399, 47.402]", "lon_deg = [8.54, 8.56]"), "lat_deg, north -1", "limits.lat_deg to [47.3"),
     (zone("lat_deg = 47.4, lon_deg = 8.55, radius_m = 50"), "contains vehicle 1", "move the zone"),
@@ -200,8 +202,10 @@ def test_gates_and_summits_have_degrees_of_their_own(tmp_path: Path) -> None:
         load_scenario(file)
     lines = caught.value.message.splitlines()
     assert len(lines) == 3
-    assert "gate_deg = [[8.549, 47.401], [8.551, 47.401]]: has places" in lines[1] and "swapped" in lines[1]
-    assert "terrain.mountains.lon_deg: has 1 number, and lat_deg has 2" in lines[2]
+    assert "gate_deg = [[8.549, 47.401], [8.551, 47.401]]: 5,470 km" in lines[1] and "swapped" in lines[1]
+    assert (
+        "terrain.mountains: lists must be equally long" in lines[2] and "lat_deg 2, lon_deg 1, height_m 2" in lines[2]
+    )
     file.write_text(
         text
         + gate.replace("[[8.549, 47.401], [8.551, 47.401]]", "[[47.401, 8.549], [47.401, 8.551]]")
