@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from hypothesis import settings
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from tests.kept import kept, make_room
+from tests.kept import PATCHED, kept, make_room
 from tests.progress import AreaProgress
 
 # What tests share is made once, on disk: set before any other module imports these functions by name.
@@ -49,6 +49,14 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest begin, so that no worker is left alone with one at the end."""
     items.sort(key=lambda item: item.path.name not in LONG)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_kept_while_code_is_patched(request: pytest.FixtureRequest) -> Iterator[None]:
+    if "monkeypatch" in request.fixturenames:
+        PATCHED.add(request.node.nodeid)
+    yield
+    PATCHED.discard(request.node.nodeid)
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import inspect
 import os
 import pickle
 import time
@@ -24,6 +25,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 ROOT = Path(__file__).resolve().parent.parent
 WEEK_S = 7 * 86400.0
+PATCHED: set[str] = set()  # tests under way that change what makes results: nothing is kept or found then
 MAKERS = ("gcs/*.py", "gcs/autopilots", "gcs/physics", "gcs/scenario", "gcs/plan", "requirements.lock")
 
 
@@ -63,6 +65,9 @@ def kept(function: Callable[P, R], *makers: str) -> Callable[P, R]:
 
     @functools.wraps(function)
     def reading(*args: P.args, **named: P.kwargs) -> R:
+        if PATCHED:
+            made: R = inspect.unwrap(function)(*args, **named)
+            return made
         try:
             arguments = _text(tuple(args)) + _text(tuple(sorted(named.items())))
         except TypeError:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 
 import typer
-
-from gcs.scenario.mistakes.mistake import nearest
 
 _COMMAND = re.compile(r"No such command '([^']*)'\.")
 _NUMBER = re.compile(r"Input should be a valid (number|integer)")
@@ -24,8 +23,8 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
     if option is not None and not near:
         return text, see
     if (found := _COMMAND.match(text)) and context is not None:
-        close = nearest(found[1], getattr(context.command, "commands", {}))
-        return f"gcs has no command {found[1]}", f"write gcs {close}" if close else see
+        close = get_close_matches(found[1], getattr(context.command, "commands", {}), n=1)
+        return f"gcs has no command {found[1]}", f"write gcs {close[0]}" if close else see
     if found := _TOO_MANY.match(text):
         return f"{path} takes no more arguments; there is also {found[1]}", see
     if found := _NUMBER.search(text):
