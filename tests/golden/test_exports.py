@@ -33,7 +33,7 @@ RTL_UNITS_PM = 100  # of RTL_ALT
 DEGE7 = round(POSITION_M / 0.0075)  # a unit of longitude is 7.5 mm at this latitude
 
 
-@pytest.fixture(scope="module", params=["simulation1", "field"])
+@pytest.fixture(scope="module", params=[pytest.param("simulation1", marks=pytest.mark.slow), "field"])
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

@@ -61,6 +61,7 @@ def planned(folder: Path, scenario: Scenario, crs: str) -> Plan:
     return make_plan(load_scenario(folder / "scenario.json"))
 
 
+@pytest.mark.slow
 def test_a_flight_across_the_border_is_the_same_from_either_raster(simulation1: Scenario, tmp_path: Path) -> None:
     scenario = meadow(simulation1, limits={"north_m": [-10.0, 60.0], "east_m": [-20.0, 30.0]})
     plans = [planned(tmp_path / name, scenario, crs) for name, crs in (("west", WEST), ("east", EAST))]

@@ -36,7 +36,9 @@ def with_zone(scenario: Scenario, zone: dict[str, Any]) -> Scenario:
     )
 
 
-@pytest.mark.parametrize("zone", [WALL, CROSSING], ids=["a wall with a corner", "a disk that crosses"])
+@pytest.mark.parametrize(
+    "zone", [WALL, pytest.param(CROSSING, marks=pytest.mark.slow)], ids=["a wall with a corner", "a disk that crosses"]
+)
 def test_a_plan_keeps_out_of_a_zone_that_the_straight_one_enters(simulation1: Scenario, zone: dict[str, Any]) -> None:
     scenario = with_zone(simulation1, zone)
     plan = make_plan(scenario)
