@@ -55,7 +55,7 @@ def told(machine: Machine, name: str, now_s: float, **fields: Any) -> tuple[str,
     return line(machine.receive(said(name, **fields), now_s)), until(machine)
 
 
-def ticks(machine: Machine, limit: int = 50) -> list[tuple[float, str]]:
+def ticks(machine: Machine, limit: int = 100) -> list[tuple[float, str]]:
     """What it says at its deadlines, with nobody answering, until it ends. A moment before them it says nothing."""
     found = []
     while (now_s := machine.deadline_s) is not None:

@@ -168,14 +168,6 @@ def test_without_an_estimate_every_refusal_is_meant(result):
     assert isinstance(sender.error, MissionRefused)
 
 
-def test_busy_is_forgiven_once_where_an_earlier_transfer_may_be_open():
-    sender = started(resumes=True)
-    told(sender, "MISSION_ACK", 10.1, type=1)
-    assert not sender.done
-    told(sender, "MISSION_ACK", 10.2, type=1)
-    assert isinstance(sender.error, MissionRefused)
-
-
 @pytest.mark.parametrize(("asked", "over"), [([0, 1, 2, 2], True), ([0, 0, 1, 1, 2], False)])
 def test_only_a_repeated_last_item_makes_an_error_a_lost_acknowledgement(asked, over):
     sender = started()
