@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -11,7 +11,10 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 
 NORTH_MPS, SPREAD_MPS, HOVER_DOWN_M, BEHIND_M = 2.0, 0.1, -8.0, 5.0
-YAW_RAD = 0.4
+
+
+def yaw_rad(t_s: Any) -> Any:
+    return 0.4 + 0.01 * t_s
 
 
 class _Leader:
@@ -21,7 +24,7 @@ class _Leader:
         state = np.zeros((len(t_s), 12))
         state[:, 0], state[:, 3] = NORTH_MPS * t_s, NORTH_MPS
         state[:, 2] = np.where(t_s < -9.0, HOVER_DOWN_M, HOVER_DOWN_M + 1.0)
-        state[:, 8] = YAW_RAD
+        state[:, 8] = yaw_rad(t_s)
         return state
 
 
