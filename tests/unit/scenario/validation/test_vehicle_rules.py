@@ -76,7 +76,10 @@ def data(repo_root: Path) -> Data:
             {"wind": {**SOUTH, "speed_mps": 19.9}},
             [f"wind.speed_mps = 19.9: {WIND.format('16.5', '5.11', '60')}plan 5.11 N"],
         ),
-        ({"wind": {**SOUTH, "speed_mps": 0.0}, "limits": {"thrust_N": [0.0, 4.8]}, "vehicle": {"mass_kg": 0.48}}, []),
+        (
+            {"wind": {**SOUTH, "speed_mps": 0.0}, "limits": {"thrust_N": [0.0, 4.8]}},
+            [f"limits.thrust_N = [0.0, 4.8]: {HEAVY}"],
+        ),
         (
             {"wind": {**SHEAR, "speed_mps": 13.0}, "limits": {"roll_pitch_yaw_deg": [12.9, 60.0, 5.0]}},
             [f"wind.speed_mps = 13.0: {WIND.format('13.0', '5.03', '12.9')}plan 5.11 N"],
