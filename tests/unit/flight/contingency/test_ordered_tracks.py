@@ -10,17 +10,7 @@ import pytest
 
 from gcs.flight.contingency import ordered_tracks
 from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.contingency.ordered_tracks import (
-    ARRIVES_S,
-    HOVER_M,
-    LEFT_M,
-    NEAR_M,
-    RENEWALS_MAX,
-    RENEWS_S,
-    STILL_MPS,
-    OrderedTracks,
-    WayBack,
-)
+from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import Action, Order
 from gcs.flight.monitor import VehicleView
 from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion
@@ -29,6 +19,8 @@ from gcs.physics.quadrotor import Array
 from tests.unit.flight.contingency.straight_plan import straight_plan, yaw_rad
 
 T0_UNIX_S = 1000.0
+# As the documents say.
+ARRIVES_S, HOVER_M, LEFT_M, NEAR_M, RENEWALS_MAX, RENEWS_S, STILL_MPS = 8.0, 1.0, 2.0, 0.5, 3, 2.0, 0.3
 # From (0, 0) to (20, 0) between 10 s and 30 s of plan time.
 TRACK = MotionReference(
     PiecewiseMotion(
@@ -55,6 +47,7 @@ def seen(t_s: float, north_m: float, north_mps: float = 0.0, down_m: float = -5.
         (29.9, 20.0, 0.0, False),  # the reference has not ended
         (30.1, 20.0, 0.0, True),
         (30.1, 20.0 - 1.1 * NEAR_M, 0.0, False),
+        (30.1, 20.0 + 0.9 * NEAR_M, 0.9 * STILL_MPS, True),
         (30.1, 20.0, 1.1 * STILL_MPS, False),  # it passes
         (30.0, 20.0, 0.0, False),
         (29.9 + ARRIVES_S, 15.0, 1.0, False),
