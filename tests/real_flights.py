@@ -11,7 +11,7 @@ import asyncio
 import lzma
 import shutil
 from collections.abc import Coroutine
-from functools import partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,14 +47,29 @@ def unpacked(name: str, to: Path) -> Path:
     return folder
 
 
+@lru_cache
+def plan_of(name: str) -> Plan:
+    """The plan of one flight, loaded and verified once."""
+    return load_plan(FOLDER / name / "plan.skein")[0]
+
+
 class Flight:
-    """One recorded flight: its plan, its state, and its last log."""
+    """One recorded flight: its plan, its state, and its last log, each read when it is asked for."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.plan: Plan = load_plan(folder / "plan.skein")[0]
-        self.state: FlightState = read_flight_state(folder)
-        self.log: Tlog = load_tlog(sorted(folder.glob("*.tlog"))[0])
+
+    @property
+    def plan(self) -> Plan:
+        return plan_of(self.folder.name)
+
+    @cached_property
+    def state(self) -> FlightState:
+        return read_flight_state(self.folder)
+
+    @cached_property
+    def log(self) -> Tlog:
+        return load_tlog(sorted(self.folder.glob("*.tlog"))[0])
 
     @property
     def t0_unix_s(self) -> float:

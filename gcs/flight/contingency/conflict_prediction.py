@@ -59,8 +59,6 @@ class SeparationWatch:
         Vehicles `on_plan` fly it; those `starting` climb over their pads, or stand on them.
         """
         sysids = [i for i in aloft if np.isfinite(views[i].position_ned_m).all()]
-        if len(sysids) < 2:
-            return []
         paths = self._paths([views[i] for i in sysids], t_s, unix_s, on_plan, starting)
         found: dict[tuple[int, int], Conflict] = {}
         for a in range(len(sysids) - 1):

@@ -7,12 +7,12 @@ It follows the MAVLink mission protocol. Numbers in brackets are the rules in `g
     IDLE       MISSION_COUNT (vehicle: an upload)          PULLING    request 0
     LISTED     MISSION_COUNT                               PULLING    request 0
     LISTED     reply_s passed                              LISTED     MISSION_REQUEST_LIST            (5)
-    PULLING    the requested item                          PULLING    request for the next            (1, 4)
+    PULLING    the requested item                          PULLING    requests up to the window's end (1, 4, 10)
     PULLING    ... the last one                            DONE       MISSION_ACK ACCEPTED            (7)
     PULLING    ... refused by `check` or `capacity`        FAILED     MISSION_ACK of refusal
     PULLING    MISSION_COUNT that was not requested        PULLING    request 0                       (6)
     PULLING    item_s passed                               PULLING    the same request                (5)
-    PULLING    an item of the window, not the next one     PULLING    request for one more            (10)
+    PULLING    an item of the window, not the next one     PULLING                                    (10)
     DONE       the last item again                         DONE       MISSION_ACK ACCEPTED            (7)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
     any        ... ERROR, DENIED, CANCELLED, RttEstimator  same: doubt, until answered                (8)
@@ -139,14 +139,14 @@ class MissionReceiver:
         if self.state is not ReceiverState.IDLE:
             raise ProtocolMisuse("a MissionReceiver was started twice: create a new one.")
         self.state = ReceiverState.LISTED
-        self._end_s = now_s + self._timers.give_up_s * 2
+        self._end_s = now_s + self._timers.give_up_s
         self._listed, self._listed_s = True, now_s
         self._progressed(now_s, self._timers.reply_s)
         return [self._request_list()]
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Return the messages to send after a received message; none if it belongs to another conversation."""
-        if not message.name.startswith("MISSION_") or not self._is_ours(message):
+        if not self._is_ours(message):
             return []
         if self.state is ReceiverState.DONE:
             repeated = message.name in _ITEMS and message.fields["seq"] == len(self._items) - 1

@@ -61,8 +61,7 @@ class SenderState(Enum):
 class MissionSender:
     """One transfer of `items` from `me` to `peer`.
 
-    With a `round_trip` the wait before a repetition is estimated. `resumes` means that an earlier transfer of the same
-    items may still be open on the peer, so that "busy" is no refusal. `integer_frames`: see `item_to_message`.
+    With a `round_trip` the wait before a repetition is estimated. `integer_frames`: see `item_to_message`.
     """
 
     def __init__(
@@ -75,7 +74,6 @@ class MissionSender:
         timers: MissionTimers = STANDARD.mission,
         current: int = 0,
         round_trip: RttEstimator | None = None,
-        resumes: bool = False,
         integer_frames: bool = True,
     ) -> None:
         self.items = tuple(items)
@@ -92,7 +90,7 @@ class MissionSender:
         self._repeats = 0
         self.heard = False  # whether the peer answered at all
         self.doubt: MissionRefused | None = None  # a refusal that may answer a late copy
-        self._counts_repeated = int(resumes)
+        self._counts_repeated = 0
         self._round_trip = round_trip
         self._sent_s: float | None = None  # time of the message that awaits an answer, if sent once
         self._last_repeated = False

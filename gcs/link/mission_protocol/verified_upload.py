@@ -84,7 +84,6 @@ class VerifiedUpload:
         self._round_trip = round_trip or RttEstimator()
         self._tries = tries
         self._busy = 0
-        self._resumes = False  # an earlier try may still be open on board
         self._machine: MissionSender | MissionReceiver | None = None
         self._reads_left = 0
         self._until_s = 0.0
@@ -192,7 +191,6 @@ class VerifiedUpload:
             mission_type=self.mission_type,
             timers=self._timers,
             round_trip=self._round_trip,
-            resumes=self._resumes,
             integer_frames=self.mission_type != MissionType.RALLY or self._link.rally_integer_frames,
         )
         self._machine = machine
@@ -220,7 +218,6 @@ class VerifiedUpload:
         return []
 
     def _cancel_on_board(self) -> list[Message]:
-        self._resumes = True
         return [mission_ack(self.peer, MissionResult.OPERATION_CANCELLED, self.mission_type)]
 
     def _fail(self, error: GcsError) -> list[Message]:

@@ -122,7 +122,7 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
     length = scenario.ground_phases.run_up_m
     begin = hover_start_ned_m(scenario) * NED_FROM_UP
     start = _at_start(scenario)
-    shares = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1))[:-1]  # end: rule above
+    shares = np.linspace(0.0, 1.0, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1)[:-1]  # end: rule above
     for share in shares:
         worst, missing = _lowest(scenario, begin + share * (start.places_up_m - begin))
         if missing > SLACK:

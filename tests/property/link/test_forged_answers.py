@@ -201,27 +201,25 @@ def header_then(rest):
     return lambda r, whole: [ack(r, 0, whole[:100])] if r.offset == 0 else rest(r, whole)
 
 
+NOWHERE = {
+    "nothing but acknowledgements": lambda r, _: [ack(r, r.offset, b"")],
+    "the end of the file, always": lambda r, _: [nak(r, FtpError.END_OF_FILE)],
+    "a header, then the end of the file": header_then(lambda r, _: [nak(r, FtpError.END_OF_FILE)]),
+    "a header, then nothing new": header_then(lambda r, whole: [ack(r, 0, whole[:50])]),
+    "the same piece as a burst without end": lambda r, whole: [ack(r, 0, whole[:200], FtpOpcode.BURST_READ_FILE)] * 9,
+    "one byte at a time": lambda r, whole: [ack(r, r.offset, whole[r.offset : r.offset + 1] * (r.offset < 300))],
+    "a file that is longer": lambda r, _: [ack(r, r.offset, HEADER.pack(MAGIC, 0, 0, 0, 4000) + bytes(200))],
+    "no file of this type": lambda r, _: [ack(r, r.offset, HEADER.pack(MAGIC, 1, 0, 0, 60) + bytes(200))],
+    "single bytes far apart": lambda r, _: [ack(r, 2 * n + 1000, b"x", FtpOpcode.BURST_READ_FILE) for n in range(60)],
+}
+LONG = ("the same piece as a burst without end", "one byte at a time", "single bytes far apart")
+
+
 @pytest.mark.parametrize(
-    "what",
-    {
-        "nothing but acknowledgements": lambda r, _: [ack(r, r.offset, b"")],
-        "the end of the file, always": lambda r, _: [nak(r, FtpError.END_OF_FILE)],
-        "a header, then the end of the file": header_then(lambda r, _: [nak(r, FtpError.END_OF_FILE)]),
-        "a header, then nothing new": header_then(lambda r, whole: [ack(r, 0, whole[:50])]),
-        "the same piece as a burst without end": lambda r, whole: (
-            [ack(r, 0, whole[:200], FtpOpcode.BURST_READ_FILE)] * 9
-        ),
-        "one byte at a time": lambda r, whole: [ack(r, r.offset, whole[r.offset : r.offset + 1] * (r.offset < 300))],
-        "a file that is longer": lambda r, _: [ack(r, r.offset, HEADER.pack(MAGIC, 0, 0, 0, 4000) + bytes(200))],
-        "no file of this type": lambda r, _: [ack(r, r.offset, HEADER.pack(MAGIC, 1, 0, 0, 60) + bytes(200))],
-        "single bytes far apart": lambda r, _: [
-            ack(r, 2 * n + 1000, b"x", FtpOpcode.BURST_READ_FILE) for n in range(60)
-        ],
-    }.items(),
-    ids=lambda item: item[0],
+    "what", [pytest.param(NOWHERE[one], id=one, marks=[pytest.mark.slow] * (one in LONG)) for one in NOWHERE]
 )
 def test_a_read_back_that_leads_nowhere_ends(what):
-    machine, now_s = answering(what[1])
+    machine, now_s = answering(what)
     assert isinstance(machine.error, PeerError)
     assert now_s < 600.0
 

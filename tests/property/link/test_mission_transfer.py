@@ -118,20 +118,22 @@ def judge(sender, receiver, items):
         assert receiver.error is None
 
 
-@given(MISSIONS, LINKS, TIMERS)
-@settings(max_examples=300, deadline=None)
-def test_upload(items, link, timers):
+def upload(items, link, timers):
     machines = Machines(MissionSender(items, VEHICLE), timers, items)
     run(machines, link, GROUND)
     judge(machines[GROUND], machines[VEHICLE], items)
 
 
-@given(MISSIONS, LINKS, TIMERS)
-@settings(max_examples=300, deadline=None)
-def test_download(items, link, timers):
+def download(items, link, timers):
     machines = Machines(MissionReceiver(VEHICLE), timers, items)
     run(machines, link, GROUND)
     judge(machines[VEHICLE], machines[GROUND], items)
+
+
+@pytest.mark.parametrize("examples", [50, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("transfer", [upload, download])
+def test_on_a_bad_link_the_same_mission_arrives_or_both_sides_know(transfer, examples):
+    settings(max_examples=examples, deadline=None)(given(MISSIONS, LINKS, TIMERS)(transfer))()
 
 
 @pytest.mark.parametrize("count", [0, 1, 200])

@@ -33,11 +33,14 @@ from gcs.mission.waypoints.mission_items import build_missions
 from tests.real_flights import FLIGHTS, Flight, Recorded, in_virtual_time, unpacked
 
 FULL = [name for name in FLIGHTS if "fence" not in name]
-STREAMED = [
-    pytest.param(name, marks=() if name == "mixed-stream" else pytest.mark.slow)
-    for name in FULL
-    if "mission" not in name
-]
+BOTH_AUTOPILOTS, OLD_RALLY, MISSION = "mixed-stream", "px4-1.17dev-return-into-fence", "arducopter-4.5.6-mission"
+
+
+def fast(*names: str) -> list[object]:
+    """All flights; only these while nothing else is asked for."""
+    return [pytest.param(name, marks=() if name in names else pytest.mark.slow) for name in FLIGHTS]
+
+
 # The whole logs tell: root mean square of plan minus estimate, m; delay behind the plan, s; formation error, m.
 SEEN = {
     "arducopter-4.5.6-follow-wind": ((0.10, 0.17), (-0.005, 0.003), 1.5),
@@ -79,7 +82,7 @@ def test_the_report_has_the_figures_that_were_seen(
     assert formation_m - 0.1 < found["formation_error_max_m"] < formation_m + 0.02
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", fast(BOTH_AUTOPILOTS, MISSION))
 def test_a_replay_names_every_mode_and_every_vehicle(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,7 +103,7 @@ def first_arming(folder: Path) -> tuple[Tlog, float]:
     raise AssertionError(folder)
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", fast(BOTH_AUTOPILOTS, OLD_RALLY))
 def test_pre_flight_lets_go_what_flew(name: str, tmp_path: Path) -> None:
     """Without remote control too, and where PX4 denied requests. Its complaint of the old rally frame is a no-go."""
     folder = unpacked(name, tmp_path)
@@ -122,7 +125,8 @@ def test_pre_flight_lets_go_what_flew(name: str, tmp_path: Path) -> None:
     assert {(check.name, check.measured) for check in checks if not check.go} <= {("messages", OLD_RALLY_FRAME)}
 
 
-@pytest.mark.parametrize("name", STREAMED)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in FULL if "mission" not in name])
 def test_a_whole_flight_passes_without_an_incident(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,6 +165,7 @@ def test_a_whole_flight_passes_without_an_incident(
     assert all(first_s - LINKED_S <= late_s <= last_s + LINKED_S for late_s in late.values()), late
 
 
+@pytest.mark.slow
 def test_each_vehicle_of_a_mixed_fleet_gets_what_its_own_autopilot_needs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,6 +6,7 @@ import copy
 from typing import Any
 
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.rule_set import Rules
 
 Data = dict[str, Any]
 
@@ -50,3 +51,16 @@ def formation_text(text: str, formation: str) -> str:
     """The text of a scenario file with another [formation], which keeps the line it begins on."""
     begin, end = text.index("[formation]"), text.index("[ground_phases]")
     return f"{text[:begin]}{formation.strip()}\n\n{text[end:]}"
+
+
+def with_tables(data: Data, **tables: Any) -> Data:
+    """A copy with keys of some tables replaced, tables added, and what is no table replaced as a whole."""
+    copied = copy.deepcopy(data)
+    for name, value in tables.items():
+        copied[name] = {**copied.get(name, {}), **value} if isinstance(value, dict) else value
+    return copied
+
+
+def violated(rules: Rules, data: Data) -> list[str]:
+    """The mistakes that these rules alone find, as people read them."""
+    return [str(mistake) for mistake in rules.violated(Scenario.model_validate(data), tuple(Scenario.model_fields))]

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.conflict_prediction import Conflict, SeparationWatch
+from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.monitor import VehicleView
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
-from tests.bridge.flying import hop_scenario
+from tests.unit.flight.contingency.straight_plan import reported, straight_plan
 
 T0 = 1_700_000_000.0
 ALL = (1, 2, 3, 4, 5, 6)
-
-
-@pytest.fixture(scope="module")
-def hop_plan(repo_root: Path) -> Plan:
-    """Three vehicles, 5 m apart."""
-    return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
 
 
 def views_at(plan: Plan, t_s: float, age_s: float = 0.1, noise_m: float = 0.0, seed: int = 0) -> dict[int, VehicleView]:
@@ -76,91 +67,141 @@ def test_who_stands_in_the_way_is_seen_seconds_ahead(simulation1_plan: Plan) -> 
     assert ours.look(views, t_s, T0 + t_s, ALL[:5], ALL[:5]) == []  # once it is down, it is no conflict
 
 
-@pytest.mark.parametrize(("towards_mps", "nearest_m"), [(4.0, 3.0), (2.0, 4.0), (-4.0, 5.0)])
-def test_a_deviation_drifts_on_for_half_a_second_in_all(hop_plan: Plan, towards_mps: float, nearest_m: float) -> None:
-    """Two vehicles alone, 5 m abreast on the plan: one has a speed towards the other, which its controller will end."""
-    ours = SeparationWatch(hop_plan, 5.5)
-    for t_s in (10.0, 10.1, 10.2):
-        views = views_at(hop_plan, t_s)
-        between = views[3].position_ned_m - views[2].position_ned_m
-        views[2].velocity_ned_mps = views[2].velocity_ned_mps + towards_mps * between / np.linalg.norm(between)
-        found = ours.look(views, t_s, T0 + t_s, (2, 3), (2, 3))
-    (conflict,) = found
-    assert conflict.pair == (2, 3)
-    assert conflict.distance_m == pytest.approx(nearest_m, abs=0.01)  # e^-6 of it is left after three seconds
-
-
-def test_the_last_seconds_of_a_plan_are_predicted_too(hop_plan: Plan) -> None:
-    ours = SeparationWatch(hop_plan, 2.0)
-    for t_s in hop_plan.t_end_s - np.array([1.0, 0.5, 0.01]):
-        assert ours.look(views_at(hop_plan, t_s), t_s, T0 + t_s, (1, 2, 3), (1, 2, 3)) == []
-
-
-def on_pads(plan: Plan, unix_s: float, error_m: float = 0.0) -> dict[int, VehicleView]:
-    """Vehicles that stand on their pads and report them with errors of this size, each in its own direction."""
-    views = {}
-    for row, sysid in enumerate(plan.sysids):
-        off = error_m * np.array([np.cos(sysid), np.sin(sysid), 0.5])
-        views[sysid] = VehicleView(sysid, plan.pads_ned_m[row] + off, np.zeros(3), unix_s)
-        views[sysid].stands_on(plan.pads_ned_m[row])
-    return views
-
-
-def looked(
-    plan: Plan, move: Callable[[dict[int, VehicleView]], None], error_m: float = 0.0, age_s: float = 0.0
-) -> list[Conflict]:
-    """What the watch says of vehicles before T0, after three looks, from reports of this age."""
-    ours = SeparationWatch(plan, 1.0)
-    found: list[Conflict] = []
-    for n in range(3):
-        views = on_pads(plan, T0 - 30.0 + 0.1 * n - age_s, error_m)
+def straight(
+    t_s: float,
+    limit_m: float,
+    ages_s: dict[int, float] | float = 0.0,
+    *,
+    move: Callable[[dict[int, VehicleView]], None] = lambda views: None,
+    on_plan: tuple[int, ...] = (1, 2, 3),
+    aloft: tuple[int, ...] = (1, 2, 3),
+    starting: tuple[int, ...] = (),
+) -> dict[tuple[int, int], tuple[float, float]]:
+    """Conflicts of the straight plan at the third look, as (seconds ahead, metres) by pair."""
+    ours = SeparationWatch(straight_plan(), limit_m)
+    for looks in range(3):
+        views = reported(t_s, T0, ages_s)
         move(views)
-        found = ours.look(views, -30.0 + 0.1 * n, T0 - 30.0 + 0.1 * n, (), plan.sysids, plan.sysids)
-    return found
+        found = ours.look(views, t_s, T0 + t_s, on_plan, aloft, starting)
+        assert looks == 2 or not found
+    return {one.pair: (one.in_s, round(one.distance_m, 3)) for one in found}
 
 
-def test_vehicles_that_climb_over_their_pads_have_no_conflict(hop_plan: Plan) -> None:
-    def climb(views: dict[int, VehicleView]) -> None:
-        for view in views.values():
-            view.position_ned_m = view.position_ned_m + np.array([0.3, -0.2, -2.0])
-            view.velocity_ned_mps = np.array([0.5 * (-1) ** view.sysid, 0.8, -2.5])
-
-    assert looked(hop_plan, climb) == []
-    assert looked(hop_plan, climb, error_m=4.0) == []
-
-
-def test_a_climb_ends_at_the_hover(hop_plan: Plan) -> None:
-    height_m = float(hop_plan.pads_ned_m[1, 2] - hop_plan.states(np.array([hop_plan.airborne_s]))[1, 0, 2])
-
-    def passing(views: dict[int, VehicleView]) -> None:
-        """Vehicle 2 nears its hover beneath vehicle 3, which was blown over it."""
-        views[2].position_ned_m = views[2].position_ned_m + np.array([0.0, 0.0, 0.2 - height_m])
-        views[2].velocity_ned_mps = np.array([0.0, 0.0, -2.5])
-        views[3].position_ned_m = views[2].position_ned_m + np.array([0.0, 0.3, -2.0])
-
-    assert looked(hop_plan, passing) == []
-
-
-def drift(speed_mps: float, off_m: float) -> Callable[[dict[int, VehicleView]], None]:
-    """Vehicle 2 is so far from its pad towards vehicle 3, and moves on."""
-
+def moved(
+    sysid: int, off_m: tuple[float, ...] = (0.0,) * 3, off_mps: tuple[float, ...] = (0.0,) * 3
+) -> Callable[[dict[int, VehicleView]], None]:
     def move(views: dict[int, VehicleView]) -> None:
-        views[2].position_ned_m = views[2].position_ned_m + np.array([0.0, off_m, -0.5])
-        views[2].velocity_ned_mps = np.array([0.0, speed_mps, 0.0])
+        views[sysid].position_ned_m = views[sysid].position_ned_m + np.array(off_m)
+        views[sysid].velocity_ned_mps = views[sysid].velocity_ned_mps + np.array(off_mps)
 
     return move
 
 
-def test_a_vehicle_that_drifts_towards_a_standing_one_is_seen_seconds_ahead(hop_plan: Plan) -> None:
-    (conflict,) = looked(hop_plan, drift(1.5, 1.2), error_m=2.0)  # pads are 5 m apart
-    assert conflict.pair == (2, 3)
-    assert 1.0 < conflict.in_s < 2.6
-    assert looked(hop_plan, drift(1.5, 0.8)) == []  # still over its pad: it comes back
-    assert looked(hop_plan, drift(0.5, 1.2)) == []  # too slow to be near within three seconds
+@pytest.mark.parametrize("ages_s", [0.0, 1.5, {1: 1.5}, {2: 1.5}, {3: 0.4, 1: 1.0}])
+@pytest.mark.parametrize("t_s", [0.0, 30.0])
+def test_a_report_counts_at_its_own_time_however_old_it_is(t_s: float, ages_s: dict[int, float] | float) -> None:
+    """They fly 5 m one behind the other at 2 m/s, and as planned: reports of any age change nothing."""
+    apart_m = round(float(np.hypot(5.0, 0.1 * t_s)), 3)
+    near = {(1, 2): (0.0, apart_m), (1, 3): (0.0, apart_m)}
+    assert straight(t_s, apart_m + 0.1, ages_s) == near
+    assert straight(t_s, apart_m - 0.01, ages_s) == {}
 
 
-@pytest.mark.parametrize(("age_s", "in_s"), [(0.0, 1.75), (1.0, 0.75)])
-def test_a_vehicle_has_drifted_on_since_its_report(hop_plan: Plan, age_s: float, in_s: float) -> None:
-    """It is 3.8 m from the other and nears it at 1.5 m/s: 1 m apart after 1.87 s. Checks are 0.25 s apart."""
-    (conflict,) = looked(hop_plan, drift(1.5, 1.2), age_s=age_s)
-    assert (conflict.pair, conflict.in_s) == ((2, 3), in_s)
+@pytest.mark.parametrize("age_s", [0.0, 0.5])
+def test_who_is_off_the_plan_goes_straight_on_from_its_report(age_s: float) -> None:
+    """Vehicle 1 left the plan and catches up 1.2 m/s on vehicle 3: 3 m are left 1.67 s after its report."""
+    found = straight(0.0, 3.0, {1: age_s}, move=moved(1, off_mps=(1.2, 0.0, 0.0)), on_plan=(2, 3))
+    least_m = float(np.hypot(5.0 - 1.2 * (3.0 + age_s), 0.3))  # and 0.1 m/s further east
+    assert found == {(1, 3): (1.5 - age_s, round(least_m, 3))}
+
+
+def test_a_deviations_rate_fades_with_half_a_second() -> None:
+    """5 m less 4 m/s for 0.5 s (1 - e^(-t / 0.5 s)) is 4 m after 0.35 s; 3 m in the end."""
+    found = straight(0.0, 4.0, move=moved(1, off_mps=(4.0, 0.0, 0.0)))
+    assert found == {(1, 3): (0.25, round(float(np.hypot(5.0 - 2.0 * (1.0 - np.exp(-6.0)), 0.3)), 3))}
+    assert straight(0.0, 3.0, move=moved(1, off_mps=(4.0, 0.0, 0.0))) == {}
+    assert straight(0.0, 2.0, move=moved(1, (3.5, 0.0, 0.0))) == {(1, 3): (0.0, 1.5)}  # a deviation stays as it is
+    assert straight(0.0, 2.0, move=moved(1, (3.5, 0.0, 0.0)), on_plan=()) == {(1, 3): (0.0, 1.5)}
+
+
+def test_only_vehicles_aloft_with_a_position_count() -> None:
+    near = moved(1, (3.5, 0.0, 0.0))
+    assert straight(0.0, 2.0, move=near, aloft=(1, 2)) == straight(0.0, 2.0, move=near, aloft=(3,)) == {}
+    assert straight(0.0, 2.0, move=near, aloft=(3, 1)) == {(3, 1): (0.0, 1.5)}
+    assert straight(0.0, 2.0, move=moved(1, (np.nan, 0.0, 0.0))) == {}
+    assert straight(0.0, 5.5, move=moved(3, (np.nan, 0.0, 0.0))) == {(1, 2): (0.0, 5.0)}
+
+
+def test_three_looks_in_a_row_are_a_conflict_and_one_without_it_begins_anew() -> None:
+    ours = SeparationWatch(straight_plan(), 2.0)
+    told = []
+    for near in (True, True, False, True, True, True, True, False, True):
+        views = reported(0.0, T0)
+        moved(1, (3.5 * near, 0.0, 0.0))(views)
+        told.append(len(ours.look(views, 0.0, T0, (1, 2, 3), (1, 2, 3))))
+    assert told == [0, 0, 0, 0, 0, 1, 1, 0, 0]
+
+
+@pytest.mark.parametrize("t_s", [-20.5, 59.0, 61.0])
+def test_before_its_beginning_and_after_its_end_a_plan_stands_still(t_s: float) -> None:
+    ours = SeparationWatch(straight_plan(), 5.0)
+    views = reported(min(max(t_s, -20.0), 60.0), T0)
+    for view in views.values():
+        view.unix_s = T0 + t_s
+    assert [ours.look(views, t_s, T0 + t_s, (1, 2, 3), (1, 2, 3)) for _ in range(3)] == [[], [], []]
+
+
+def standing(off_m: tuple[float, ...], off_mps: tuple[float, ...], age_s: float = 0.0) -> Callable[..., None]:
+    """All stand on their pads, and vehicle 1 has moved so since it was armed, by an old report of a bad receiver."""
+
+    def move(views: dict[int, VehicleView]) -> None:
+        plan = straight_plan()
+        for row, sysid in enumerate(plan.sysids):
+            view = views[sysid]
+            view.position_ned_m = plan.pads_ned_m[row] + np.array([row, -2.0, 3.0])
+            view.velocity_ned_mps = np.zeros(3)
+            view.unix_s = T0 - 30.0
+            view.stands_on(plan.pads_ned_m[row])
+        moved(1, off_m, off_mps)(views)
+        views[1].unix_s -= age_s
+
+    return move
+
+
+@pytest.mark.parametrize(
+    ("off_m", "off_mps", "age_s", "found"),
+    [
+        ((1.1, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0, {(1, 3): (1.75, 0.9)}),  # 3.9 m, less than 2 m after 1.9 s
+        ((1.1, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, {(1, 3): (0.75, 0.0)}),
+        ((1.1, 0.0, 0.0), (1.0, 0.0, 0.0), -5.0, {(1, 3): (1.75, 0.9)}),  # no report is from the future
+        ((0.9, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0, {}),  # within a metre of its pad's column it comes back
+        ((0.7, 0.7, 0.0), (1.0, 0.0, 0.0), 0.0, {}),
+        ((0.8, 0.8, 0.0), (1.0, 0.0, 0.0), 0.0, {(1, 3): (2.25, 1.442)}),
+        ((3.5, 0.0, -1.0), (0.0, 0.0, -2.0), 0.0, {(1, 3): (0.0, 1.803)}),  # it climbs out of the way
+        ((3.5, 0.0, -7.5), (0.0, 0.0, 3.0), 0.0, {(1, 3): (2.0, 1.5)}),  # it comes down
+    ],
+)
+def test_before_t0_vehicles_climb_and_drift_from_their_pads(
+    off_m: tuple[float, ...], off_mps: tuple[float, ...], age_s: float, found: object
+) -> None:
+    everyone = {"on_plan": (), "starting": (1, 2, 3)}
+    assert straight(-30.0, 2.0, move=standing(off_m, off_mps, age_s), **everyone) == found  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("down_m", "found"), [(-7.0, {}), (-8.5, {(1, 3): (0.0, 1.7)})])
+def test_a_climb_ends_at_the_hover_or_where_the_vehicle_is_already(down_m: float, found: object) -> None:
+    """Vehicle 1 climbs at 2 m/s beneath vehicle 3, which was blown near it at 9.3 m; they hover at 8 m."""
+
+    def passing(views: dict[int, VehicleView]) -> None:
+        standing((3.5, 0.0, down_m), (0.0, 0.0, -2.0))(views)
+        moved(3, (0.0, 0.0, -9.3))(views)
+
+    assert (
+        straight(-30.0, 1.98, move=passing, on_plan=(), starting=(1, 2, 3)) == found
+    )  # hypot(1.5, 1.3) m is no conflict
+
+
+def test_the_distance_to_the_pad_is_level_and_by_what_a_vehicle_moved() -> None:
+    views = reported(-30.0, T0)
+    standing((3.0, 4.0, -12.0), (0.0, 0.0, 0.0))(views)
+    assert SeparationWatch(straight_plan(), 2.0).off_pad_m(views[1]) == pytest.approx(5.0)

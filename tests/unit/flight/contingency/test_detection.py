@@ -396,3 +396,21 @@ def test_the_mode_that_an_order_ends_is_no_incident_until_it_was_left() -> None:
     assert kinds(ours.look(103.0)) == []
     shows(ours, px4_mode(3), 104.0)
     assert kinds(ours.look(104.0) + ours.look(105.6)) == [IncidentKind.MODE_LEFT]
+
+
+@pytest.mark.parametrize("unused_us", [0, 65535])
+def test_a_channel_that_comes_into_use_is_no_pilots_stick(unused_us: int) -> None:
+    ours = watch()
+    shows(ours, ARDUPILOT.guided, 100.0)
+    for unix_s, moved_us in ((100.0, unused_us), (101.0, 1500), (101.2, 1440)):  # and 60 us are noise
+        ours.receive(Message("RC_CHANNELS", {f"chan{n}_raw": moved_us for n in range(1, 9)}), unix_s)
+    shows(ours, ARDUPILOT.returning, 101.2, 5)
+    assert kinds(ours.look(101.2)) == [IncidentKind.FAILSAFE]
+
+
+def test_limits_of_silence_are_passed_and_not_reached() -> None:
+    ours = watch()
+    assert kinds(ours.look(103.0)) == []
+    assert kinds(ours.look(103.01)) == [IncidentKind.LINK_LOST]
+    assert kinds(ours.look(110.0)) == []
+    assert kinds(ours.look(110.01)) == [IncidentKind.VEHICLE_LOST]

@@ -26,9 +26,8 @@ from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import battery_model, energy_Wh
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan
 from gcs.scenario.environment.terrain import ground_envelope_m
-from tests.real_flights import FOLDER, Flight, unpacked
+from tests.real_flights import Flight, plan_of, unpacked
 
 RECORDED = "arducopter-4.5.6-mission"
 needs = st.floats(0.0, 150.0) | st.just(math.inf)
@@ -90,7 +89,7 @@ def test_another_battery_reading_is_no_discharge() -> None:
 
 @pytest.fixture(scope="module")
 def field() -> tuple[Plan, ReturnPlan]:
-    plan = load_plan(FOLDER / RECORDED / "plan.skein")[0]
+    plan = plan_of(RECORDED)
     return plan, plan_returns(plan, Autopilot.ARDUPILOT)
 
 

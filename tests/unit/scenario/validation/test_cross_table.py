@@ -15,6 +15,7 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation import boundaries, cross_table, formation_rules, vehicle_rules, zone_rules
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.route import route_places, route_shapes, route_times
+from tests.unit.scenario.variants import violated, with_tables
 
 
 @pytest.fixture
@@ -42,18 +43,6 @@ def test_simulation1_is_clean(simulation1: Scenario) -> None:
             "formation.vehicle[4].position_m",
             "take off 0.00",
         ),
-        (("judge", "separation_min_m"), 0.5, "judge.separation_min_m", "limits.separation_min_m = 0.4"),
-        (("start", "velocity_mps"), [2.0, -5.5, 0.0], "start.velocity_mps[1]", "-5 to 5"),
-        (("start", "roll_pitch_yaw_deg"), [0.0, -1.0, 61.0], "start.roll_pitch_yaw_deg[2]", "-60 to 60"),
-        (("objective", "heading_ref_deg"), 90.0, "objective.heading_ref_deg", "-60 to 60 degrees"),
-        (("end", "velocity_mps"), [0.5, 0.0, 0.0], "end.velocity_mps", "hover"),
-        (("vehicle", "mass_kg"), 0.54, "limits.thrust_N", "the weight is 5.29 N"),
-        (("limits", "thrust_N"), [4.95, 5.2], "limits.thrust_N", "the weight is 4.90 N"),
-        (("vehicle", "rotor_max_radps"), 340.0, "vehicle.rotor_max_radps", "needs 343 rad/s"),
-        (("time", "flight_s"), 239.0, "time.flight_s", "1198 m north take at least 239.6 s"),
-        (("ground_phases", "run_up_m"), 0.0, "ground_phases.run_up_m", "between 0 and 56.6"),
-        (("ground_phases", "takeoff_s"), 1.0, "ground_phases.takeoff_s", "2 m/s (limits.speed_ned_mps[2])"),
-        (("ground_phases", "landing_s"), 0.5, "ground_phases.landing_s", "too short"),
         (("no_fly",), [{"north_m": 1202.5, "east_m": 1001.0, "radius_m": 3.0}], "no_fly[0].radius_m", "vehicle 1"),
     ],
 )
@@ -62,6 +51,134 @@ def test_one_rule_broken(data: dict[str, Any], path: tuple[Any, ...], value: Any
     found = {dotted(mistake.key): str(mistake) for mistake in mistakes}
     assert key in found
     assert says in found[key]
+
+
+ZONE = {"north_m": 600.0, "east_m": 100.0, "radius_m": 3.0}
+LATEST = {"free": True, "latest_s": 300.0}
+MIDDLE = {"position_m": [600.0, 500.0, 20.0]}
+
+
+def change(**when: Any) -> dict[str, Any]:
+    return {"change": [{"kind": "reshape", "to": "start", **when}]}
+
+
+@pytest.mark.parametrize(
+    ("tables", "told"),
+    [
+        ({"judge": {"separation_min_m": 0.4}}, ""),
+        (
+            {"judge": {"separation_min_m": 0.41}},
+            "judge.separation_min_m = 0.41: more than the plan keeps, limits.separation_min_m = 0.4. Set "
+            "judge.separation_min_m to 0.4 or less",
+        ),
+        ({"start": {"velocity_mps": [5.0, -5.0, 2.0]}}, ""),
+        (
+            {"start": {"velocity_mps": [5.1, -5.1, -2.1]}, "ground_phases": {"run_up_m": 60.0}},
+            "start.velocity_mps[0] = 5.1: too fast north; limits.speed_ned_mps[0] allows -5 to 5 m/s\n"
+            "start.velocity_mps[1] = -5.1: too fast east; limits.speed_ned_mps[1] allows -5 to 5 m/s\n"
+            "start.velocity_mps[2] = -2.1: too fast up; limits.speed_ned_mps[2] allows -2 to 2 m/s",
+        ),
+        (
+            {"end": {"velocity_mps": [0.0, 0.0, -2.1]}},
+            "end.velocity_mps[2] = -2.1: too fast up; limits.speed_ned_mps[2] allows -2 to 2 m/s\n"
+            "end.velocity_mps = [0.0, 0.0, -2.1]: must be [0, 0, 0]: every flight ends in a hover, from which it "
+            "lands. Remove end.velocity_mps",
+        ),
+        (
+            {"start": {"roll_pitch_yaw_deg": [180.0, -60.0, 60.0]}, "end": {"roll_pitch_yaw_deg": [0.0, 60.1, -60.1]}},
+            "end.roll_pitch_yaw_deg[1] = 60.1: too much pitch; limits.roll_pitch_yaw_deg[1] allows -60 to 60 "
+            "degrees\n"
+            "end.roll_pitch_yaw_deg[2] = -60.1: too much yaw; limits.roll_pitch_yaw_deg[2] allows -60 to 60 "
+            "degrees",
+        ),
+        (
+            {"start": {"roll_pitch_yaw_deg": [-9.1, 0.0, 0.0]}, "limits": {"roll_pitch_yaw_deg": [9.0, 60.0, 60.0]}},
+            "start.roll_pitch_yaw_deg[0] = -9.1: too much roll; limits.roll_pitch_yaw_deg[0] allows -9 to 9 degrees",
+        ),
+        ({"objective": {"heading_ref_deg": -60.0}}, ""),
+        (
+            {"objective": {"heading_ref_deg": -60.5}},
+            "objective.heading_ref_deg = -60.5: out of reach; limits.roll_pitch_yaw_deg[2] allows a yaw of -60 to "
+            "60 degrees",
+        ),
+        ({"objective": {"heading_ref_deg": None}}, ""),
+        ({"time": {"flight_s": 239.6}}, ""),
+        (
+            {"time": {"flight_s": 239.5}},
+            "time.flight_s = 239.5: too short: 1198 m north take at least 239.6 s at limits.speed_ned_mps[0] = 5 "
+            "m/s. Set time.flight_s to 300",
+        ),
+        ({"time": {"flight_s": 239.5}, "route": [MIDDLE]}, ""),  # the rules about legs tell it
+        (
+            {"end": {"position_m": [2.0, 1.0, 33.0]}, "time": {"flight_s": 14.9}},
+            "time.flight_s = 14.9: too short: 30 m vertical take at least 15.0 s at limits.speed_ned_mps[2] = 2 "
+            "m/s. Set time.flight_s to 19",
+        ),
+        (
+            {"end": {"position_m": [2.0, 1000.0, 3.0]}, "time": {"flight_s": 199.7}},
+            "time.flight_s = 199.7: too short: 999 m east take at least 199.8 s at limits.speed_ned_mps[1] = 5 "
+            "m/s. Set time.flight_s to 250",
+        ),
+        (
+            {"time": {"free": True}},
+            "time.free = true: needs a cost of time, or the slowest flight is the best. Give [objective] "
+            "time_weight, or a latest_s here",
+        ),
+        ({"time": {"free": True}, "objective": {"time_weight": 1.0}}, ""),
+        ({"time": LATEST, "objective": {"time_weight": 1.0}}, ""),
+        ({"time": LATEST}, ""),
+        (
+            {"time": {"free": True, "latest_s": 239.0}},
+            "time.latest_s = 239.0: too short: 1198 m north take at least 239.6 s at limits.speed_ned_mps[0] = 5 "
+            "m/s. Set time.latest_s to 300",
+        ),
+        (
+            {"time": LATEST, "formation": change(at_s=3.0)},
+            "time.free = true: the planner cannot choose the time while changes have fixed times. Set auto = true "
+            "in each",
+        ),
+        ({"time": LATEST, "formation": change(auto=True)}, ""),
+        ({"time": LATEST, "formation": change(at_point=1), "route": [MIDDLE]}, ""),
+        ({"time": LATEST, "no_fly": [ZONE]}, ""),
+        (
+            {"time": LATEST, "no_fly": [{**ZONE, "moves": [[0.0, 0.0, 0.0], [10.0, 50.0, 0.0]]}]},
+            "time.free = true: the planner cannot choose the time while no-fly zones move. Remove their moves",
+        ),
+        ({"no_fly": [{**ZONE, "moves": [[0.0, 0.0, 0.0], [10.0, 50.0, 0.0]]}]}, ""),
+        (
+            {"ground_phases": {"run_up_m": 0.0}},
+            "ground_phases.run_up_m = 0.0: cannot bring a vehicle from rest to 2.83 m/s in run_up_s = 20 s; it "
+            "must lie between 0 and 56.6. Set ground_phases.run_up_m to 28.3",
+        ),
+        ({"ground_phases": {"run_up_m": 56.56}}, ""),
+        (
+            {"ground_phases": {"run_up_m": 56.6}, "limits": {"accel_max_mps2": 0.07}},
+            "ground_phases.run_up_m = 56.6: cannot bring a vehicle from rest to 2.83 m/s in run_up_s = 20 s; it "
+            "must lie between 0 and 56.6. Set ground_phases.run_up_m to 28.3",
+        ),
+        ({"start": {"velocity_mps": [0.0, 0.0, 1.0]}, "ground_phases": {"run_up_m": 0.0}}, ""),
+        ({"limits": {"accel_max_mps2": 0.159}}, ""),
+        (
+            {"limits": {"accel_max_mps2": 0.063}, "ground_phases": {"run_up_m": 28.3}},
+            "limits.accel_max_mps2 = 0.063: too little to cover 1560 m in time.flight_s, which takes at least "
+            "0.064 m/s². Set limits.accel_max_mps2 to 0.064 or more\n"
+            "limits.accel_max_mps2 = 0.063: too little for a run-up of 28.3 m in 20 s, which takes at least 0.142 "
+            "m/s². Set limits.accel_max_mps2 to 0.142 or more",
+        ),
+        (
+            {"time": {"flight_s": 239.0}, "limits": {"accel_max_mps2": 0.05}, "ground_phases": {"run_up_m": 28.3}},
+            "time.flight_s = 239.0: too short: 1198 m north take at least 239.6 s at limits.speed_ned_mps[0] = 5 "
+            "m/s. Set time.flight_s to 300\n"
+            "limits.accel_max_mps2 = 0.05: too little for a run-up of 28.3 m in 20 s, which takes at least 0.142 "
+            "m/s². Set limits.accel_max_mps2 to 0.142 or more",
+        ),
+    ],
+)
+def test_what_two_tables_disagree_about_is_told_with_both_values(
+    data: dict[str, Any], tables: dict[str, Any], told: str
+) -> None:
+    """The leader flies 1198 m north and 999 m east at 5 m/s at most; its run-up of 20 s ends at 2.83 m/s."""
+    assert "\n".join(violated(cross_table.RULES, with_tables(data, **tables))) == told
 
 
 SQUARE = [[0.0, 0.0, 0.0], [0.0, 4.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [8.0, 0.0, 0.0], [8.0, 4.0, 0.0]]

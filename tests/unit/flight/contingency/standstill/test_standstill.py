@@ -7,16 +7,21 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gcs.flight.contingency.policy import OnLoss, State
+from gcs.flight.contingency.standstill.standstill import Standstill
+from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from tests.point_fleet import EPOCH_S, PILOTS_MODE, PointFleet, flown
+from tests.unit.flight.contingency.straight_plan import straight_plan, yaw_rad
 
 GUIDED, RTL = 4, 6
 BACK, LATER = "are led back to the plan", ", which goes on {:.1f} s later"
@@ -209,3 +214,19 @@ def test_a_pilot_who_takes_over_in_a_standstill_keeps_the_vehicle(hop: Plan, hop
     assert of_pilot == ["pilot took over", "released"]
     assert fleet.points[2].modes_ordered == []
     assert [what.split(",")[0] for what in told(fleet) if what not in of_pilot] == ["stayed without setpoints", BACK]
+
+
+@pytest.mark.parametrize("t_s", [30.0, 80.0])  # after the end of the plan too
+def test_a_vehicle_holds_from_where_it_is_when_its_setpoints_begin(t_s: float) -> None:
+    """It was seen 0.5 s ago at 2 m/s, and its setpoints begin 0.3 s from now: 1.6 m on, and 1.33 m to brake."""
+    ours: Any = object.__new__(Standstill)
+    t0_unix_s, now_s = EPOCH_S, EPOCH_S + t_s
+    ours._plan, ours._options = straight_plan(), FlightOptions(lead_s=0.3)
+    ours._monitor = SimpleNamespace(t0_unix_s=t0_unix_s)
+    ours._routes = SimpleNamespace(depth_m=lambda tracks, at_s: np.zeros(len(at_s)))
+    seen = VehicleView(1, np.array([10.0, 0.0, -8.0]), np.array([0.0, 2.0, 0.0]), now_s - 0.5)
+    track = ours._hold_at(SimpleNamespace(view=seen), now_s)
+    assert track.begin_s == pytest.approx(t_s + 0.3)
+    assert track.at(0, track.begin_s)[:6] == pytest.approx((10.0, 1.6, -8.0, 0.0, 2.0, 0.0), abs=1e-5)
+    assert track.at(0, track.begin_s)[9] == pytest.approx(yaw_rad(min(t_s + 0.3, 60.0)))
+    assert track.end_ned_m == pytest.approx([10.0, 1.6 + 2.0**2 / (2 * 1.5), -8.0], abs=1e-5)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilots.protocol_timers import MissionTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.link.mission_protocol.item_messages import item_to_message
 from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite, RewriteState
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.mission_protocol.rules import MissionRefused
@@ -15,6 +19,7 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MissionResult
 from gcs.mission.model import Command, MissionItem
 from tests.air import VEHICLE, Air, Weather
+from tests.unit.link.mission_protocol.conversation import SteadyTrip, ticks
 
 CALM = Weather(0.1, 0.0, 0.0, 0.0)
 AP = Autopilot.ARDUPILOT
@@ -141,3 +146,86 @@ def test_nothing_to_replace_is_done_at_once():
     assert machine.start(0.0) == []
     assert machine.done
     assert machine.error is None
+
+
+def on_board(seq, item, now_s, machine):
+    return machine.receive(replace(item_to_message(item, seq, GROUND), sysid=VEHICLE.sysid, compid=1), now_s)
+
+
+def test_an_item_that_nobody_asked_for_is_no_read_back():
+    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP)
+    machine.start(0.0)
+    assert on_board(2, until(56.0), 0.1, machine) == []
+    assert machine.state is RewriteState.OFFERED
+    machine.receive(addressed("MISSION_REQUEST", seq=2), 0.2)
+    machine.receive(addressed("MISSION_ACK", type=0), 0.3)
+    assert on_board(2, until(56.0), 0.4, machine) == []
+    assert (machine.state, machine.error, machine.cancel(), machine.error) == (RewriteState.DONE, None, [], None)
+
+
+def test_what_was_on_board_before_is_no_reason_of_a_failure():
+    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP, look_first=True)
+    assert [m.name for m in machine.start(0.0)] == ["MISSION_REQUEST_INT"]
+    assert [m.name for m in on_board(2, until(34.0), 0.1, machine)] == ["MISSION_WRITE_PARTIAL_LIST"]
+    while not machine.done:
+        machine.tick(machine.deadline_s)
+    assert isinstance(machine.error, PeerTimeout)
+
+
+def test_every_item_has_its_own_tries_and_its_own_time():
+    """Each differs once when it is read back; then it is on board."""
+    timers = MissionTimers(give_up_s=9.0)
+    machine = ItemRewrite({2: until(2.0), 5: until(5.0)}, VEHICLE, AP, tries=2, timers=timers, round_trip=SteadyTrip())
+    said = machine.start(10.0)
+    for seq in (2, 5):
+        for wrong in (1.0, 0.0):
+            assert [(m.name, m.fields["start_index"], m.fields["end_index"]) for m in said] == [
+                ("MISSION_WRITE_PARTIAL_LIST", seq, seq)
+            ]
+            assert machine.deadline_s == 10.5
+            (item,) = machine.receive(addressed("MISSION_REQUEST_INT", seq=seq), 10.0)
+            assert (item.fields["seq"], item.fields["param4"]) == (seq, float(seq))
+            (question,) = machine.receive(addressed("MISSION_ACK", type=0), 10.0)
+            assert (question.name, question.fields["seq"]) == ("MISSION_REQUEST_INT", seq)
+            said = on_board(seq, until(seq + wrong), 10.0, machine)
+    assert machine.done and machine.error is None
+    alone = ItemRewrite({2: until(2.0)}, VEHICLE, AP, tries=2, timers=timers, round_trip=SteadyTrip())
+    alone.start(10.0)
+    for _ in range(2):
+        alone.receive(addressed("MISSION_REQUEST_INT", seq=2), 10.0)
+        alone.receive(addressed("MISSION_ACK", type=0), 10.0)
+        on_board(2, until(3.0), 10.0, alone)
+    assert "differs from what was sent" in str(alone.error)
+
+
+@pytest.mark.parametrize(
+    ("heard", "said"),
+    [
+        ((), "WRITE_PARTIAL_LIST 2"),
+        (("MISSION_REQUEST",), "REQUEST_INT 2"),
+        (("MISSION_REQUEST", "MISSION_ACK"), "REQUEST_INT 2"),
+    ],
+)
+def test_silence_is_answered_with_repetitions_until_it_is_given_up(heard, said):
+    """Waits of 0.5 s, 0.25 s more each time; after an item the first wait ends with the question."""
+    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP, timers=MissionTimers(give_up_s=3.0), round_trip=SteadyTrip())
+    machine.start(10.0)
+    for name in heard:
+        machine.receive(addressed(name, seq=2, type=0) if name == "MISSION_ACK" else addressed(name, seq=2), 10.0)
+    first = [(10.5, said)] if heard != ("MISSION_REQUEST",) else [(10.5, said), (11.0, said)]
+    later = {1: [11.25, 12.25], 2: [11.75, 12.75]}[len(first)]
+    assert ticks(machine) == [*first, *((at_s, said) for at_s in later), (13.0, "")]
+    assert "mission item 2" in machine.error.message
+
+
+@pytest.mark.parametrize(
+    ("result", "end_s"),
+    [(MissionResult.ERROR, 12.0), (MissionResult.UNSUPPORTED, 10.0), (MissionResult.ACCEPTED, 19.0)],
+)
+def test_a_refused_range_ends_it_at_once_or_after_four_waits_of_doubt(result, end_s):
+    timers = MissionTimers(give_up_s=9.0, doubt_s=1.2)
+    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP, timers=timers, round_trip=SteadyTrip())
+    machine.start(10.0)
+    machine.receive(addressed("MISSION_ACK", type=int(result)), 10.0)
+    assert (ticks(machine) or [(10.0, "")])[-1] == (end_s, "")
+    assert isinstance(machine.error, PeerTimeout if result == MissionResult.ACCEPTED else MissionRefused)

@@ -31,7 +31,12 @@ def told(*keys: dict[str, Any], flight_s: float = 300.0, **tables: Any) -> list[
         (({"at_s": 19.9},), "route[0].at_s", "leg 1, to route[0], takes at least 20.0 s"),
         (({"by_s": 19.9},), "route[0].by_s", "at limits.speed_ned_mps[0] = 5 m/s; by_s leaves 19.9 s from the start"),
         (({"at_s": 50.0}, {"at_s": 61.0}), "route[1].at_s", "leg 2, to route[1], takes at least 12.0 s"),
-        (({"after_s": 50.0}, {"by_s": 61.0}), "route[1].by_s", "by_s leaves 11 s from route[0]"),
+        (
+            ({"after_s": 50.0}, {"by_s": 61.0}),
+            "route[1].by_s",
+            "by_s leaves 11 s from route[0]; set route[1].by_s to 65 or more",
+        ),
+        (({"after_s": 5.0}, {"by_s": 31.0}), "route[1].by_s", "2 legs take 32.0 s; by_s leaves 31 s from the start"),
         (({"hold_s": 5.0}, {}, {"by_s": 46.0}), "route[2].by_s", "leg 1, to route[0], takes at least 20.0 s"),
         (({"at_s": 60.0}, {"at_s": 60.0}), "route[1].at_s", "must be later than route[0] at 60 s"),
         (({"at_s": 300.0},), "route[0].at_s", "is after the flight, which ends at time.flight_s = 300"),
@@ -41,6 +46,12 @@ def test_a_leg_that_has_too_little_time_is_named(keys: tuple[dict[str, Any], ...
     ((where, text),) = told(*keys)
     assert where == key
     assert found in text
+
+
+def test_a_time_that_is_too_early_is_where_the_next_leg_begins() -> None:
+    first, second = told({"at_s": 19.0}, {"at_s": 30.5})
+    assert [first[0], second[0]] == ["route[0].at_s", "route[1].at_s"]
+    assert "at_s leaves 11.5 s from route[0]; set route[1].at_s to 34 or more" in second[1]
 
 
 def test_legs_and_holds_add_up_to_the_least_flight() -> None:
