@@ -44,6 +44,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     return Flight(unpacked("px4-1.17dev-return-into-fence", tmp_path_factory.mktemp("real")))
 
 
+@pytest.mark.slow
 def test_the_return_that_was_flown_into_the_fence_leads_round_it(flight: Flight) -> None:
     plan, zone = flight.plan, flight.plan.scenario.no_fly[0]
     places, velocities = heard_at(flight, flight.folder, CALLED_UNIX_S)

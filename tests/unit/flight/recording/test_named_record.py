@@ -44,6 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
+@pytest.mark.slow
 def test_the_program_of_the_page_runs_on_a_flight(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (block,) = (b for b in BLOCKS["docs/python.md"] if "load_record" in b.code)
     code, count = re.subn(r'Path\("flights/[^"]+"\)', f"Path({str(folder)!r})", block.code)
