@@ -25,7 +25,7 @@ from scipy.spatial import KDTree
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.every_start.ground_below import highest_below_returns_m
 from gcs.mission.failsafe.every_start.large_fleets.proved_fleet import proved_fleet
-from gcs.mission.failsafe.every_start.proved_separation import proved_separation
+from gcs.mission.failsafe.every_start.pair_returns import proved_separation
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes

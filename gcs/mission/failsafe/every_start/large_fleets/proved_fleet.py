@@ -7,30 +7,36 @@ not enough. Pairs of vehicles that move against each other are then bounded as t
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.failsafe.every_start.large_fleets.fleet_cell import FleetCell, FleetReturn
-from gcs.mission.failsafe.every_start.large_fleets.fleet_halves import FleetHalves
 from gcs.mission.failsafe.every_start.large_fleets.relative_motion import least_level_m
-from gcs.mission.failsafe.every_start.pair_search import (
-    LONGEST_S,
-    PairItems,
-    PairSearch,
-    ProvedSeparation,
-)
-from gcs.mission.failsafe.every_start.start_cells import Rows
+from gcs.mission.failsafe.every_start.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
 from gcs.mission.failsafe.rtl_cases import return_ends
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
+from gcs.plan.verification.proof.subdivision import (
+    Cells,
+    Constraint,
+    Looks,
+    Mask,
+    Proof,
+    Rows,
+    joined,
+    plain_cells,
+    refined,
+    settle,
+)
+from gcs.plan.verification.proof.vehicle_tree import Groups
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 _BLOCK_S = 10.0  # while the shape moves, vehicles have other neighbours after this time
-_BATCH = 20_000
 _GROUPS_MAX, _PAIRS_MAX = 3_000_000, 200_000  # looked at; what is left then is undecided
 _SAME = 1e-12  # of the shape's functions
 
@@ -45,13 +51,14 @@ def proved_fleet(
     seen_m: float,
 ) -> ProvedSeparation:
     """The proved separation of returns at these altitudes (V,); `seen_m` is a distance that is known to occur."""
+    proof, looks = Proof.begun((1, 1), 3, seen_m), Looks(_PAIRS_MAX)
     ends = return_ends(plan, firmware, rally_ned_m)
-    pairs = PairSearch(plan, ends, speeds, altitudes_m, required_m, seen_m, _PAIRS_MAX)
     for to_rally in (False, True):
-        search = _GroupSearch(FleetReturn(plan, ends, altitudes_m, to_rally), speeds, pairs)
+        pairs = StraightReturns(plan, ends, speeds, altitudes_m, required_m, to_rally)
+        group_looks = Looks(_GROUPS_MAX)
         for begin_s, end_s in _blocks(plan):
-            search.settle(begin_s, end_s)
-    return pairs.proof
+            _settle_block(pairs, begin_s, end_s, proof, group_looks, looks)
+    return ProvedSeparation.of(proof)
 
 
 def _blocks(plan: Plan) -> list[tuple[float, float]]:
@@ -71,83 +78,72 @@ def _blocks(plan: Plan) -> list[tuple[float, float]]:
     return found
 
 
-class _GroupSearch:
-    """Divides groups and intervals until every pair of vehicles is settled."""
+@dataclass(frozen=True)
+class _GroupPairs:
+    """The family of pairs of groups, while all vehicles begin to return in one interval."""
 
-    def __init__(self, returns: FleetReturn, speeds: ReturnSpeeds, pairs: PairSearch) -> None:
-        self._returns, self._speeds, self._pairs = returns, speeds, pairs
-        self._joints_s = returns.plan.leader_trajectory.joints_s
-        self._looked = 0
+    constraints: tuple[Constraint, ...]
+    groups: Groups
+    cell: FleetCell
+    speeds: ReturnSpeeds
+    can_halve: bool
 
-    def settle(self, begin_s: float, end_s: float) -> None:
-        """Bound all pairs of an interval of `_blocks`."""
-        middle_s = np.array([0.5 * (begin_s + end_s)])
-        offsets = self._returns.plan.offsets(middle_s)[:, 0, :2]
-        tree = FleetHalves.of(np.concatenate([offsets, self._returns.places_m[:, 0, :2]], axis=1))
-        root = np.array([1])
-        left = [(begin_s, end_s, root, root)]
-        while left:
-            begin_s, end_s, first, second = left.pop()
-            cell = self._returns.cell(tree, begin_s, end_s)
-            first, second = self._divided(tree, cell, first, second, begin_s, end_s)
-            if len(first):
-                middle = self._middle_s(begin_s, end_s)
-                left += [(middle, end_s, first, second), (begin_s, middle, first, second)]
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`. The pairs within a group have no distance of their own: it must be divided."""
+        first, second = cells.who.T
+        low_m = least_level_m(self.cell.between(first, second, self.speeds))
+        alone = self.groups.parts[first, 0] < 0
+        low_m = np.where(first == second, np.where(alone, np.inf, -np.inf), low_m)
+        return low_m[None], np.full((1, len(cells)), np.inf)
 
-    def _divided(
-        self, tree: FleetHalves, cell: FleetCell, first: Rows, second: Rows, begin_s: float, end_s: float
-    ) -> tuple[Rows, Rows]:
-        """The pairs of groups that a shorter interval may settle; others are settled."""
-        shorter = []
-        whole = not np.any((self._joints_s > begin_s) & (self._joints_s < end_s))
-        can_halve = not whole or end_s - begin_s > LONGEST_S
-        while len(first):
-            self._looked += len(first)
-            same = first == second
-            low_m = np.full(len(first), np.inf)
-            for part in (slice(n, n + _BATCH) for n in range(0, len(first), _BATCH)):
-                low_m[part] = least_level_m(cell.between(first[part], second[part], self._speeds))
-            leaves = tree.is_leaf(first) & tree.is_leaf(second)
-            empty = tree.is_empty(first) | tree.is_empty(second) | (same & leaves)
-            low_m[same & ~leaves] = -np.inf
-            low_m[empty] = np.inf
-            spent = self._looked > _GROUPS_MAX
-            enough_m = min(self._pairs.enough_m, self._pairs.proved_m)
-            done = (low_m >= enough_m) | spent
-            self._pairs.keep(low_m[done], np.full(int(done.sum()), 0.5 * (begin_s + end_s)))
-            left = np.flatnonzero(~done)
-            first, second, leaves = first[left], second[left], leaves[left]
-            in_time = cell.time_counts(first, second) > cell.size_counts(first, second)
-            in_time &= can_halve & (first != second)
-            in_time |= leaves & can_halve
-            shorter.append((first[in_time], second[in_time]))
-            alone = leaves & ~in_time
-            if alone.any():
-                self._pairs_alone(tree.vehicle(first[alone]), tree.vehicle(second[alone]), begin_s, end_s)
-            first, second = _halves(tree, first[~in_time & ~alone], second[~in_time & ~alone])
-        if not shorter:
-            return first, second
-        return np.concatenate([a for a, _ in shorter]), np.concatenate([b for _, b in shorter])
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
+        """See `Family`: pairs of halves of groups, unless two vehicles or a shorter interval are to be looked at."""
+        numbers = np.flatnonzero(chosen & ~self._are_single(cells).all(axis=1) & ~self.in_time(cells))
+        whole, single = cells[numbers], self._are_single(cells[numbers])
+        same, halves = whole.who[:, 0] == whole.who[:, 1], self.groups.parts[whole.who]  # (M, 2, 2)
+        found, origin = [], []
+        for one, other in itertools.product((0, 1), repeat=2):
+            who = np.where(single, whole.who, np.stack([halves[:, 0, one], halves[:, 1, other]], axis=1))
+            # A single vehicle counts once, and so does a pair within one group.
+            once = ~(np.any(single & [one == 1, other == 1], axis=1) | (same & (one > other)))
+            found.append(replace(whole[once], who=who[once]))
+            origin.append(numbers[once])
+        return joined(found), np.concatenate(origin)
 
-    def _pairs_alone(self, first: Rows, second: Rows, begin_s: float, end_s: float) -> None:
-        begins, ends = np.full(len(first), begin_s), np.full(len(first), end_s)
-        self._pairs.settle(PairItems(begins, ends, first, second), to_rally=self._returns.to_rally)
+    def in_time(self, cells: Cells) -> Mask:
+        """Which pairs a shorter interval may settle."""
+        first, second = cells.who.T
+        counts = (self.cell.time_counts(first, second) > self.cell.size_counts(first, second)) & (first != second)
+        return np.asarray((counts | self._are_single(cells).all(axis=1)) & self.can_halve)
 
-    def _middle_s(self, begin_s: float, end_s: float) -> float:
-        """The joint of the leader's motion that is nearest to the middle; without one, the middle."""
-        middle_s = 0.5 * (begin_s + end_s)
-        inner_s = self._joints_s[(self._joints_s > begin_s) & (self._joints_s < end_s)]
-        return float(inner_s[np.argmin(np.abs(inner_s - middle_s))]) if len(inner_s) else middle_s
+    def _are_single(self, cells: Cells) -> Mask:
+        return np.asarray(self.groups.parts[cells.who, 0] < 0)
 
 
-def _halves(tree: FleetHalves, first: Rows, second: Rows) -> tuple[Rows, Rows]:
-    """All pairs of the halves of groups; a leaf stays whole, and of one group alone no pair counts twice."""
-    pairs = []
-    for one in (0, 1):
-        for other in (0, 1):
-            ones = np.where(tree.is_leaf(first), first, 2 * first + one)
-            others = np.where(tree.is_leaf(second), second, 2 * second + other)
-            twice = (tree.is_leaf(first) & (one == 1)) | (tree.is_leaf(second) & (other == 1))
-            twice |= (first == second) & (one > other)
-            pairs.append((ones[~twice], others[~twice]))
-    return np.concatenate([a for a, _ in pairs]), np.concatenate([b for _, b in pairs])
+def _settle_block(
+    pairs: StraightReturns, begin_s: float, end_s: float, proof: Proof, group_looks: Looks, pair_looks: Looks
+) -> None:
+    """Divide groups and intervals until every pair of vehicles is settled that begins to return in a block."""
+    plan, returns = pairs.plan, FleetReturn(pairs.plan, pairs.ends, pairs.altitudes_m, pairs.to_rally)
+    offsets = plan.offsets(np.array([0.5 * (begin_s + end_s)]))[:, 0, :2]
+    groups, _ = Groups.of(np.concatenate([offsets, returns.places_m[:, 0, :2]], axis=1))
+    waiting = [plain_cells(np.zeros((1, 2), dtype=np.intp), np.array([begin_s]), np.array([end_s]))]
+    while waiting:
+        cells = waiting.pop()
+        begin_s, end_s, middle_s = (float(each[0]) for each in (cells.start_s, cells.end_s, cells.middle_s))
+        joints_s = plan.leader_trajectory.joints_s
+        inner_s = joints_s[(joints_s > begin_s) & (joints_s < end_s)]
+        can_halve = len(inner_s) > 0 or end_s - begin_s > LONGEST_S
+        cell = returns.cell(groups, begin_s, end_s)
+        family = _GroupPairs(pairs.constraints, groups, cell, pairs.speeds, can_halve)
+        left, _ = refined(family, cells, proof, group_looks, proved_is_enough=True)
+        if not len(left):
+            continue
+        in_time = family.in_time(left)
+        settle(pairs, pairs.cells(replace(left, who=groups.row[left.who])[~in_time]), proof, pair_looks)
+        left = left[in_time]
+        if len(left):
+            # The joint of the leader's motion that is nearest to the middle; without one, the middle.
+            at_s = float(inner_s[np.argmin(np.abs(inner_s - middle_s))]) if len(inner_s) else middle_s
+            edges_s = np.full(len(left), at_s)
+            waiting += [replace(left, start_s=edges_s), replace(left, end_s=edges_s)]

@@ -18,7 +18,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
-from tests.unit.mission.failsafe.every_start.test_proved_separation import ENDS_S, dip, flown, northwards
+from tests.unit.mission.failsafe.every_start.test_pair_returns import ENDS_S, dip, flown, northwards
 
 SPEEDS = ReturnSpeeds(2.0, 5.0, 1.5, 5.0)
 ALTITUDE_M, STEP_S = 30.0, 0.05
