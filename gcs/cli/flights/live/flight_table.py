@@ -179,7 +179,7 @@ def _table(vehicles: Sequence[VehicleNow], ground_m: dict[int, float], width: in
 
 
 # The least is the worst; what is not known comes last.
-_COLUMNS: tuple[Callable[[VehicleNow], float], ...] = (
+_WORST_BY: tuple[Callable[[VehicleNow], float], ...] = (
     lambda v: -v.link_age_s,
     lambda v: v.zone_m,
     lambda v: v.above_ground_m,
@@ -209,7 +209,7 @@ class ShownVehicles:
 
 def worst_of_each_column(vehicles: Sequence[VehicleNow], most: int) -> frozenset[int]:
     """Return the system ids of `most` vehicles: the worst of each column, then the second of each, and so on."""
-    orders = [_worst_first(vehicles, figure) for figure in _COLUMNS]
+    orders = [_worst_first(vehicles, figure) for figure in _WORST_BY]
     chosen: dict[int, None] = {}
     for rank in zip(*orders, strict=True):
         for vehicle in rank:

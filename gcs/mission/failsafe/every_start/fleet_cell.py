@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.mission.failsafe.every_start.large_fleets.relative_motion import Between
+from gcs.mission.failsafe.every_start.relative_motion import Between
 from gcs.mission.failsafe.rtl_cases import ReturnEnds
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import POSITION, Array
