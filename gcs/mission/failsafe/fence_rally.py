@@ -7,17 +7,18 @@ Keep-in areas cut the hull; straight return tracks may leave a concave one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from gcs.autopilots.traits import FleetFirmware, one_each
+from gcs.autopilots.columns import ReturnParameters, ReturnSettings
+from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.failsafe.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.mission.failsafe.rtl_parameters import return_parameters
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outline
@@ -26,6 +27,9 @@ from gcs.scenario.si import local_origin
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
+FENCE_ABOVE_M = 10.0  # above the highest return: ArduPilot returns no higher than FENCE_MARGIN (2 m) below its fence
+_ROUND_OFF_M = 0.01  # heights are sums that end on whole metres; their last bits shall not raise the fence
+_TAKEOFF_DECIMALS = 3
 _RADIUS_DECIMALS = _HEIGHT_DECIMALS = 2
 _LEAST_RADIUS_M = 0.5
 
@@ -134,3 +138,23 @@ def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:
     ned_m = np.column_stack([flat_m, np.zeros(len(flat_m))])
     lat, lon, _ = ned_to_geodetic(ned_m, origin)
     return tuple(GeoPoint(to_degE7(a), to_degE7(b)) for a, b in zip(lat.tolist(), lon.tolist(), strict=True))
+
+
+def return_parameters(
+    firmware: Autopilot, returns: ReturnPlan, row: int, home_m: float, takeoff_m: float
+) -> ReturnParameters:
+    """Return the parameters of the vehicle in this row, with home `home_m` above the origin and a hover at `takeoff_m`.
+
+    Altitudes count from its home. The top of the fence is rounded up to whole metres.
+    """
+    speeds = returns.speeds
+    settings = ReturnSettings(
+        altitude_m=returns.altitudes_m[row],
+        cruise_mps=speeds.cruise_mps,
+        climb_mps=speeds.climb_mps,
+        sink_mps=speeds.sink_mps,
+        wait_s=firmware.traits.returns.wait_s,
+        fence_top_m=float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M - _ROUND_OFF_M)),
+        takeoff_m=round(takeoff_m, _TAKEOFF_DECIMALS),
+    )
+    return firmware.traits.returns.parameters(settings)

@@ -24,8 +24,8 @@ from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.every_start.ground_below import highest_below_returns_m
-from gcs.mission.failsafe.every_start.large_fleets.proved_fleet import proved_fleet
-from gcs.mission.failsafe.every_start.proved_separation import proved_separation
+from gcs.mission.failsafe.every_start.pair_returns import proved_separation
+from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
@@ -40,7 +40,7 @@ from gcs.mission.failsafe.routed.routed_returns import (
 from gcs.mission.failsafe.routed.start_search import nearest_return
 from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
-from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_order
+from gcs.mission.failsafe.stagger_order import SEARCHED_MAX, stagger_order
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.once import once
 from gcs.physics.quadrotor import Array

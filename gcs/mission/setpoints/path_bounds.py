@@ -16,8 +16,8 @@ from scipy.interpolate import BSpline, PPoly
 from gcs.mission.check.between_samples import clearance_along, outside_along, parts_beside
 from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M
 from gcs.physics.quadrotor import Array
-from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.taylor import Taylor
+from gcs.plan.verification.proof.polynomials import combined, enclosed
+from gcs.plan.verification.proof.taylor import Taylor, stacked
 from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.no_fly import zone_names, zones
 
@@ -86,10 +86,7 @@ def _motion(plan: Plan, leader: PPoly, begin_s: Array, end_s: Array, order: int)
     """Places (3, V, N) of all vehicles, or a derivative."""
     flown = enclosed(leader, begin_s, end_s, _ORDER, order)[:3]
     functions = enclosed(plan.shape.functions, begin_s, end_s, _ORDER, order)
-    table = plan.shape.basis_ned_m
-    c = flown.c[:, :, None] + np.einsum("okn,kva->oavn", functions.c, table)
-    remainder = flown.remainder[:, None] + np.einsum("kn,kva->avn", functions.remainder, np.abs(table))
-    return Taylor(c, remainder)
+    return flown[:, None] + stacked(combined(functions, plan.shape.basis_ned_m))
 
 
 def _box(plan: Plan, place: Taylor, begin_s: Array) -> list[str]:

@@ -1,4 +1,4 @@
-"""The information graph G of §2.2 (whose state each vehicle needs) and the shape matrix of Eq. 3."""
+"""The information graph G of §2.2 (Eq. 3): whose state each vehicle needs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from gcs.physics.quadrotor import Array
 
 # Thinner than this share of its length, a formation counts as flat in that direction.
 _FLAT = 1e-6
-# Eq. 3: x, y, z, psi, theta, phi, of a state's twelve.
-_POSE = np.array([0, 1, 2, 8, 7, 6])
 
 Pairs = NDArray[np.intp]
 
@@ -62,15 +60,6 @@ def voronoi(offsets_ned_m: Array, leader: int) -> InformationGraph:
             far, near = (i, j) if hops[i] > hops[j] else (j, i)
             sources[far].add(near)
     return InformationGraph(tuple(tuple(sorted(of)) for of in sources))
-
-
-def shape_matrix(states: Array) -> Array:
-    """Eq. 3 for all pairs: p_ij = p_j - p_i (V, V, 6) of states (V, 12), ordered x, y, z, yaw, pitch, roll as printed.
-
-    Skew-symmetric. The paper's (N-1) x (N-1) matrix is this one without the leader's row and column.
-    """
-    pose = states[:, _POSE]
-    return np.asarray(pose[None, :] - pose[:, None])
 
 
 def _neighbours(places: Array) -> Iterator[tuple[int, int]]:

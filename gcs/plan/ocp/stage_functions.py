@@ -23,9 +23,9 @@ from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, Active
 from gcs.plan.ocp.objective_sum import cost_rate, share_rows
 from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.ocp.terrain_spline import spline
 from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.convex_pieces import Disk, Piece
+from gcs.scenario.environment.heightmap import Envelope
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 # Smooths the load factor at rest. At no speed does it let the optimiser exceed the verifier's limit by over 0.05 %.
@@ -37,6 +37,7 @@ CORNER_M = 0.3
 # Limits that vehicles reach before the leader where the wind at their height is another.
 _LEAN = ("roll", "pitch", "least thrust", "largest thrust")
 _STEEPEST_DEG = 89.0
+_SPLINE_DEGREE = 3  # of the smooth envelope of an elevation model
 # Of the leader these are bounds of its state.
 _BOUNDED = ("north", "east", "north speed", "east speed", "vertical speed", "height")
 # A row is left out of the program where a vehicle is farther from ground or zone, or its size is below 0.7 limits.
@@ -304,3 +305,16 @@ def _motion_of(problem: Problem, z: ca.SX, slot: ca.SX) -> tuple[ca.SX, ca.SX, c
     second = ca.jtimes(speed, q0, q1) + ca.jtimes(speed, q1, q2)
     second += ca.jtimes(speed, base, rate) + ca.jtimes(speed, rate, acceleration)
     return place, speed, second
+
+
+def spline(envelope: Envelope) -> ca.Function:
+    """The function places (2, K), north and east in m -> heights (1, K) in m; constant beyond the edge of its table."""
+    count = envelope.coefficients_m.shape
+    # In units of the step, coefficient i is at i, and its basis function reaches from i - 2 to i + 2.
+    knots = [(np.arange(n + _SPLINE_DEGREE + 1) - 2.0).tolist() for n in count]
+    coefficients = envelope.coefficients_m.ravel(order="F").tolist()
+    surface = ca.Function.bspline("surface", knots, coefficients, [_SPLINE_DEGREE, _SPLINE_DEGREE], 1)
+    place = ca.MX.sym("place", 2)
+    index = (place - ca.DM(envelope.first_m)) / envelope.step_m
+    inside = ca.fmax(1.0, ca.fmin(index, ca.DM(np.array(count) - 2.0)))
+    return ca.Function("ground", [place], [surface(inside)])

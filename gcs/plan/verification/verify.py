@@ -220,7 +220,7 @@ class _Proofs:
                 seen, proved = float(proof.seen[number, phase]), float(proof.proved[number, phase])
                 if np.isinf(seen) and seen > 0.0:
                     continue  # it does not apply in this phase
-                row, t_s = int(proof.row[number, phase]), float(proof.t_s[number, phase])
+                row, t_s = family.row(proof.who[number, phase]), float(proof.t_s[number, phase])
                 sysid = None if constraint.name == "separation" else self.plan.sysids[row]
                 found.append(
                     Check(

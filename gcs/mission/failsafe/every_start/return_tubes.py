@@ -12,12 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs.mission.failsafe.every_start.start_cells import Rows
 from gcs.mission.failsafe.rtl_motion import Motion, ReturnSpeeds, places_at
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.quadrotor import Array
+from gcs.plan.verification.proof.subdivision import Mask, Rows
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class Tubes:
         marks += [sinks - arrived_s, sinks, landed, landed + landed_s]
         return np.asarray(np.maximum(np.stack(marks, axis=-1), 0.0))
 
-    def climbing(self, t_s: Array) -> NDArray[np.bool_]:
+    def climbing(self, t_s: Array) -> Mask:
         """Whether (..., I) every return still climbs."""
         return np.asarray(t_s <= (self.times_s[..., 1] - self._late_s[0])[..., None])
 

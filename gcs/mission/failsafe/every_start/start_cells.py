@@ -10,16 +10,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.verification.proof.polynomials import shifted_coefficients
+from gcs.plan.verification.proof.polynomials import scaled_coefficients
+from gcs.plan.verification.proof.subdivision import Rows
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-Rows = NDArray[np.intp]
 _ROUNDING_M = 1e-9
 
 
@@ -90,11 +89,3 @@ def plan_intervals(plan: Plan, longest_s: float) -> tuple[Array, Array]:
     ]
     marks = np.concatenate([*edges, joints_s[-1:]])
     return marks[:-1], marks[1:]
-
-
-def scaled_coefficients(polynomial: PPoly, begin_s: Array, end_s: Array) -> Array:
-    """Coefficients (D+1, N, n), the lowest power first, of time counted from the middle in half lengths."""
-    middle_s, half_s = 0.5 * (begin_s + end_s), 0.5 * (end_s - begin_s)
-    piece = np.clip(np.searchsorted(polynomial.x, middle_s, side="right") - 1, 0, len(polynomial.x) - 2)
-    shifted = shifted_coefficients(polynomial, piece, middle_s)
-    return np.asarray(shifted * (half_s[None, :] ** np.arange(len(shifted))[:, None])[..., None])

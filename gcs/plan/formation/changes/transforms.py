@@ -75,12 +75,6 @@ def paper_time_s(paths_m: Array, v_max_mps: float) -> float:
     return float(paths_m.max() / v_max_mps)
 
 
-def paper_speeds_mps(paths_m: Array, v_max_mps: float) -> Array:
-    """Eqs. 7, 11: constant speeds (V,) at which all arrive together; zero where no vehicle moves."""
-    least_s = paper_time_s(paths_m, v_max_mps)
-    return paths_m / least_s if least_s > 0.0 else np.zeros_like(paths_m)
-
-
 def paper_rotation_time_s(offsets_ned_m: Array, axis_ned: Array, angle_rad: float, v_max_mps: float) -> float:
     """Eqs. 5-8: the paper's least time of a rotation, s."""
     return paper_time_s(rotation_paths_m(offsets_ned_m, axis_ned, angle_rad), v_max_mps)

@@ -15,15 +15,19 @@ def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, deriva
 
     No interval may reach over a joint.
     """
-    middle, radius = 0.5 * (start_s + end_s), 0.5 * (end_s - start_s)
-    piece = np.clip(np.searchsorted(polynomial.x, middle, side="right") - 1, 0, len(polynomial.x) - 2)
-    shifted = shifted_coefficients(polynomial, piece, middle, derivative)  # (D+1, N, n), lowest power first
-    powers = radius[None, :] ** np.arange(len(shifted))[:, None]
-    scaled = np.moveaxis(shifted * powers[:, :, None], 2, 1)  # (D+1, n, N)
+    scaled = np.moveaxis(scaled_coefficients(polynomial, start_s, end_s, derivative), 2, 1)  # (D+1, n, N)
     if len(scaled) <= order + 1:
         c = np.concatenate([scaled, np.zeros((order + 1 - len(scaled), *scaled.shape[1:]))])
         return Taylor(c, np.zeros(scaled.shape[1:]))
     return Taylor(scaled[: order + 1], np.abs(scaled[order + 1 :]).sum(axis=0))
+
+
+def scaled_coefficients(polynomial: PPoly, start_s: Array, end_s: Array, derivative: int = 0) -> Array:
+    """Coefficients (D+1, N, n), the lowest power first, of time counted from the middle in half lengths."""
+    middle_s, half_s = 0.5 * (start_s + end_s), 0.5 * (end_s - start_s)
+    piece = np.clip(np.searchsorted(polynomial.x, middle_s, side="right") - 1, 0, len(polynomial.x) - 2)
+    shifted = shifted_coefficients(polynomial, piece, middle_s, derivative)
+    return np.asarray(shifted * (half_s[None, :] ** np.arange(len(shifted))[:, None])[..., None])
 
 
 def combined(functions: Taylor, tables: Array) -> list[Taylor]:

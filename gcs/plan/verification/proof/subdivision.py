@@ -7,6 +7,7 @@ vehicle has less at any instant than `proved`, and one has `seen` at `t_s`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -34,6 +35,14 @@ class Constraint:
     tolerance: float
     resolution: float
 
+    def gap(self, worst: Array) -> Array:
+        """How far (...) a bound may be below the least margins (...) that were seen."""
+        gap = np.maximum(self.resolution, _RELATIVE * np.abs(worst))
+        finest = min(self.resolution, self.tolerance) / 8.0
+        # Near the tolerance the verdict itself decides how closely to look.
+        near = np.minimum(gap, np.maximum(worst + self.tolerance, finest))
+        return np.where(worst >= -self.tolerance, near, gap)
+
 
 @dataclass(frozen=True, eq=False)
 class Cells:
@@ -57,8 +66,15 @@ class Cells:
         return 0.5 * (self.start_s + self.end_s)
 
 
+def plain_cells(who: Rows, start_s: Array, end_s: Array) -> Cells:
+    """Cells of one phase, of which nothing but time and groups is divided."""
+    return Cells(who, start_s, end_s, np.zeros(len(who), dtype=np.intp), np.zeros((len(who), 0)))
+
+
 def joined(parts: list[Cells]) -> Cells:
     """All cells of several."""
+    if len(parts) == 1:
+        return parts[0]
     return Cells(
         np.concatenate([p.who for p in parts]),
         np.concatenate([p.start_s for p in parts]),
@@ -77,7 +93,10 @@ def halved(cells: Cells) -> Cells:
 class Family(Protocol):
     """Constraints that are bounded together, because they share what they are computed from."""
 
-    constraints: tuple[Constraint, ...]
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of the margins."""
+        ...
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         """Lower bounds (C, N) of the margins over the cells, and margins (C, N) of a real vehicle in each.
@@ -90,85 +109,105 @@ class Family(Protocol):
         """The parts of the chosen cells, and the number of the cell that each comes from; none of one without parts."""
         ...
 
-    def row(self, who: Rows) -> int:
-        """The row of the vehicle whose margin stands for a cell's."""
-        ...
-
 
 @dataclass
 class Proof:
     """What is known of C constraints in P phases; infinite where a constraint does not apply."""
 
     proved: Array  # (C, P): no vehicle has a smaller margin at any instant
-    seen: Array  # (C, P): the least margin that was found, and of which vehicle it is, and when
-    row: Rows  # (C, P)
+    proved_at_s: Array  # (C, P): about when margins begin that are proved only so far
+    seen: Array  # (C, P): the least margin that was found, and whose it is, and when
+    who: Rows  # (C, P, w)
     t_s: Array  # (C, P)
+
+    @classmethod
+    def begun(cls, shape: tuple[int, int], width: int, seen: float = np.inf) -> Proof:
+        """Nothing is proved yet of (C, P) margins; one that was `seen` is known to occur."""
+        who = np.zeros((*shape, width), dtype=np.intp)
+        return cls(np.full(shape, np.inf), np.zeros(shape), np.full(shape, seen), who, np.zeros(shape))
+
+    def enough(self, constraints: tuple[Constraint, ...]) -> Array:
+        """Bounds (C, P) that need not be better."""
+        worst = np.minimum(self.seen, _FAR)  # infinite where a constraint does not apply
+        return worst - np.stack([constraint.gap(row) for constraint, row in zip(constraints, worst, strict=True)])
+
+    def keep(self, cells: Cells, low: Array) -> None:
+        """Take bounds (C, N) of cells as final; infinite ones count for nothing."""
+        for number, phase, column, value in _lower(self.proved, cells, low):
+            self.proved[number, phase], self.proved_at_s[number, phase] = value, cells.middle_s[column]
+
+    def note(self, cells: Cells, seen: Array) -> None:
+        """Take margins (C, N) that occur in the middle of cells."""
+        for number, phase, column, value in _lower(self.seen, cells, seen):
+            self.seen[number, phase], self.who[number, phase] = value, cells.who[column]
+            self.t_s[number, phase] = cells.middle_s[column]
+
+
+def _lower(known: Array, cells: Cells, values: Array) -> Iterator[tuple[int, int, int, float]]:
+    """Where values (C, N) are below known ones (C, P): constraint, phase, the cell with the least, and its value."""
+    for phase in range(known.shape[1]):
+        columns = np.flatnonzero(cells.phase == phase)
+        if not len(columns):
+            continue
+        best = columns[values[:, columns].argmin(axis=1)]
+        least = values[np.arange(len(values)), best]
+        for number in np.flatnonzero(least < known[:, phase]).tolist():
+            yield number, phase, int(best[number]), float(least[number])
+
+
+@dataclass
+class Looks:
+    """How many cells may still be looked at."""
+
+    left: int
+
+    def last(self, count: int) -> bool:
+        """Whether so many more cells are the last ones."""
+        self.left -= count
+        return self.left < 0
 
 
 def prove(family: Family, cells: Cells, phases: int) -> Proof:
     """The least margins of a family over cells of any number, phase by phase."""
-    count = len(family.constraints)
-    shape = (count, phases)
-    proof = Proof(np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape, dtype=np.intp), np.zeros(shape))
-    tolerance = np.array([c.tolerance for c in family.constraints])[:, None]
-    resolution = np.array([c.resolution for c in family.constraints])[:, None]
-    finest = np.minimum(resolution, tolerance) / 8.0
-    level, unsettled = cells, np.ones((count, len(cells)), dtype=bool)
-    done = 0
-    while len(level):
-        parts: list[Cells] = []
-        masks: list[Mask] = []
-        for first in range(0, len(level), _BATCH):
-            batch, wanted = level[first : first + _BATCH], unsettled[:, first : first + _BATCH]
-            low, seen = family.bounds(batch)
-            low = np.where(np.isnan(low), -np.inf, low)
-            _note(proof, family, batch, seen)
-            worst = np.minimum(proof.seen[:, batch.phase], _FAR)  # infinite where a constraint does not apply
-            gap = np.maximum(resolution, _RELATIVE * np.abs(worst))
-            # Near the tolerance the verdict itself decides how closely to look.
-            gap = np.where(worst >= -tolerance, np.minimum(gap, np.maximum(worst + tolerance, finest)), gap)
-            is_open = wanted & (low < worst - gap)
-            divided = is_open.any(axis=0)
-            children, origin = family.children(batch, divided) if divided.any() else (batch[:0], np.zeros(0, np.intp))
-            has_children = np.zeros(len(batch), dtype=bool)
-            has_children[origin] = True
-            settled = wanted & ~(is_open & has_children)
-            _lower(proof, batch, np.where(settled, low, np.inf))
-            if len(children):
-                parts.append(children)
-                masks.append(is_open[:, origin])
-        done += len(level)
-        if not parts:
-            break
-        level, unsettled = joined(parts), np.concatenate(masks, axis=1)
-        if done + len(level) > _CELLS_MAX:
-            low, seen = _in_batches(family, level)
-            _note(proof, family, level, seen)
-            _lower(proof, level, np.where(unsettled, low, np.inf))
-            break
+    proof = Proof.begun((len(family.constraints), phases), cells.who.shape[1])
+    settle(family, cells, proof, Looks(_CELLS_MAX))
     return proof
 
 
-def _in_batches(family: Family, cells: Cells) -> tuple[Array, Array]:
-    found = [family.bounds(cells[first : first + _BATCH]) for first in range(0, len(cells), _BATCH)]
-    low = np.concatenate([f[0] for f in found], axis=1)
-    return np.where(np.isnan(low), -np.inf, low), np.concatenate([f[1] for f in found], axis=1)
+def settle(family: Family, cells: Cells, proof: Proof, looks: Looks) -> None:
+    """Add to a proof what is known of more cells."""
+    proof.keep(*refined(family, cells, proof, looks))
 
 
-def _lower(proof: Proof, cells: Cells, low: Array) -> None:
-    for phase in np.unique(cells.phase):
-        proof.proved[:, phase] = np.minimum(proof.proved[:, phase], low[:, cells.phase == phase].min(axis=1))
+def refined(
+    family: Family, cells: Cells, proof: Proof, looks: Looks, *, proved_is_enough: bool = False
+) -> tuple[Cells, Array]:
+    """Divide cells. Those that have no parts are left: they, and their bounds (C, M), which are not in the proof.
 
-
-def _note(proof: Proof, family: Family, cells: Cells, seen: Array) -> None:
-    """Keep the least margins found, with vehicle and time."""
-    middle_s = cells.middle_s
-    for phase in np.unique(cells.phase):
-        columns = np.flatnonzero(cells.phase == phase)
-        values = np.where(np.isnan(seen[:, columns]), -np.inf, seen[:, columns])
-        best = values.argmin(axis=1)
-        for number in np.flatnonzero(values.min(axis=1) < proof.seen[:, phase]):
-            column = columns[best[number]]
-            proof.seen[number, phase] = values[number, best[number]]
-            proof.row[number, phase] = family.row(cells.who[column])
-            proof.t_s[number, phase] = middle_s[column]
+    With `proved_is_enough`, no cell is divided whose bound does not lower what is proved.
+    """
+    constraints = family.constraints
+    level, unsettled = cells, np.ones((len(constraints), len(cells)), dtype=bool)
+    left = [(cells[:0], np.zeros((len(constraints), 0)))]
+    while len(level):
+        last = looks.last(len(level))
+        parts: list[tuple[Cells, Mask]] = []
+        for first in range(0, len(level), _BATCH):
+            batch, wanted = level[first : first + _BATCH], unsettled[:, first : first + _BATCH]
+            low, seen = (np.where(np.isnan(each), -np.inf, each) for each in family.bounds(batch))
+            proof.note(batch, seen)
+            enough = proof.enough(constraints)
+            if proved_is_enough:
+                enough = np.minimum(enough, proof.proved)
+            is_open = np.asarray(wanted & (low < enough[:, batch.phase]) & (not last))
+            proof.keep(batch, np.where(wanted & ~is_open, low, np.inf))
+            stays: Mask = np.any(is_open, axis=0)
+            if not stays.any():
+                continue
+            children, origin = family.children(batch, stays)
+            parts.append((children, is_open[:, origin]))
+            stays[origin] = False
+            left.append((batch[stays], np.where(is_open, low, np.inf)[:, stays]))
+        level = joined([part for part, _ in parts]) if parts else cells[:0]
+        unsettled = np.concatenate([mask for _, mask in parts], axis=1) if parts else unsettled[:, :0]
+    return joined([part for part, _ in left]), np.concatenate([low for _, low in left], axis=1)

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.graph import InformationGraph, information_graph, leader_star, shape_matrix, voronoi
+from gcs.plan.formation.graph import InformationGraph, information_graph, leader_star, voronoi
 from gcs.scenario.formations import places_up_m
 from gcs.scenario.schema.scenario import Generator
 
@@ -95,15 +95,3 @@ def test_the_leaders_graph_is_a_star() -> None:
     assert len(leader_star(1, 0).edges) == 0
     places = places_up_m("grid", 9, 2.0)
     assert information_graph("voronoi", places, 4) == voronoi(places, 4)
-
-
-def test_the_shape_matrix_is_eq_3() -> None:
-    states = RANDOM.normal(size=(5, 12))
-    matrix = shape_matrix(states)
-    assert matrix.shape == (5, 5, 6)
-    np.testing.assert_array_equal(matrix, -matrix.transpose(1, 0, 2))
-    x, roll, pitch, yaw = (states[:, k] for k in (0, 6, 7, 8))
-    np.testing.assert_array_equal(
-        matrix[1, 3, [0, 3, 4, 5]], [x[3] - x[1], yaw[3] - yaw[1], pitch[3] - pitch[1], roll[3] - roll[1]]
-    )
-    np.testing.assert_allclose(matrix[0, 1] + matrix[1, 4], matrix[0, 4], atol=1e-15)

@@ -17,7 +17,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
-from tests.unit.mission.failsafe.every_start.test_proved_separation import ENDS_S, flown, turning
+from tests.unit.mission.failsafe.every_start.test_pair_returns import ENDS_S, flown, turning
 from tests.unit.plan.problems import changed
 
 SPEEDS = ReturnSpeeds(2.0, 5.0, 1.5, 5.0)

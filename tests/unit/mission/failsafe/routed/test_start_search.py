@@ -18,7 +18,7 @@ from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
-from tests.unit.mission.failsafe.every_start.test_proved_separation import ENDS_S, flown
+from tests.unit.mission.failsafe.every_start.test_pair_returns import ENDS_S, flown
 
 SPEEDS = ReturnSpeeds(2.0, 5.0, 1.5, 5.0)
 

@@ -116,9 +116,6 @@ def test_the_papers_times_are_of_the_longest_way_at_full_speed() -> None:
     assert transforms.paper_shrink_time_s(places, 0.25, 2.0) == pytest.approx(0.75 * math.sqrt(74.0) / 2.0)
     assert transforms.paper_shrink_time_s(places, 3.0, 2.0) == pytest.approx(2.0 * math.sqrt(74.0) / 2.0)
     assert transforms.paper_reshape_time_s(places, places[[0, 2, 1]], 2.0) == pytest.approx(math.sqrt(94.0) / 2.0)
-    paths = transforms.rotation_paths_m(places, DOWN, 1.5)
-    np.testing.assert_allclose(transforms.paper_speeds_mps(paths, 2.0), [0.0, 2.0, 0.8])
-    np.testing.assert_array_equal(transforms.paper_speeds_mps(np.zeros(3), 2.0), 0.0)
 
 
 def test_the_paper_is_never_slower_than_what_can_be_flown() -> None:

@@ -40,9 +40,6 @@ class Wave:
         long = np.flatnonzero(chosen & (cells.end_s - cells.start_s > SHORTEST_S))
         return halved(cells[long]), np.concatenate([long, long])
 
-    def row(self, who: Rows) -> int:
-        return int(who[0])
-
 
 def begin() -> Cells:
     """Three vehicles, two phases of 4 s."""
@@ -56,7 +53,7 @@ def test_the_least_margin_is_found_with_vehicle_and_instant_and_bounded_from_bel
     proof = prove(family, begin(), 2)
     assert proof.proved[0, 0] <= 0.1 <= proof.seen[0, 0]
     assert proof.seen[0, 0] - proof.proved[0, 0] <= 3e-3
-    assert proof.row[0, 0] == 1
+    assert proof.who[0, 0] == 1
     assert proof.t_s[0, 0] == pytest.approx(2.7, abs=0.1)
     assert family.cells < 2000  # it divides near the minimum only
     late = 1.1 - np.cos(END_S - 2.7)

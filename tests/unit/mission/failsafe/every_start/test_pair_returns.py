@@ -10,7 +10,7 @@ import shapely
 from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.failsafe.every_start.proved_separation import proved_separation
+from gcs.mission.failsafe.every_start.pair_returns import proved_separation
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
 from gcs.mission.failsafe.rtl_cases import return_cases

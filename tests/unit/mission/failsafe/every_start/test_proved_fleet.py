@@ -10,15 +10,15 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.failsafe.every_start.large_fleets.proved_fleet import proved_fleet
-from gcs.mission.failsafe.every_start.large_fleets.relative_motion import Between, least_level_m
+from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
+from gcs.mission.failsafe.every_start.relative_motion import Between, least_level_m
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
-from tests.unit.mission.failsafe.every_start.test_proved_separation import ENDS_S, dip, flown, northwards
+from tests.unit.mission.failsafe.every_start.test_pair_returns import ENDS_S, dip, flown, northwards
 
 SPEEDS = ReturnSpeeds(2.0, 5.0, 1.5, 5.0)
 ALTITUDE_M, STEP_S = 30.0, 0.05

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.mission.failsafe.every_start.large_fleets.fleet_halves import FleetHalves
-from gcs.mission.failsafe.every_start.large_fleets.relative_motion import Between
-from gcs.mission.failsafe.every_start.start_cells import Rows, scaled_coefficients
+from gcs.mission.failsafe.every_start.relative_motion import Between
 from gcs.mission.failsafe.rtl_cases import ReturnEnds
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.verification.proof.polynomials import scaled_coefficients
+from gcs.plan.verification.proof.subdivision import Rows
+from gcs.plan.verification.proof.vehicle_tree import Groups
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -28,7 +29,7 @@ _ENDS, _CHANGE, _CLIMB, _SEVERAL, _MOVES = slice(2, 4), slice(4, 6), 6, 7, 8  # 
 
 @dataclass(frozen=True)
 class FleetCell:
-    """Groups of a tree (G): the middle of what their members have, and how far members are from it, in m, level."""
+    """Groups (G): the middle of what their members have, and how far members are from it, in m, level."""
 
     middle: Array  # (G, D) of the columns
     begin_off: Array  # (G,)
@@ -104,7 +105,7 @@ class FleetReturn:
         """The ends (V, E, 3) of this case."""
         return self.ends.ned_m if self.to_rally else self.ends.ned_m[:, :1]
 
-    def cell(self, tree: FleetHalves, begin_s: float, end_s: float) -> FleetCell:
+    def cell(self, groups: Groups, begin_s: float, end_s: float) -> FleetCell:
         """The cell of an interval in which the shape is rigid, or one polynomial."""
         functions = scaled_coefficients(self.plan.shape.functions, np.array([begin_s]), np.array([end_s]))[:, 0]
         tables = self.plan.shape.basis_ned_m
@@ -122,10 +123,9 @@ class FleetReturn:
             columns.append([offsets[:, :2], ends, ends - offsets[:, :2], climb])
         several = np.linalg.norm(columns[1][1] - columns[0][1], axis=1, keepdims=True)
         flat = moves[..., :2].reshape(len(moves), -1)
-        low, high = tree.boxes(*(np.concatenate([*column, several, flat], axis=1) for column in columns))
-        empty = ~np.isfinite(low)
-        low, high = np.where(empty, 0.0, low), np.where(empty, 0.0, high)
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        least, most = (np.concatenate([*column, several, flat], axis=1) for column in columns)
+        below, high = np.split(groups.largest(np.concatenate([-least, most], axis=1)), 2, axis=1)
+        middle, half = 0.5 * (high - below), 0.5 * (high + below)
         begin_off, ends_off, change_off = (
             np.hypot(half[:, n], half[:, n + 1]) + _ROUNDING_M for n in (0, _ENDS.start, _CHANGE.start)
         )

@@ -1,1 +1,0 @@
-"""The order of vehicles in the stagger of return altitudes."""
