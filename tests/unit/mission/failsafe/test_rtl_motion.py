@@ -211,6 +211,7 @@ def test_px4_counts_from_where_it_goes(simulation1_plan: Plan) -> None:
     assert nearest_pair(plan, places)[0] == pytest.approx(px4.worst.distance_m, abs=0.12)
 
 
+@pytest.mark.slow
 def test_straight_ways_through_closed_areas_are_told(plan_of: Callable[[str], Plan]) -> None:
     """The field's two areas lie between start and end: only near the ends is the straight way free."""
     plan = plan_of("field/scenario.toml")
@@ -270,6 +271,7 @@ def test_parameters_in_the_autopilots_units(returns: ReturnPlan) -> None:
     assert all(len(name) <= 16 for name in (*ardupilot, *px4))
 
 
+@pytest.mark.slow
 def test_a_large_fleet_returns_in_formation(simulation1_plan: Plan) -> None:
     """More vehicles than can be staggered: one height, the distances of the formation, looked at now and then."""
     plan = simulation1_plan

@@ -63,7 +63,7 @@ def test_a_needle_between_samples_raises_the_return(simulation1: Scenario, at_s:
     assert min(found.altitudes_m) >= 40.0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 3))])
 def test_no_ground_below_a_track_is_above_the_bound(simulation1: Scenario, seed: int) -> None:
     """40 mountains in the way: 4,000 instants, and 400 places of each track."""
     random = np.random.default_rng(seed)
