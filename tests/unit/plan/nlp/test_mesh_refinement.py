@@ -17,7 +17,6 @@ from gcs.plan.nlp import mesh_refinement
 from gcs.plan.nlp.ipopt import Solution
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.mesh_refinement import (
-    MAX_ROUNDS,
     Warm,
     clearance_reserve_m,
     drifting_intervals,
@@ -87,6 +86,35 @@ def test_after_an_end_in_motion_nobody_hovers(problem: Problem) -> None:
         assert drifting_intervals(moving, hovering(problem, EVEN, {9: 1.2e-3}), problem.shape) == (set(), ())
 
 
+@pytest.mark.parametrize("rests", [True, False])
+def test_after_an_end_at_rest_it_hovers_for_a_window_more(
+    simulation1: Scenario, problem: Problem, monkeypatch: pytest.MonkeyPatch, rests: bool
+) -> None:
+    """In a wind, at the yaw of its end."""
+    flown = hovering(problem, EVEN)
+    flown.state.c[0, :, 0], flown.control.c[0, :, :] = EVEN[:-1], 7.0  # a step north at each joint
+    given: list[tuple[Array, Array, Array]] = []
+
+    def errors(states: Any, controls: Any, joints_s: Array, *_: Any, **__: Any) -> WindowErrors:
+        t_s = np.array([5.0, 19.9, 20.1, 24.0])
+        given.append((states(t_s)[0, :, 0], controls(t_s)[0], joints_s))
+        return WindowErrors(np.zeros(1), np.zeros((1, 1)))
+
+    monkeypatch.setattr(mesh_refinement, "window_errors", errors)
+    wind = {"wind": {"speed_mps": 2.0, "from_deg": 200.0, "shear": 0.3}}
+    problem = flight_problem(meadow(alone(simulation1), **wind))
+    end = problem.end_state.copy()
+    end[8] = 0.5
+    thrust, end[6], end[7] = hover_trim(5.0, 0.5, problem.quadrotor)
+    end[4] += 0.0 if rests else 1.0
+    assert drifting_intervals(replace(problem, end_state=end), flown, problem.shape) == (set(), ())
+    ((north, controls, joints_s),) = given
+    assert north.tolist() == [4.0, 18.0, 18.0, 18.0]
+    np.testing.assert_array_equal(controls[:2], 7.0)
+    np.testing.assert_allclose(controls[2:], [[thrust, 0.0, 0.0, 0.0]] * 2)
+    assert joints_s.tolist() == [*EVEN, *([25.0] if rests else [])]
+
+
 def test_the_outermost_vehicles_drift_where_they_move_apart(
     simulation1: Scenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,6 +122,7 @@ def test_the_outermost_vehicles_drift_where_they_move_apart(
     problem = flight_problem(fleet(simulation1, 5))
     places = np.array([[0, 0, 0], [1, 1, -3], [-9, 9, 0], [0, 1, 2], [1, 0, 0]], dtype=float)
     moving = np.stack([places, np.ones((5, 3))])
+    moving[1, 4] = 9.0, 9.0, -9.0  # at the end the farthest, which does not count
     bend = np.zeros((2, 1, 2))
     bend[1, 0, 0], bend[0, 0, 1] = 1.0, 0.1
     shape = joined(
@@ -155,7 +184,10 @@ def test_changes_at_points_begin_when_the_leader_is_there(simulation1: Scenario)
 
 def test_the_clearance_at_the_nodes_is_more_where_the_ends_leave_room(simulation1: Scenario) -> None:
     """Over level ground: what the lower of both ends leaves, in fifths, counted for the lowest vehicle."""
-    for start_m, end_m, share in ((3.0, 5.0, 1.0), (0.5225, 5.0, 0.6), (5.0, 0.5225, 0.6), (0.5, 5.0, 0.0)):
+    for start_m, end_m, share in (
+        *((3.0, 5.0, 1.0), (0.5255, 5.0, 0.8), (0.5225, 5.0, 0.6), (5.0, 0.5225, 0.6)),
+        *((0.5155, 5.0, 0.4), (0.5075, 5.0, 0.2), (0.505, 5.0, 0.0)),
+    ):
         scenario = meadow(
             alone(simulation1),
             start={"position_m": [2.0, 1.0, start_m]},
@@ -173,6 +205,23 @@ def test_the_clearance_at_the_nodes_is_more_where_the_ends_leave_room(simulation
         limits={"clearance_min_m": 0.5},
     )
     assert clearance_reserve_m(flight_problem(scenario)) == pytest.approx(0.012)  # 12.5 mm are left
+
+
+def test_the_reserve_is_that_over_the_ground_below_each_end_in_the_shape_it_has_there(simulation1: Scenario) -> None:
+    """A steep ridge 3.985 m high under one of the ends; the start is at 3 m, the end at 5 m, and 1 m is asked."""
+    problem = flight_problem(fleet(simulation1, 3, end={"position_m": [40.0, 14.0, 5.0]}))
+    level = replace(problem, shape=rigid(np.zeros((3, 3)), 0.0, 30.0))
+    aside = np.array([[0.0, 0.0, 0.0], [20.0, 30.0, 0.0], [0.0, 0.0, 0.0]])
+    later = PPoly(np.array([[[1.0, 0.0], [0.0, 1.0]]]), np.array([0.0, 15.0, 30.0]))
+    shape = replace(level.shape, functions=later, basis_ned_m=np.stack([0.0 * aside, aside]))
+    at_end, at_none, at_start = ((60.0, 44.0), (40.0, 14.0)), ((22.0, 31.0), (44.0, 60.0)), ((2.0, 1.0),)
+    cases = [(place, share) for places, share in ((at_end, 0.4), (at_none, 1.0), (at_start, 0.0)) for place in places]
+    for (north_m, east_m), share in cases:
+        hill = {"north_m": [north_m], "east_m": [east_m], "height_m": [3.985], "spread_north_m": [90.0]}
+        terrain = {"ripple": None, "mountains": {**hill, "spread_east_m": [0.2]}}
+        scenario = fleet(simulation1, 3, end={"position_m": [40.0, 14.0, 5.0]}, terrain=terrain)
+        given = replace(level, scenario=scenario, shape=shape)
+        assert clearance_reserve_m(given) == pytest.approx(0.03 * share), (north_m, east_m)
 
 
 def test_the_flown_shape_has_the_coordinates_of_the_solution(simulation1: Scenario) -> None:
@@ -298,6 +347,9 @@ def test_where_the_end_has_moved_far_it_is_solved_again(problem: Problem, rounds
     rounds.stretches = [1.011]
     best = optimise(problem, hovering(problem, EVEN))
     assert len(best.history) == 2
+    before, _ = rounds.solved[1]
+    assert before is not None
+    assert list(before.g_multipliers) == [("limit", 1.0)]  # rows of one leg keep their times
     assert rounds.problems[1].end_s == pytest.approx(20.22)
     assert rounds.meshes[1].joints_s[-1] == pytest.approx(20.22)
 
@@ -310,8 +362,10 @@ def test_past_a_corner_the_rest_of_the_period_is_watched_as_well(simulation1: Sc
     assert np.diff(rounds.meshes[0].joints_s).max() > 6.0
 
 
-def test_coordinates_of_the_shape_have_shorter_intervals(simulation1: Scenario, rounds: Rounds) -> None:
-    problem = flight_problem(fleet(simulation1, 3, "row", (auto(SHRINK),), time={"flight_s": 60.0}))
+@pytest.mark.parametrize("frame", ["inertial", "course"])
+def test_coordinates_of_the_shape_have_shorter_intervals(simulation1: Scenario, rounds: Rounds, frame: str) -> None:
+    tables: dict[str, Any] = {"time": {"flight_s": 60.0}, "formation": {"frame": frame}}
+    problem = flight_problem(fleet(simulation1, 3, "row", (auto(SHRINK),), **tables))
     optimise(problem, hovering(problem, EVEN))
     assert np.diff(rounds.meshes[0].joints_s).max() <= 6.0
 
@@ -340,8 +394,8 @@ def test_a_flight_that_never_gets_better_is_given_up_with_its_leg(simulation1: S
     rounds.found = [(miss("height", 5.0, 0.1, 2.0), miss("roll", 30.0, 0.1, 3.0))] * 20
     with pytest.raises(PlanningError, match=r"height violated by .*roll violated by .*, in leg 2 \(point 1") as caught:
         optimise(problem, hovering(problem, EVEN))
-    assert f"{MAX_ROUNDS} refinements" in str(caught.value)
-    assert len(rounds.meshes) == MAX_ROUNDS
+    assert "8 refinements" in str(caught.value)
+    assert len(rounds.meshes) == 8
     rounds.found, rounds.drifts = [], [{0}] * 20
     rounds.meshes.clear()
     with pytest.raises(PlanningError, match=r"were not enough: it drifts$"):
