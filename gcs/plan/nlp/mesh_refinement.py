@@ -130,8 +130,6 @@ def optimise(
 
 def with_times(problem: Problem, end_s: float, point_s: tuple[float, ...]) -> Problem:
     """The same problem with another end and other times at the points of its route, where changes of shape begin."""
-    if not problem.points:
-        return with_end(problem, end_s)
     starts_s = starts_at_points(problem.scenario, point_s)
     timed = replace(with_end(problem, end_s), point_s=point_s)
     if starts_s is None:

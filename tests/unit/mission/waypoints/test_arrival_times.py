@@ -20,9 +20,20 @@ from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.failsafe.fence_rally import build_safety
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.model import Altitude, Command
-from gcs.mission.waypoints.arrival_times import _Attempt, _gate_samples, _Samples, climb_s, corrected_legs
+from gcs.mission.waypoints.arrival_times import (
+    _Attempt,
+    _gate_samples,
+    _Samples,
+    _worst_s,
+    climb_s,
+    corrected_legs,
+    navigator_of,
+)
+from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
+from tests.unit.mission.waypoints.small_flights import FLIGHT_S
+from tests.unit.plan.routed import with_route
 
 Plans = Callable[[str], Plan]
 SPREAD_S = 0.2
@@ -59,11 +70,65 @@ def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot, la
         assert max(speeds) <= min(limit_mps, firmware.speed_mps[1])
 
 
-def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
-    legs = corrected_legs(field, Autopilot.ARDUPILOT)
-    assert legs.speeds_mps is not None
-    assert legs.speeds_mps.shape == (1, len(legs.t_s) - 1)
-    assert field.phase("takeoff").end_s <= legs.left_s <= legs.t_s[0]
+def test_a_formation_flies_one_set_of_legs(small: Plan) -> None:
+    """60 m north in 24 s and 60 m east in 24 s, which the model flies to within a second."""
+    legs = corrected_legs(small, Autopilot.ARDUPILOT)
+    assert legs.speeds_mps is not None and legs.waits_s is not None and legs.raised_m is not None
+    assert legs.speeds_mps.shape == legs.waits_s.shape == (1, len(legs.t_s) - 1)
+    assert (legs.t_s[0], legs.t_s[-1], legs.gates) == (0.0, FLIGHT_S, ())
+    assert small.phase("takeoff").end_s <= legs.left_s <= 0.0
+    assert not legs.raised_m.any()
+    ends_ned_m = small.states(legs.t_s)[small.leader, :, :3]
+    moving_s = np.linalg.norm(np.diff(ends_ned_m, axis=0), axis=1) / legs.speeds_mps[0]
+    # Speeds are those of the plan, and a little more: every leg begins or ends at rest.
+    assert 0.7 < float(np.nansum(moving_s) + np.nansum(legs.waits_s)) / FLIGHT_S < 1.1
+    fine_s = np.linspace(0.0, FLIGHT_S, 2001)
+    chords = np.stack([np.interp(fine_s, legs.t_s, ends_ned_m[:, axis]) for axis in range(3)], axis=1)
+    off_m = np.linalg.norm(small.states(fine_s)[small.leader, :, :3] - chords, axis=1).max()
+    assert legs.error.time_m == pytest.approx(off_m, abs=0.05)
+    assert legs.error.path_m < 0.5
+
+
+def test_at_a_gate_all_are_early_and_leave_on_a_whole_second(small: Plan) -> None:
+    """Drawn points before and after it are waypoints all the same."""
+    drawn_s = (7.03, 33.48)
+    legs = corrected_legs(with_route(small, {t_s: {} for t_s in drawn_s}), Autopilot.ARDUPILOT, 1)
+    assert set(drawn_s) <= set(legs.t_s.tolist())
+    (gate,) = legs.gates
+    assert legs.t_s[gate.waypoint] == pytest.approx(24.0)
+    assert (gate.leaves_s, gate.slack_s) == (pytest.approx(23.0), 5.0)
+    assert legs.left_s == -1.0
+    assert legs.speeds_mps is not None and legs.waits_s is not None
+    (speeds,), (waits,) = legs.speeds_mps, legs.waits_s
+    way_m = np.linalg.norm(np.diff(small.states(legs.t_s)[small.leader, :, :3], axis=0), axis=1)
+    flown_s = np.cumsum(np.nan_to_num(way_m / speeds) + waits) + legs.left_s
+    assert flown_s[gate.waypoint - 1] < gate.leaves_s - 1.0  # what the slack is for
+
+
+def test_parts_of_a_flight_know_the_drawn_points_inside_them() -> None:
+    t_s = np.arange(10.0)
+    places = np.arange(60.0).reshape(2, 10, 3)
+    part = _Samples(t_s, places, (2, 3, 5, 8)).part(3, 8)
+    assert part.drawn == (2,)  # its ends are waypoints anyway
+    assert part.t_s.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+    np.testing.assert_array_equal(part.position_ned_m, places[:, 3:9])
+
+
+@pytest.mark.parametrize(
+    ("late_s", "gate", "worst_s"),
+    [([0.5, -2.0, 1.0], False, 2.0), ([0.5, 0.2, -3.0], True, 0.5), ([-3.0], True, 3.0), ([0.5, -3.0], False, 3.0)],
+)
+def test_before_a_gate_the_last_waypoint_does_not_count(late_s: list[float], gate: bool, worst_s: float) -> None:
+    """There vehicles are early on purpose."""
+    found = Corrected(np.ones(len(late_s)), 0.0, None, np.array(late_s))  # type: ignore[arg-type]
+    assert _worst_s(found, gate) == worst_s
+
+
+def test_limits_of_an_autopilot_are_those_of_the_plans_vehicles(small: Plan) -> None:
+    tight = small.scenario.model_copy(
+        update={"limits": small.scenario.limits.model_copy(update={"roll_pitch_yaw_deg": (4.0, 4.0, 60.0)})}
+    )
+    assert navigator_of(replace(small, scenario=tight), Autopilot.PX4) != navigator_of(small, Autopilot.PX4)
 
 
 @pytest.mark.slow
@@ -98,6 +163,7 @@ def test_nor_are_such_missions_uploaded(field: Plan) -> None:
     assert heard == []
 
 
+@pytest.mark.slow
 def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tmp_path: Path) -> None:
     index = export(field, tmp_path, formats=["plan"], firmware=Autopilot.PX4, timed=False)
     assert (index.timing, index.refused) == (None, "")

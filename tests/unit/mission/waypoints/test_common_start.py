@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.mission.model import Command
-from gcs.mission.waypoints.mission_items import build_missions, starting_at
-from gcs.plan.trajectory.plan import Plan
+from gcs.mission.model import Command, VehicleMission
+from gcs.mission.waypoints.mission_items import starting_at
 
 
-def test_the_wait_names_the_time_of_day(simulation1_plan: Plan) -> None:
+def test_the_wait_names_the_time_of_day(missions: tuple[VehicleMission, ...]) -> None:
     unix_s = calendar.timegm((2031, 5, 17, 23, 4, 59))
-    for mission in build_missions(simulation1_plan):
+    for mission in missions:
         started = starting_at(mission, unix_s)
         assert started.items[1].command == Command.NAV_DELAY
         assert started.items[1].params == (-1.0, 23.0, 4.0, 59.0)
@@ -22,8 +21,8 @@ def test_the_wait_names_the_time_of_day(simulation1_plan: Plan) -> None:
         assert len(started.arrival_s) == len(started.items)
 
 
-def test_a_mission_without_a_wait_gets_one(simulation1_plan: Plan) -> None:
-    mission = build_missions(simulation1_plan)[0]
+def test_a_mission_without_a_wait_gets_one(missions: tuple[VehicleMission, ...]) -> None:
+    mission = missions[0]
     without = replace(
         mission,
         items=(mission.items[0], *mission.items[2:]),
@@ -32,7 +31,7 @@ def test_a_mission_without_a_wait_gets_one(simulation1_plan: Plan) -> None:
     assert starting_at(without, 0).items[2:] == without.items[1:]
 
 
-def test_only_missions_that_take_off_can_start_together(simulation1_plan: Plan) -> None:
-    mission = build_missions(simulation1_plan)[0]
+def test_only_missions_that_take_off_can_start_together(missions: tuple[VehicleMission, ...]) -> None:
+    mission = missions[0]
     with pytest.raises(ValueError, match="take-off"):
         starting_at(replace(mission, items=mission.items[1:], arrival_s=mission.arrival_s[1:]), 0)

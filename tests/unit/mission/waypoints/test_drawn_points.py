@@ -35,7 +35,7 @@ def test_samples_have_the_instants_of_all_points_and_no_step_is_short(routed: Pl
     assert (len(before), none) == (50, ())
 
 
-@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize("corrected", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_every_vehicle_has_a_waypoint_where_it_is_when_the_leader_is_at_a_point(routed: Plan, corrected: bool) -> None:
     legs = corrected_legs(routed, Autopilot.ARDUPILOT) if corrected else timed_legs(routed)
     assert set(DRAWN_S) <= set(legs.t_s.tolist())

@@ -6,20 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMission
-from gcs.mission.waypoints.mission_items import ROUNDING_M, TIME_SHARE, build_missions, timed_legs
-from gcs.mission.waypoints.placement import SampledFlight, deviation
+from gcs.mission.waypoints.mission_items import (
+    ROUNDING_M,
+    TIME_SHARE,
+    build_missions,
+    starting_at,
+    timed_waits,
+)
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation
+from gcs.mission.waypoints.timed_legs import Gate, TimedLegs
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory.plan import Phase, Plan
-from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.si import local_origin
+from tests.unit.mission.waypoints.small_flights import stop_and_go
 
 
 def ned(item: MissionItem, mission: VehicleMission, plan: Plan) -> np.ndarray:
@@ -46,12 +51,12 @@ def fly(mission: VehicleMission, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     return np.array(knots_s), np.array(knots_m)
 
 
-def test_an_ideal_autopilot_keeps_path_and_time(simulation1_plan: Plan) -> None:
+def test_an_ideal_autopilot_keeps_path_and_time(simulation1_plan: Plan, missions: tuple[VehicleMission, ...]) -> None:
     plan = simulation1_plan
     tolerance_m = plan.scenario.mission.tolerance_m
     t_s = np.linspace(plan.phase("takeoff").end_s, plan.flight_s, 20_001)
     wanted = plan.states(t_s)[..., POSITION]
-    for row, mission in enumerate(build_missions(plan)):
+    for row, mission in enumerate(missions):
         knots_s, knots_m = fly(mission, plan)
         assert knots_s[-1] == pytest.approx(plan.flight_s, abs=0.1)
         flown = np.stack([np.interp(t_s, knots_s, knots_m[:, axis]) for axis in range(3)], axis=-1)
@@ -65,8 +70,7 @@ def test_an_ideal_autopilot_keeps_path_and_time(simulation1_plan: Plan) -> None:
         assert nearest.max() < tolerance_m
 
 
-def test_the_stated_error_is_the_measured_one(simulation1_plan: Plan) -> None:
-    legs = timed_legs(simulation1_plan)
+def test_the_stated_error_is_the_measured_one(simulation1_plan: Plan, legs: TimedLegs) -> None:
     tolerance_m = simulation1_plan.scenario.mission.tolerance_m
     assert legs.error.path_m <= tolerance_m - ROUNDING_M
     assert legs.error.time_m <= TIME_SHARE * tolerance_m
@@ -78,8 +82,9 @@ def test_the_stated_error_is_the_measured_one(simulation1_plan: Plan) -> None:
     assert 30 <= len(legs.t_s) <= 80
 
 
-def test_all_vehicles_pass_at_the_same_times_T0_and_arrival_among_them(simulation1_plan: Plan) -> None:
-    missions = build_missions(simulation1_plan)
+def test_all_vehicles_pass_at_the_same_times_T0_and_arrival_among_them(
+    simulation1_plan: Plan, missions: tuple[VehicleMission, ...]
+) -> None:
     arrivals = [[a for a in m.arrival_s if a is not None] for m in missions]
     for mission, arrival in zip(missions, arrivals, strict=True):
         # The slowest legs, waited out, end when the centimetres left by rounding have been flown at 0.2 m/s.
@@ -92,8 +97,8 @@ def test_all_vehicles_pass_at_the_same_times_T0_and_arrival_among_them(simulatio
         assert np.allclose(ned(at_T0, mission, simulation1_plan), position, atol=ROUNDING_M)
 
 
-def test_items_come_in_the_order_autopilots_need(simulation1_plan: Plan) -> None:
-    for mission in build_missions(simulation1_plan):
+def test_items_come_in_the_order_autopilots_need(simulation1_plan: Plan, missions: tuple[VehicleMission, ...]) -> None:
+    for mission in missions:
         commands = [i.command for i in mission.items]
         assert commands[0] == Command.NAV_TAKEOFF
         assert commands[-2:] == [Command.NAV_WAYPOINT, Command.NAV_LAND]
@@ -111,8 +116,10 @@ def test_items_come_in_the_order_autopilots_need(simulation1_plan: Plan) -> None
             assert item.frame == (Frame.GLOBAL_RELATIVE_ALT if positioned else Frame.MISSION)
 
 
-def test_each_vehicle_starts_above_its_own_pad_and_lands_on_its_own_ground(simulation1_plan: Plan) -> None:
-    for row, mission in enumerate(build_missions(simulation1_plan)):
+def test_each_vehicle_starts_above_its_own_pad_and_lands_on_its_own_ground(
+    simulation1_plan: Plan, missions: tuple[VehicleMission, ...]
+) -> None:
+    for row, mission in enumerate(missions):
         home = geodetic_to_ned(
             mission.home.lat_deg,
             mission.home.lon_deg,
@@ -134,20 +141,30 @@ def with_tolerance(plan: Plan, tolerance_m: float) -> Plan:
     return replace(plan, scenario=plan.scenario.model_copy(update={"mission": mission}))
 
 
-def test_more_items_than_the_autopilot_stores(simulation1_plan: Plan) -> None:
-    for firmware, stores in (
-        (Autopilot.ARDUPILOT, "ArduCopter stores at most 650"),
-        (Autopilot.PX4, "PX4 stores at most 500"),
-    ):
-        with pytest.raises(ScenarioError, match=stores) as caught:
-            build_missions(with_tolerance(simulation1_plan, ROUNDING_M + 1e-4), firmware=firmware)
-        assert "mission.tolerance_m" in caught.value.hint
+@pytest.mark.parametrize(
+    ("firmware", "most", "stores"),  # a speed and a waypoint for each leg, take-off and landing; ArduPilot's home
+    [(Autopilot.ARDUPILOT, 323, "651 items; ArduCopter stores at most 650"), (Autopilot.PX4, 249, "502 .* most 500")],
+)
+def test_more_items_than_the_autopilot_stores(
+    simulation1_plan: Plan, firmware: Autopilot, most: int, stores: str
+) -> None:
+    plan = stop_and_go(simulation1_plan, 0.0)
+
+    def made(count: int) -> tuple[VehicleMission, ...]:
+        return build_missions(
+            plan, TimedLegs(np.linspace(0.0, 10.0, count + 1), Deviation(0.0, 0.0)), firmware=firmware
+        )
+
+    assert len(made(most)[0].items) == 2 * most + 2
+    with pytest.raises(ScenarioError, match=stores) as caught:
+        made(most + 1)
+    assert "mission.tolerance_m" in caught.value.hint
 
 
-def test_the_altitude_frame_is_the_one_asked_for(simulation1_plan: Plan) -> None:
+def test_the_altitude_frame_is_the_one_asked_for(simulation1_plan: Plan, legs: TimedLegs) -> None:
     """One place, three ways to say how high: above home, above the sea, above the ground under it."""
     plan = simulation1_plan
-    relative, amsl, terrain = (build_missions(plan, altitude=altitude) for altitude in Altitude)
+    relative, amsl, terrain = (build_missions(plan, legs, altitude=altitude) for altitude in Altitude)
     origin = local_origin(plan.scenario)
     for above_home, above_sea, above_ground in zip(relative, amsl, terrain, strict=True):
         for a, b, c in zip(above_home.items, above_sea.items, above_ground.items, strict=True):
@@ -175,29 +192,6 @@ def test_a_tolerance_below_the_rounding_of_waypoints(simulation1_plan: Plan) -> 
         build_missions(with_tolerance(simulation1_plan, 0.005))
 
 
-def stop_and_go(plan: Plan, yaw_ned_rad: float) -> Plan:
-    """South at 2 m/s for 10 s, 20 s standing, north at 4 m/s for 5 s; 5 m above the origin's height."""
-    joints = np.array([-10.0, 0.0, 10.0, 30.0, 35.0, 45.0])
-    speed = np.array([0.0, -2.0, 0.0, 4.0, 0.0])
-    state = np.zeros((2, 5, 12))
-    state[0, :, 0] = speed
-    state[1, :, 0] = np.concatenate([[0.0], np.cumsum(speed * np.diff(joints))[:-1]])
-    state[1, :, 2] = -5.0
-    state[1, :, 3] = speed
-    state[1, :, 8] = yaw_ned_rad
-    names = ("takeoff", "mission", "landing")
-    phases = tuple(map(Phase, names, (-10.0, 0.0, 35.0), (0.0, 35.0, 45.0)))
-    shape = rigid(np.zeros((len(plan.sysids), 3)), -10.0, 45.0)
-    scenario = plan.scenario.model_copy(
-        update={
-            "origin": plan.scenario.origin.model_copy(update={"lat_deg": -35.0, "lon_deg": -71.0}),
-            "time": plan.scenario.time.model_copy(update={"flight_s": 35.0}),
-        }
-    )
-    motion = Trajectory(PPoly(state, joints), PPoly(np.zeros((1, 5, 4)), joints))
-    return Plan(scenario, motion, shape, phases, 0.0)
-
-
 def test_standing_still_on_the_way_is_a_delay_and_no_speed_of_zero(simulation1_plan: Plan) -> None:
     mission = build_missions(stop_and_go(simulation1_plan, -np.pi / 2))[0]
     assert [i.command for i in mission.items] == [
@@ -221,3 +215,88 @@ def test_south_of_the_equator_and_west_of_greenwich(simulation1_plan: Plan) -> N
     assert (first.lat_degE7, first.lon_degE7) == (-350000000, -710000000)
     assert second.lat_degE7 < first.lat_degE7 == third.lat_degE7
     assert first.lon_degE7 == second.lon_degE7
+
+
+GATED = TimedLegs(
+    np.array([0.0, 10.0, 30.0, 35.0]),
+    Deviation(0.0, 0.0),
+    speeds_mps=np.array([[2.5, np.nan, 4.50004]]),
+    leaves_s=0.75,
+    gates=(Gate(2, 33.0, 5.0),),
+    raised_m=np.array([0.0, 1.0, 2.0, 0.0]),
+    waits_s=np.array([[1.5, 18.0, 0.0004]]),
+)
+
+
+def test_corrected_legs_are_written_with_their_speeds_delays_gates_and_raises(simulation1_plan: Plan) -> None:
+    """All vehicles fly the leader's speeds where there is one row of them."""
+    plan = stop_and_go(simulation1_plan, 0.0)
+    every = build_missions(plan, GATED)
+    assert {len(mission.items) for mission in every} == {10}
+    mission = every[3]
+    assert [
+        (item.command, item.params[1 if item.command == Command.DO_CHANGE_SPEED else 0]) for item in mission.items
+    ] == [
+        (Command.NAV_TAKEOFF, 0.0),
+        (Command.NAV_DELAY, 0.75),
+        (Command.DO_CHANGE_SPEED, 2.5),
+        (Command.NAV_WAYPOINT, 0.0),
+        (Command.NAV_DELAY, 1.5),
+        (Command.NAV_DELAY, 18.0),
+        (Command.NAV_DELAY, 5.0),
+        (Command.DO_CHANGE_SPEED, 4.5),
+        (Command.NAV_WAYPOINT, 0.0),
+        (Command.NAV_LAND, 0.0),
+    ]
+    assert mission.arrival_s == (0.0, None, None, 10.0, None, None, None, None, 35.0, 45.0)
+    assert (mission.leaves_s, mission.gates) == (0.75, ((6, 33.0),))
+    up_m = [mission.items[index].alt_m for index in (0, 3, 8)]
+    assert np.diff(up_m).tolist() == pytest.approx([1.0, -1.0], abs=0.011)
+
+
+def test_vehicles_with_legs_of_their_own_have_their_own_speeds_and_rests(simulation1_plan: Plan) -> None:
+    plan = stop_and_go(simulation1_plan, 0.0)
+    speeds = np.outer(np.arange(1.0, len(plan.sysids) + 1.0), [1.0, np.nan, 2.0])
+    own = replace(GATED, speeds_mps=speeds, waits_s=None, gates=(), leaves_s=None, raised_m=None)
+    for number, mission in enumerate(build_missions(plan, own), start=1):
+        asked = [item.params[1] for item in mission.items if item.command == Command.DO_CHANGE_SPEED]
+        assert asked == [number, 2.0 * number]
+        assert [item.params[0] for item in mission.items if item.command == Command.NAV_DELAY] == [20.0]
+        assert mission.leaves_s == 0.0
+
+
+def test_a_leg_too_slow_for_an_autopilot_is_flown_faster_and_waited_out(simulation1_plan: Plan) -> None:
+    """1 m in 10 s at 0.2 m/s, then 5 s of delay; the last waypoint is held until the landing begins."""
+    plan = stop_and_go(simulation1_plan, 0.0)
+    state = plan.leader_trajectory.state
+    state.c[:, 1, 0], state.c[:, 2:, 0] = [-0.1, 0.0], [[0.0] * 3, [-1.0] * 3]
+    mission = build_missions(plan, TimedLegs(np.array([0.0, 10.0]), Deviation(0.0, 0.0)))[0]
+    first, speed, there, wait, land = mission.items
+    assert speed.params[1] == 0.2
+    assert there.params[0] == 25.0
+    assert wait.params[0] == pytest.approx(5.0, abs=0.1)
+    assert mission.arrival_s[2] == pytest.approx(5.0, abs=0.1)
+    assert (first.command, land.command) == (Command.NAV_TAKEOFF, Command.NAV_LAND)
+
+
+def test_a_plan_that_begins_in_the_air_takes_off_from_nowhere(simulation1_plan: Plan) -> None:
+    plan = stop_and_go(simulation1_plan, 0.0)
+    begun = replace(plan, begin_state=(0.0,) * 12)
+    assert build_missions(begun, GATED)[0].items[0].command == Command.NAV_WAYPOINT
+
+
+def test_gates_of_a_common_start_open_the_planned_seconds_after_it(simulation1_plan: Plan) -> None:
+    """32.25 s after a start two seconds before midnight: at 0:00:30 UTC."""
+    mission = build_missions(stop_and_go(simulation1_plan, 0.0), GATED)[0]
+    started = starting_at(mission, 86_400 * 20_000 - 2)
+    assert started.items[1].params == (-1.0, 23.0, 59.0, 58.0)
+    assert started.items[6].params == (-1.0, 0.0, 0.0, 30.0)
+    assert timed_waits(started) == (1, 6)
+    assert len(started.items) == len(started.arrival_s) == 10
+    without = replace(
+        mission, items=mission.items[:1] + mission.items[2:], arrival_s=mission.arrival_s[:1] + mission.arrival_s[2:]
+    )
+    without = replace(without, gates=((5, 33.0),))
+    again = starting_at(without, 86_400 * 20_000 - 2)
+    assert again == started
+    assert timed_waits(again) == (1, 6)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, waypoint_indices
+from gcs.mission.waypoints.placement import (
+    Deviation,
+    SampledFlight,
+    _Pace,
+    deviation,
+    gentle_indices,
+    waypoint_indices,
+)
 
 T = np.linspace(0.0, 20.0, 2001)
 
@@ -95,3 +102,43 @@ def test_waypoints_between_drawn_points_are_as_far_apart_as_their_speed_needs() 
     # 25 m/s need 50 m
     assert chords_m.min() >= 49.9
     assert len(kept) > 8
+
+
+def test_a_leg_that_is_not_allowed_is_split_though_it_is_straight() -> None:
+    """No leg may pass over the sample at 5 s; a leg to the next sample is always accepted."""
+    line = SampledFlight(T, along_north(3.0 * T).position_ned_m, allowed=lambda i, j: not i < 500 < j)
+    assert waypoint_indices(line, Deviation(1.0, 1.0)) == [0, 500, 2000]
+    never = SampledFlight(T[:5], along_north(3.0 * T).position_ned_m[:, :5], allowed=lambda i, j: False)
+    assert waypoint_indices(never, Deviation(1.0, 1.0)) == [0, 1, 2, 3, 4]
+
+
+def test_beyond_the_ends_of_a_leg_the_distance_is_that_to_its_ends() -> None:
+    """Back 3 m and aside 4 m before it goes on: 5 m from the start of the leg, and half of the way ahead in time."""
+    t = np.array([0.0, 1.0, 2.0])
+    back = np.array([[[0.0, 0, 0], [-3, 4, 0], [6, 0, 0]]])
+    error = deviation(SampledFlight(t, back), [0, 2])
+    assert (error.path_m, error.time_m) == (pytest.approx(5.0), pytest.approx(np.hypot(6.0, 4.0)))
+
+
+@pytest.mark.parametrize(("share", "legs"), [(1.0, 4), (0.5, 8), (2.0, 2)])
+def test_legs_are_long_enough_for_a_share_of_their_speed(share: float, legs: int) -> None:
+    """At 3 m/s over 60 m, with 0.2 m/s sustained for each metre: 15 m for all of it; 0.02 m/s are always sustained."""
+    line = SampledFlight(T, along_north(3.0 * T).position_ned_m, allowed=lambda i, j: j - i < 2)
+    kept = gentle_indices(line, Deviation(1.0, 1.0), lambda length_m: 0.2 * length_m, share)
+    assert len(kept) - 1 == pytest.approx(legs, abs=1)
+    lengths_m = 3.0 * np.diff(T[kept])
+    assert lengths_m[:-1].min() == pytest.approx((3.0 - 0.02) * share / 0.2, abs=0.2)
+    assert lengths_m[-1] >= (3.0 - 0.02) * share / 0.2 - 0.2  # the last leg is not shorter
+
+
+def test_the_speed_of_a_leg_is_halfway_between_its_mean_and_its_highest() -> None:
+    """10 s at 1 m/s, then 10 s at 5 m/s, of a second vehicle; over all of it 3 and 5 give 4 m/s."""
+    second = np.where(T < 10.0, T, 10.0 + 5.0 * (T - 10.0))
+    both = SampledFlight(T, np.concatenate([along_north(0.5 * T).position_ned_m, along_north(second).position_ned_m]))
+    for most_mps, sustained in ((4.05, True), (3.9, False)):
+        pace = _Pace(both, lambda length_m, most=most_mps: most if length_m > 40.0 else 0.6, 1.0)  # type: ignore[misc]
+        assert pace.sustained(0, 2000) == sustained
+    slow = _Pace(both, lambda length_m: 0.0, 1.0)
+    assert not slow.sustained(0, 2000)
+    still = _Pace(SampledFlight(T, along_north(0.01 * T).position_ned_m), lambda length_m: 0.0, 1.0)
+    assert still.sustained(0, 2000)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.mesh import HOLD
+from gcs.plan.nlp.mesh import HOLD, end_refined
 from gcs.plan.ocp.problem import flight_problem
 from gcs.scenario.schema.scenario import Scenario
+from tests.unit.plan.problems import alone, meadow
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through
 
 
@@ -39,3 +40,23 @@ def test_a_short_leg_is_one_interval(simulation1: Scenario) -> None:
     problem = flight_problem(flight_through(simulation1, CORNER, FAR))
     mesh = first_mesh(replace(problem, point_s=(20.0, 21.0)), 9.0, 1.0, 5)
     assert (mesh.leg_of_interval == 1).sum() == 1
+
+
+def test_a_flight_without_points_is_one_leg_that_is_fine_at_its_ends(simulation1: Scenario) -> None:
+    problem = flight_problem(meadow(alone(simulation1)))
+    mesh = first_mesh(problem, 9.0, 1.0, 5)
+    assert mesh.joints_s.tolist() == end_refined(0.0, 20.0, 9.0, 1.0, 5).joints_s.tolist()
+    assert mesh.leg_count == 1
+
+
+def test_a_leg_between_two_holds_is_fine_at_both_ends_as_far_as_it_is_long(simulation1: Scenario) -> None:
+    """Ramps take two fifths of it each at most, and seven tenths where one end alone is at rest."""
+    held = [{**point, "hold_s": 2.0} for point in (CORNER, FAR)]
+    problem = flight_problem(flight_through(simulation1, *held))
+    mesh = first_mesh(replace(problem, point_s=(20.0, 34.0)), 9.0, 1.0, 5)
+    between = np.diff(mesh.joints_s)[mesh.leg_of_interval == 1]  # 12 s, of which 4.8 s hold 1, 1.5 and 2.25 s
+    np.testing.assert_allclose(between, [1.0, 1.5, 2.25, 2.5, 2.25, 1.5, 1.0])
+    problem = flight_problem(flight_through(simulation1, held[0], FAR))
+    mesh = first_mesh(replace(problem, point_s=(20.0, 34.0)), 9.0, 1.0, 5)
+    between = np.diff(mesh.joints_s)[mesh.leg_of_interval == 1]  # 12 s, of which 8.4 s hold 3.375 s as well
+    np.testing.assert_allclose(between, [1.0, 1.5, 2.25, 3.375, 3.875])

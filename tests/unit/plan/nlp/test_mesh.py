@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.plan.nlp.mesh import HOLD, Mesh
+from gcs.plan.nlp.mesh import HOLD, Mesh, counted, end_refined
 
 # Two legs of 3 s and 8 s, between them a hold of 4 s.
 HELD = Mesh(np.array([1.0, 2.0, 4.0, 8.0, 10.0, 16.0]), (3, 2, 0, 4, 5), np.array([3.0, 6.0, 13.0]), (0, 0, HOLD, 1, 1))
@@ -86,3 +86,40 @@ def test_holds_are_never_split() -> None:
 def test_joints_that_do_not_grow_are_refused() -> None:
     with pytest.raises(ValueError, match="increasing joints"):
         Mesh(np.array([0.0, 1.0, 1.0]), (2, 2))
+
+
+@pytest.mark.parametrize(
+    ("intervals", "half", "lengths_s"),
+    [
+        (6, 15.0, [2.0, 3.0, 10.0]),
+        (6, 6.0, [2.0, 2.0, 2.0]),  # no time to grow
+        (8, 18.0, [2.0, 3.0, 4.5, 8.5]),
+        (8, 11.0, [2.0, 3.0, 3.0, 3.0]),
+        (2, 7.0, [7.0]),
+    ],
+)
+def test_a_counted_mesh_grows_by_half_from_both_ends(intervals: int, half: float, lengths_s: list[float]) -> None:
+    mesh = counted(3.0, 3.0 + 2.0 * half, intervals, 2.0, 4)
+    np.testing.assert_allclose(np.diff(mesh.joints_s), lengths_s + lengths_s[::-1])
+    assert (mesh.joints_s[0], mesh.joints_s[-1], mesh.degrees) == (3.0, 3.0 + 2.0 * half, (4,) * intervals)
+
+
+@pytest.mark.parametrize(
+    ("half", "lengths_s"),
+    [
+        (0.5, [0.5]),
+        (5.0, [1.0, 1.5, 2.5]),  # what is left is no less than half of the step before it
+        (4.9, [1.0, 1.5, 2.4]),
+        (3.2, [1.0, 2.2]),  # 0.7 s would be less
+        (20.0, [1.0, 1.5, 2.25, 3.375, 4.0, 4.0, 3.875]),  # no longer than 4 s
+    ],
+)
+def test_a_mesh_is_fine_at_both_ends_and_no_interval_is_a_splinter(half: float, lengths_s: list[float]) -> None:
+    mesh = end_refined(-2.0, -2.0 + 2.0 * half, 4.0, 1.0, 5)
+    np.testing.assert_allclose(np.diff(mesh.joints_s), lengths_s + lengths_s[::-1])
+    assert (mesh.joints_s[0], mesh.joints_s[-1]) == (-2.0, -2.0 + 2.0 * half)
+    assert mesh.degrees == (5,) * (2 * len(lengths_s))
+
+
+def test_instants_are_enforced_once() -> None:
+    assert HELD.enforcing_at(np.array([6.0, 1.5])).extra_s.tolist() == [1.5, 3.0, 6.0, 13.0]

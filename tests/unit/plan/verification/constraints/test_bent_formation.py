@@ -230,7 +230,13 @@ def test_the_vehicle_that_is_off_is_named(planned: Planned) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["auto shrink", "auto turn", "auto reshape", "course", pytest.param("course and schedule", marks=pytest.mark.slow)],
+    [
+        "auto shrink",
+        *(
+            pytest.param(n, marks=pytest.mark.slow)
+            for n in ("auto turn", "auto reshape", "course", "course and schedule")
+        ),
+    ],
 )
 def test_of_valid_plans_nothing_is_only_sampled(planned: Planned, name: str) -> None:
     _, report = planned(name)

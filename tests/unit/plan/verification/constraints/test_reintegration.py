@@ -1,0 +1,77 @@
+"""Steps and bounds of re-integrated windows, on motions whose error is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.constraints.reintegration import IntegrationSteps, step_edges, window_errors
+from gcs.plan.verification.proof.taylor import Taylor, constant
+
+ORDER = 6
+
+
+def test_steps_end_at_every_joint_and_every_second_and_are_no_longer_than_asked() -> None:
+    edges = step_edges(np.array([-5.0, 2.25, 3.0, 3.5 - 1e-12, 9.0]), 2.0, 4.7, 0.1)
+    assert (edges[0], edges[-1]) == (2.0, 4.7)
+    steps = np.diff(edges)
+    assert steps.min() > 0.0
+    assert steps.max() <= 0.1 + 1e-12
+    for mark in (2.25, 3.0, 3.5, 4.0):
+        assert np.abs(edges - mark).min() < 1e-9
+    assert len(edges) == 1 + 3 + 8 + 5 + 5 + 7
+    # A mark next to another is one with it.
+    assert np.diff(step_edges(np.array([3.0 + 1e-10]), 2.0, 4.0, 0.5)).min() == pytest.approx(0.5)
+
+
+def falling(q: Quadrotor, extra_mps2: float, left_out_m: float = 0.0) -> tuple[IntegrationSteps, int]:
+    """Planned at rest for 4 s, with a thrust that lets it sink."""
+    edges = np.linspace(0.0, 4.0, 41)
+    count = len(edges) - 1
+    state, hover = np.zeros((count, 12)), constant(np.zeros((3, count)), ORDER)
+    thrust = np.zeros((4, count))
+    thrust[0] = q.weight_N - extra_mps2 * q.mass_kg
+    place = Taylor(hover.c, hover.remainder + left_out_m)
+    return IntegrationSteps(edges[:-1], edges[1:], state, place, constant(thrust, ORDER)), count
+
+
+def error_m(steps: IntegrationSteps, first: list[int], last: list[int], q: Quadrotor) -> Array:
+    return window_errors(steps, np.array(first), np.array(last), q)
+
+
+def test_an_error_is_that_of_the_fall_with_drag_and_hardly_more(meadow_plan: Plan) -> None:
+    """The vertical motion is v' = a - k v, from rest, for as long as each window takes."""
+    q = meadow_plan.quadrotor
+    steps, count = falling(q, 0.02)
+    k = q.drag_Nspm[2] / q.mass_kg
+    found = error_m(steps, [0, 10, 20], [count, count, 30], q)
+    for bound, time_s in zip(found, (4.0, 3.0, 1.0), strict=True):
+        fallen_m = 0.02 / k * (time_s - (1.0 - np.exp(-k * time_s)) / k)
+        assert fallen_m <= bound <= fallen_m + 1e-5
+
+
+def test_what_the_place_leaves_out_is_added(meadow_plan: Plan) -> None:
+    q = meadow_plan.quadrotor
+    steps, count = falling(q, 0.0, 2e-3)
+    # the same along three axes
+    assert error_m(steps, [0], [count], q)[0] == pytest.approx(2e-3 * np.sqrt(3.0), abs=1e-6)
+    assert error_m(falling(q, 0.0)[0], [0], [count], q)[0] < 1e-6
+
+
+def test_what_the_control_leaves_out_grows_as_a_force_does(meadow_plan: Plan) -> None:
+    """1 mN of thrust that is not known: half of its acceleration times the time squared, and a little more."""
+    q = meadow_plan.quadrotor
+    steps, count = falling(q, 0.0)
+    remainder = steps.control.remainder.copy()
+    remainder[0] += 1e-3
+    unsure = replace(steps, control=Taylor(steps.control.c, remainder))
+    vacuum_m = 0.5 * 1e-3 / q.mass_kg * 4.0**2
+    assert 0.75 * vacuum_m < error_m(unsure, [0], [count], q)[0] < 2.0 * vacuum_m
+    # A moment turns the vehicle, the thrust leans, and it is off by the fourth power of time: more than can be bounded.
+    remainder = steps.control.remainder.copy()
+    remainder[1] += 1.0
+    assert np.isinf(error_m(replace(steps, control=Taylor(steps.control.c, remainder)), [0], [count], q)[0])
