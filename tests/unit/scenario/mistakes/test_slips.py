@@ -88,7 +88,7 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((TABLE, f'[mission]\nautopilot = "PX4"\n{TABLE}')), "must be one of", 'write autopilot = "px4"'),
     (edit(("start_shape = \"vee\"", "start_shape = vee")), "the text vee stands without quotes", 'write "vee"'),
     (edit(("count = 6", "count: 6")), "a colon stands after count", "write count = ..."),
-    (edit(("count = 6", "count = 6\ncounts = 7")), "counts: unknown key; known ones are", "remove formation.counts;"),
+    (edit(("count = 6", "counts = 7\ncount = 6")), "counts: unknown key; known ones are", "remove formation.counts;"),
     (edit(("[limits]", "[limits] x")), "not TOML: something stands after the value", "remove it"),
     (edit((FLIGHT, f"{FLIGHT}, free = False")), "False is not a value of TOML", "write false, in lower case"),
     (edit(("count = 6", "count = 6\ncount = 7")), "this key stands twice", "keep one of the two"),
