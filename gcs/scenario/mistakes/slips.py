@@ -81,7 +81,7 @@ class _Reader:
         for known in free if unit and is_number(value) else ():
             if known.rpartition("_")[0] == same and (found := reading(f"{value} {unit}", known)):
                 target, own, is_converted = known, found[0], True
-        target = target or nearest(_ROLES.get(stem, name), free)
+        target = target or nearest(name, free) or nearest(_ROLES.get(stem, name), free)
         if not target:
             return name, value
         text, step = f"unknown key; the nearest known one is {target}", f"write {target} instead of {name}"
