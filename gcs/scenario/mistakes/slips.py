@@ -81,8 +81,7 @@ class _Reader:
         for known in free if unit and is_number(value) else ():
             if known.rpartition("_")[0] == same and (found := reading(f"{value} {unit}", known)):
                 target, own, is_converted = known, found[0], True
-        with_unit = any(one.startswith(f"{name}_") for one in free)
-        target = target or nearest(name if with_unit else _ROLES.get(stem, name), free)
+        target = target or nearest(name, free) or nearest(_ROLES.get(stem, name), free)
         if not target:
             return name, value
         text, step = f"unknown key; the nearest known one is {target}", f"write {target} instead of {name}"

@@ -15,7 +15,6 @@ _TEXT_MAX, _LINE_MAX = 200_000, 2_000  # characters of what a person wrote
 _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
 _TWICE = re.compile(r"Cannot declare \((.*?),?\) twice")
 _TEXT_OR_REMARK = re.compile(r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*'|#[^\n]*)""")
-_HEADER = re.compile(r"\s*\[+\s*[A-Za-z_]")
 _VALUE, _AFTER = r"(?<=[=\[,])(\s*)", r"(?=\s*(?:[,}\]\0]|$))"
 _TRUTH, _TRUE = "{} is not a value of TOML", "write %s, in lower case, without quotes"
 _BARE = rf"{_VALUE}(?!(?:true|false|inf|nan)\b)([A-Za-z][\w-]*){_AFTER}"
@@ -76,7 +75,7 @@ def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
 def _meant(line: str, number: int) -> tuple[str, list[Mistake]]:
     """A line as it was meant, and what was wrong with it where the value does not show that itself."""
     told: list[Mistake] = []
-    if len(line) > _LINE_MAX or _HEADER.match(line):
+    if len(line) > _LINE_MAX:
         return line, told
     pieces = _TEXT_OR_REMARK.split(line)
     code = "".join(piece if n % 2 == 0 else f"\0{n}\0" for n, piece in enumerate(pieces))

@@ -61,6 +61,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (end(f"{HERE}, height_m = 15 m"), "height_m = 15 m: has a unit", "write height_m = 15"),
     (end(f"{HERE}, height_ft = 50"), "Skein has it as height_m", "write height_m = 15.24"),
     (zone(f"polygon_deg = [{SWAPPED}]"), ": 5,470 km from the origin: swapped", f"write {TRIANGLE}"),
+    (zone(f"polygon_deg = [{SWAPPED}, {SWAPPED}]"), "swapped latitude", "47.4018, 8.5515], [47.4012, 8.5504], ...]"),
     (zone(f"polygon_deg = [{A}, {B}, [8.5515, 47.4018]]"), "]]: 5,470 km from", f"write {TRIANGLE}"),
     (zone("polygon_deg = [[150, 60], [200, 60], [200, 90]]"), "are these metres?", "polygon_m = [[150, 60], [200,"),
     (zone(f"polygon_deg = [{A}, {B}, [51.40, 8.55]]"), "polygon_deg[2] = [51.4, 8.55]: 445 km", "or [origin]"),

@@ -88,6 +88,9 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((TABLE, f'[mission]\nautopilot = "PX4"\n{TABLE}')), "must be one of", 'write autopilot = "px4"'),
     (edit(("start_shape = \"vee\"", "start_shape = vee")), "the text vee stands without quotes", 'write "vee"'),
     (edit(("count = 6", "count: 6")), "a colon stands after count", "write count = ..."),
+    (edit(("count = 6", "counts = 7\ncount = 6")), "counts: unknown key; known ones are", "remove formation.counts;"),
+    (edit(("[limits]", "[limits] x")), "not TOML: something stands after the value", "remove it"),
+    (edit((FLIGHT, f"{FLIGHT}, free = False")), "False is not a value of TOML", "write false, in lower case"),
     (edit(("count = 6", "count = 6\ncount = 7")), "this key stands twice", "keep one of the two"),
     (edit((TABLE, f"[limits]\nx = 1\n{TABLE}")), "table [limits] stands twice", "keep one"),
     (edit(("[-120.0, 120.0]", "[-120.0, 120.0")), "a list is not closed", "give the missing ]"),
@@ -180,6 +183,17 @@ def test_slips_of_the_text_do_not_hide_what_comes_after(tmp_path: Path) -> None:
     ]
 
 
+def test_a_mistake_in_a_mistyped_table_has_its_own_line(tmp_path: Path) -> None:
+    error = told(tmp_path, edit(("[limits]", "[limit]"), (CLEARANCE, "clearance_min_m = -5.0")))
+    assert "scenario.toml:17: limits.clearance_min_m = -5.0: must be a number from 0" in error.message
+
+
+def test_metres_at_an_origin_of_zero_degrees_are_metres(tmp_path: Path) -> None:
+    text = scenario_text(tmp_path / "mine", 0.0, 0.0, 0.0)
+    (tmp_path / "scenario.toml").write_text(text.replace(START, "position_m = [0.25, 0.25, 15.0]"))
+    assert load_scenario(tmp_path).start.position_m[0] == 0.25
+
+
 def test_a_start_in_degrees_is_no_flight_of_centimetres(tmp_path: Path) -> None:
     """Both ends, also where [origin] is still another place."""
     ends = edit((START, "position_m = [47.400245, 8.549350, 20.0]"), (END, "position_m = [47.400247, 8.549352, 20.0]"))
@@ -193,7 +207,7 @@ def test_a_start_in_degrees_is_no_flight_of_centimetres(tmp_path: Path) -> None:
 
 
 def test_metres_near_the_numbers_of_the_origin_are_metres(tmp_path: Path) -> None:
-    text = scenario_text(tmp_path / "mine", *ORIGIN).replace(ZONE, "north_m = 47.0, east_m = 8.0, radius_m = 0.5")
+    text = scenario_text(tmp_path / "mine", *ORIGIN).replace(ZONE, "north_m = 47.0, east_m = 9.0, radius_m = 0.5")
     (tmp_path / "scenario.toml").write_text(text.replace("[0.0, 0.0, 15.0]", "[-20.0, 8.5, 15.0]"))
     assert load_scenario(tmp_path).start.position_m[1] == 8.5
 
