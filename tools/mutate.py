@@ -158,6 +158,11 @@ class _Places(ast.NodeVisitor):
         if node.value:
             self.visit(node.value)
 
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        """The body, not the decorators."""
+        for inner in node.body:
+            self.visit(inner)
+
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         """Defaults and the body."""
         for inner in (*node.args.defaults, *(d for d in node.args.kw_defaults if d), *node.body):

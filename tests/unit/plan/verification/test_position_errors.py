@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import PPoly
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.position_errors import DEVIATIONS, SIGMA, climb_separation_m, separation_left
@@ -72,3 +73,15 @@ def test_climbing_vehicles_are_apart_by_their_columns_alone(simulation1_plan: Pl
     data["limits"]["separation_min_m"] = data["judge"]["separation_min_m"] = 0.55
     nearer = verify(replace(plan, scenario=Scenario.model_validate(data)))
     assert "separation over the pads" in {c.name for c in nearer.failures}
+
+
+def test_the_least_of_all_instants_counts(hop: Plan) -> None:
+    """A formation that is half as large in the middle of its flight, and as large as on the ground before and after."""
+    functions = hop.shape.functions
+    middle = [piece for piece, t_s in enumerate(functions.x[:-1]) if 0.0 <= t_s < hop.flight_s]
+    smaller = functions.c.copy()
+    smaller[:, middle] *= 0.5
+    left = separation_left(replace(hop, shape=replace(hop.shape, functions=PPoly(smaller, functions.x))))
+    assert left is not None
+    assert left.planned_m == pytest.approx(2.5, abs=0.01)
+    assert 0.0 <= left.t_s < hop.flight_s
