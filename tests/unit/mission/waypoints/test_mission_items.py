@@ -187,6 +187,11 @@ def test_heights_above_ground_are_refused_where_the_autopilot_refuses_them(simul
         build_missions(simulation1_plan, firmware=Autopilot.PX4, altitude=Altitude.TERRAIN)
 
 
+def test_the_rounding_is_half_a_step_of_degrees_north_and_east_and_of_centimetres_up() -> None:
+    step_m = 1e-7 * np.radians(1.0) * 6_378_137.0
+    assert np.linalg.norm([0.5 * step_m, 0.5 * step_m, 0.005]) <= ROUNDING_M < 0.0096
+
+
 def test_a_tolerance_below_the_rounding_of_waypoints(simulation1_plan: Plan) -> None:
     with pytest.raises(ScenarioError, match="rounded"):
         build_missions(with_tolerance(simulation1_plan, 0.005))
@@ -248,6 +253,9 @@ def test_corrected_legs_are_written_with_their_speeds_delays_gates_and_raises(si
         (Command.NAV_WAYPOINT, 0.0),
         (Command.NAV_LAND, 0.0),
     ]
+    for item in (mission.items[1], mission.items[2]):
+        assert item.params in ((0.75, -1.0, -1.0, -1.0), (1.0, 2.5, -1.0, 0.0))  # a ground speed, at any throttle
+        assert (item.frame, item.lat_degE7, item.lon_degE7, item.alt_m) == (Frame.MISSION, 0, 0, 0.0)
     assert mission.arrival_s == (0.0, None, None, 10.0, None, None, None, None, 35.0, 45.0)
     assert (mission.leaves_s, mission.gates) == (0.75, ((6, 33.0),))
     up_m = [mission.items[index].alt_m for index in (0, 3, 8)]
@@ -290,7 +298,7 @@ def test_gates_of_a_common_start_open_the_planned_seconds_after_it(simulation1_p
     mission = build_missions(stop_and_go(simulation1_plan, 0.0), GATED)[0]
     started = starting_at(mission, 86_400 * 20_000 - 2)
     assert started.items[1].params == (-1.0, 23.0, 59.0, 58.0)
-    assert started.items[6].params == (-1.0, 0.0, 0.0, 30.0)
+    assert started.items[6] == MissionItem(Command.NAV_DELAY, Frame.MISSION, (-1.0, 0.0, 0.0, 30.0), 0, 0, 0.0)
     assert timed_waits(started) == (1, 6)
     assert len(started.items) == len(started.arrival_s) == 10
     without = replace(

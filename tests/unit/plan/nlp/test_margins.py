@@ -166,3 +166,15 @@ def test_the_optimiser_grants_no_turn_the_verifier_would_refuse(simulation1: Sce
             if float(path(z, slots)[row]) >= 0:
                 judged = margins.turning(problem.scenario, state, control)
                 assert judged.value[0, 0] >= -1e-3 * judged.scale
+
+
+def test_a_formation_faces_its_course_above_1_mps(simulation1: Scenario) -> None:
+    """Course and heading over all four quarters; down counts for nothing, and 350 degrees are 10 away from north."""
+    scenario = changed(simulation1, formation={"frame": "course", "course_tolerance_deg": 8.0})
+    courses_deg, off_deg = np.array([0.0, 100.0, -170.0, 30.0]), np.array([3.0, -5.0, 10.0, 20.0])
+    speeds = np.array([2.0, 1.01, 3.0, 0.99])
+    angle = np.radians(courses_deg)
+    velocities = np.stack([speeds * np.cos(angle), speeds * np.sin(angle), np.full(4, 7.0)], axis=1)
+    found = margins.course(scenario, velocities, np.radians(courses_deg + off_deg + [0.0, 360.0, -360.0, 0.0]))
+    np.testing.assert_allclose(found.value, [[5.0, 3.0, -2.0, 8.0]], atol=1e-9)
+    assert (found.name, found.unit, found.scale) == ("heading along the course", "deg", 8.0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.position_errors import DEVIATIONS, SIGMA, climb_separation_m, separation_left
 from gcs.plan.verification.verify import verify
@@ -75,13 +76,29 @@ def test_climbing_vehicles_are_apart_by_their_columns_alone(simulation1_plan: Pl
     assert "separation over the pads" in {c.name for c in nearer.failures}
 
 
-def test_the_least_of_all_instants_counts(hop: Plan) -> None:
-    """A formation that is half as large in the middle of its flight, and as large as on the ground before and after."""
-    functions = hop.shape.functions
-    middle = [piece for piece, t_s in enumerate(functions.x[:-1]) if 0.0 <= t_s < hop.flight_s]
-    smaller = functions.c.copy()
-    smaller[:, middle] *= 0.5
-    left = separation_left(replace(hop, shape=replace(hop.shape, functions=PPoly(smaller, functions.x))))
-    assert left is not None
-    assert left.planned_m == pytest.approx(2.5, abs=0.01)
-    assert 0.0 <= left.t_s < hop.flight_s
+def with_places(plan: Plan, places_ned_m: list[list[float]]) -> Plan:
+    """Three vehicles at these places (NED) of a rigid shape, the whole flight; their pads are as they were."""
+    return replace(plan, shape=rigid(np.array(places_ned_m), plan.t_start_s, plan.t_end_s))
+
+
+def test_the_pair_that_loses_most_counts_and_not_the_nearest_one(meadow_plan: Plan) -> None:
+    """Heights are known less well: 9.5 m above each other leave less than 9 m beside each other; on landing, 30 m."""
+    flown = [[0.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, -9.5]]
+    landed = [[0.0, 0.0, 0.0], [0.0, 30.0, 0.0], [30.0, 0.0, 0.0]]
+    joints = np.array([meadow_plan.t_start_s, meadow_plan.phase("landing").start_s, meadow_plan.t_end_s])
+    shape = Shape(PPoly(np.array([[[1.0, 0.0], [0.0, 1.0]]]), joints), np.array([flown, landed]))
+    plan = with_sensors(replace(meadow_plan, shape=shape, begin_state=(0.0,) * 12), "gnss")
+    found = separation_left(plan)
+    assert found is not None
+    assert (found.planned_m, found.pair) == (pytest.approx(9.5), (plan.sysids[0], plan.sysids[2]))
+    assert found.left_m == pytest.approx(9.5 - DEVIATIONS * math.sqrt(2.0) * SIGMA["gnss"].vertical_m)
+
+
+def test_pads_count_only_for_a_plan_that_takes_off(meadow_plan: Plan) -> None:
+    """They are 2 m apart at most, the places of this shape and its landing points 20 m."""
+    plan = with_places(meadow_plan, [[0, 0, 0], [0, 20, 0], [20, 0, 0]])
+    on_the_ground, in_the_air = separation_left(plan), separation_left(replace(plan, begin_state=(0.0,) * 12))
+    assert on_the_ground is not None and in_the_air is not None
+    assert on_the_ground.planned_m < 3.0
+    assert on_the_ground.t_s == plan.t_start_s
+    assert in_the_air.planned_m == pytest.approx(20.0)

@@ -128,5 +128,8 @@ def test_a_plan_that_begins_in_the_air_answers_for_the_points_ahead(meadow_plan:
     in_a_hold = hovering(meadow_plan, 0.0)
     phases = (Phase("mission", 12.0, 20.0), *in_a_hold.phases[-2:])
     assert failed(replace(in_a_hold, phases=phases, route_s=(10.0,), begin_state=(0.0,) * 12)) == []
+    early = aside(in_a_hold, 0.0, at_s=9.0)  # it arrived before this plan
+    assert failed(replace(early, phases=phases, route_s=(10.0,), begin_state=(0.0,) * 12)) == []
+    assert failed(early) == ['route point 2 ("look"): time']
     over = replace(in_a_hold, phases=phases, route_s=(7.0,), begin_state=(0.0,) * 12)
     assert 'route point 2 ("look"): order' in failed(over)

@@ -85,3 +85,19 @@ def test_of_two_checks_of_one_limit_the_worse_counts_and_the_lower_bound_of_both
     assert found["mission"] == Check("roll", "mission", "rad", 0.2, 0.001, 1, 3.0, -0.05)
     assert found["mission"].verdict == "undecided"
     assert found["landing"] == other
+
+
+def test_a_report_says_its_worst_failure_or_what_was_not_proved() -> None:
+    good, sampled = check(1.0, 1.0), check(1.0, None, "energy")
+    assert str(Report((good,), 0.51234, None, 0.00123, 0.0)) == (
+        "verification: all 1 checks passed\n  at least 0.512 m from the ground\n"
+        "  integrated again: within 0.0012 m; every instant proved"
+    )
+    words = str(Report((good, sampled), 0.5, 1.5, 0.0, 0.0))
+    assert "from the ground, vehicles at least 1.500 m apart\n" in words
+    assert words.endswith("within 0.0000 m; sampled: energy")
+    bad, worse = check(-0.5, -0.5, "height"), check(-2.0, -2.0, "roll")
+    failed = str(report(good, bad, worse))
+    assert failed.startswith("verification: FAILED, 2 of 3 checks did not pass\n")
+    assert failed.endswith("  roll, mission: violated by 2 m at t = 12.35 s (vehicle 3); and 1 more")
+    assert str(report(good, bad)).endswith("height, mission: violated by 0.5 m at t = 12.35 s (vehicle 3)")

@@ -35,6 +35,15 @@ def test_the_acceleration_is_that_of_eq_1(banked: Plan) -> None:
     assert_margin(check_of(banked, "turning load factor"), banked.scenario.limits.load_factor_max - factor)
 
 
+def test_a_vehicle_that_rolls_on_accelerates_no_more(banked: Plan) -> None:
+    """A rate of roll is no part of the acceleration: of Eq. 1 it is the next row."""
+    old = banked.leader_trajectory
+    c = old.state.c.copy()
+    c[-1, 0, 9] = 2.0
+    rolling = replace(banked, leader_trajectory=Trajectory(PPoly(c, old.joints_s), old.control))
+    assert check_of(rolling, "acceleration").worst == pytest.approx(check_of(banked, "acceleration").worst)
+
+
 def test_speeds_attitude_and_controls_are_read_off(banked: Plan) -> None:
     limits = banked.scenario.limits
     assert_margin(check_of(banked, "north speed"), 2.1 - SPEED_MPS)
