@@ -51,9 +51,9 @@ def field(plan_of: Plans) -> Plan:
         pytest.param("field", Autopilot.ARDUPILOT, 0.2, marks=pytest.mark.slow),
         pytest.param("field", Autopilot.PX4, 0.5, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.ARDUPILOT, 0.8, marks=pytest.mark.slow),
-        pytest.param("simulation1", Autopilot.PX4, 3.2, marks=pytest.mark.slow),
-        pytest.param("simulation2", Autopilot.ARDUPILOT, 1.6, marks=pytest.mark.slow),
-        pytest.param("simulation2", Autopilot.PX4, 2.0, marks=pytest.mark.slow),
+        pytest.param("simulation1", Autopilot.PX4, 3.2, marks=pytest.mark.long),
+        pytest.param("simulation2", Autopilot.ARDUPILOT, 1.6, marks=pytest.mark.long),
+        pytest.param("simulation2", Autopilot.PX4, 2.0, marks=pytest.mark.long),
     ],
 )
 def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot, late_s: float) -> None:
