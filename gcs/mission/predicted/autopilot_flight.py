@@ -11,14 +11,14 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, NavigatorOrders, vector
-from gcs.autopilots.navigation.predict import predict
+from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
-from gcs.mission.predicted.model_bends import bends_m, fastest_mps
 from gcs.mission.predicted.planned_flight import Flying, PredictedFlight, Surroundings
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, fewest_indices
 from gcs.physics.quadrotor import Array
@@ -216,3 +216,35 @@ def _too_long(orders: NavigatorOrders) -> str:
     if planned_s > _LONGEST_S or orders.count > _MOST:
         return f"{orders.count} waypoints in {planned_s:.0f} s; limit {_MOST} waypoints and {_LONGEST_S:.0f} s"
     return ""
+
+
+_CUBIC = 4.0 / 27.0  # the most of s (1 - s)^2 for s in [0, 1]
+
+
+def bends_m(flown: Prediction, steps: NDArray[np.intp]) -> Array:
+    """The largest distances (N - 1,) from the straight pieces between these steps (N,), at the same instant.
+
+    Between two steps a model's flight is the cubic through its positions and velocities: bounds hold at every instant.
+    """
+    t_s, places = flown.t_s, flown.position_ned_m
+    straight = np.stack([np.interp(t_s, t_s[steps], places[steps, axis]) for axis in range(3)], axis=-1)
+    away_m = np.linalg.norm(places - straight, axis=1)
+    step_s, mean_mps = _steps(flown)
+    turns_mps = np.linalg.norm(flown.velocity_ned_mps[:-1] - mean_mps, axis=1)
+    turns_mps += np.linalg.norm(flown.velocity_ned_mps[1:] - mean_mps, axis=1)
+    between_m = np.maximum(away_m[:-1], away_m[1:]) + _CUBIC * step_s * turns_mps
+    return np.asarray(np.maximum.reduceat(between_m, steps[:-1]))
+
+
+def fastest_mps(flown: Prediction, steps: NDArray[np.intp]) -> Array:
+    """The highest speeds (N - 1, 3) along each axis on the pieces between these steps (N,)."""
+    _, mean_mps = _steps(flown)
+    before, after = flown.velocity_ned_mps[:-1], flown.velocity_ned_mps[1:]
+    # The velocity of a cubic lies between these three: its coefficients by Bernstein.
+    most = np.max(np.abs([before, 3.0 * mean_mps - before - after, after]), axis=0)
+    return np.asarray(np.maximum.reduceat(most, steps[:-1], axis=0))
+
+
+def _steps(flown: Prediction) -> tuple[Array, Array]:
+    step_s = np.diff(flown.t_s)
+    return step_s, np.diff(flown.position_ned_m, axis=0) / step_s[:, None]

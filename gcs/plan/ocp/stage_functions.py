@@ -23,9 +23,9 @@ from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, Active
 from gcs.plan.ocp.objective_sum import cost_rate, share_rows
 from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.ocp.terrain_spline import spline
 from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.convex_pieces import Disk, Piece
+from gcs.scenario.environment.heightmap import Envelope
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 # Smooths the load factor at rest. At no speed does it let the optimiser exceed the verifier's limit by over 0.05 %.
@@ -44,6 +44,20 @@ _NEAR_GROUND_M, _NEAR_ZONE_M, _NEAR_LIMIT = 8.0, 25.0, 0.5
 # The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
 # take less than the whole limit.
 TURN_SHARE, THRUST_SHARE = 0.9, 0.3
+_DEGREE = 3
+
+
+def spline(envelope: Envelope) -> ca.Function:
+    """The function places (2, K), north and east in m -> heights (1, K) in m; constant beyond the edge of its table."""
+    count = envelope.coefficients_m.shape
+    # In units of the step, coefficient i is at i, and its basis function reaches from i - 2 to i + 2.
+    knots = [(np.arange(n + _DEGREE + 1) - 2.0).tolist() for n in count]
+    coefficients = envelope.coefficients_m.ravel(order="F").tolist()
+    surface = ca.Function.bspline("surface", knots, coefficients, [_DEGREE, _DEGREE], 1)
+    place = ca.MX.sym("place", 2)
+    index = (place - ca.DM(envelope.first_m)) / envelope.step_m
+    inside = ca.fmax(1.0, ca.fmin(index, ca.DM(np.array(count) - 2.0)))
+    return ca.Function("ground", [place], [surface(inside)])
 
 
 @dataclass(frozen=True)
@@ -85,9 +99,7 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
         cost=function("cost", [z, shares], cost),
         cost_gradient=function("cost_gradient", [z, shares], ca.gradient(cost, z)),
         motion_hessian=function(
-            "motion_hessian",
-            [z, shares, sigma, costate],
-            ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0],
+            "motion_hessian", [z, shares, sigma, costate], ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0]
         ),
         path=path,
         path_jacobian=path_jacobian,

@@ -1,7 +1,7 @@
 """Ground height of Eqs. 52, 53 or an elevation model: exact for the verifier, a smooth envelope for the optimiser.
 
 `xp` supplies the functions of the formulas (NumPy or CasADi). The envelope of an elevation model is a spline;
-`gcs.plan.ocp.terrain_spline` makes its symbols.
+`gcs.plan.ocp.stage_functions` makes its symbols.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from rasterio.warp import transform
 
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.physics.quadrotor import Array
-from gcs.plan.ocp.terrain_spline import spline
+from gcs.plan.ocp.stage_functions import spline
 from gcs.scenario.environment.dem import FOOT_M, DemError, read_dem
 from gcs.scenario.environment.heightmap import ENVELOPE_RESERVE_M, Region, Relief, packed
 
