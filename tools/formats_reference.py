@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gcs.flight.recording.tlog import FRAMES_MAX
-from gcs.mission.drawings import kml_drawing
+from gcs.mission.drawings import xml_drawing
 from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.maps import geojson, kml
 from gcs.mission.formats.plan_items import ITEMS_MAX
@@ -20,7 +20,7 @@ LIMITS = f"""
 - JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
 - A mission has at most {ITEMS_MAX:,} items.
 - A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
-- A drawn KMZ unpacks to at most {in_mib(kml_drawing.UNPACKED_MAX_BYTES)}. Drawn XML has at most {XML_ELEMENTS_MAX:,}
+- A drawn KMZ unpacks to at most {in_mib(xml_drawing.UNPACKED_MAX_BYTES)}. Drawn XML has at most {XML_ELEMENTS_MAX:,}
   elements, and no document type.
 - Parquet has at most {ROWS_MAX:,} rows.
 - An elevation model has at most {PIXELS_MAX:,} pixels where the scenario is, and blocks of at most 256 MiB.

@@ -2,6 +2,10 @@
 
 Sources: Copter's manual (the page "Mission Commands" among others), its published source code, and uploads to
 ArduCopter 4.5.6 and 4.7-dev that were recorded frame by frame.
+
+It stores an item of a mission in 15 bytes: the command, one whole number, and a position or numbers of the command's
+own. `autocontinue` is not stored and reads back as true: false would be lost, so it counts as a difference. The item of
+a waypoint or a landing does not turn the vehicle, WP_YAW_BEHAVIOR does.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ from gcs.autopilots.columns import (
     FailsafeCause,
     FailsafeSigns,
     FlightBehaviour,
+    LandingBehaviour,
+    LandingProfile,
     LinkBehaviour,
     MissionSupport,
     ParameterFileStyle,
@@ -28,18 +34,60 @@ from gcs.autopilots.columns import (
     ReturnBehaviour,
     ReturnParameters,
     ReturnSettings,
+    commands_of,
 )
-from gcs.autopilots.landing.landing_profile import LandingBehaviour, LandingProfile
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
-from gcs.autopilots.storage.ardupilot_items import ARDUPILOT_ITEMS
-from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MessageId
+from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
+from gcs.mavlink import CopterMode, EkfFlag, FenceCommand, MavCommand, MessageId
 
 _CM = 100
 _ALTITUDE_AND_AREAS = 5  # FENCE_TYPE: not the circle around home, which is on by default and ends 300 m away
 # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed, so readiness is read from these flags.
 _ESTIMATOR = EstimatorReport(
     MessageId.EKF_STATUS_REPORT, POSITION_FLAGS, EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
+)
+_ABSENT = published(StoredAs.ZERO)
+_EXACT = published(StoredAs.EXACT)
+_KEPT = recorded(StoredAs.EXACT)
+_WHOLE = published(StoredAs.WHOLE)
+
+# In a position: x, y and the frame are kept (3 for 6, 0 for 5 and 2), the altitude is cut towards zero.
+_AT_PLACE = StoredItem(_ABSENT, _ABSENT, _ABSENT, _ABSENT, _KEPT, _KEPT, recorded(StoredAs.CENTIMETRES), _KEPT, _EXACT)
+_WITHOUT_PLACE = replace(_AT_PLACE, x=_ABSENT, y=_ABSENT, z=_ABSENT)
+_WAYPOINT = replace(_AT_PLACE, param1=recorded(StoredAs.WHOLE), param4=recorded(StoredAs.ZERO))
+# Fences are areas: no altitude, and frame 0 whatever was sent.
+_FENCE = replace(_AT_PLACE, param1=_KEPT, z=_ABSENT, frame=_ABSENT)
+
+ARDUPILOT_ITEMS = ItemStorage(
+    {
+        MavCommand.NAV_TAKEOFF: replace(_AT_PLACE, param1=_WHOLE, param4=recorded(StoredAs.ZERO)),  # pitch of planes
+        MavCommand.NAV_WAYPOINT: _WAYPOINT,  # the hold in whole seconds
+        MavCommand.NAV_SPLINE_WAYPOINT: replace(_AT_PLACE, param1=_WHOLE),
+        MavCommand.NAV_LAND: replace(_AT_PLACE, param1=_WHOLE, param4=recorded(StoredAs.SIGN)),
+        MavCommand.NAV_LOITER_UNLIM: replace(_AT_PLACE, param3=_WHOLE),
+        MavCommand.NAV_LOITER_TIME: replace(
+            _AT_PLACE, param1=_WHOLE, param3=published(StoredAs.SIGN), param4=published(StoredAs.FLAG)
+        ),
+        # Turns below 1 in steps of 1/256, radii above 255 m in steps of 10 m: others have to be whole.
+        MavCommand.NAV_LOITER_TURNS: replace(_AT_PLACE, param1=_WHOLE, param3=_WHOLE, param4=published(StoredAs.FLAG)),
+        MavCommand.NAV_LOITER_TO_ALT: replace(_AT_PLACE, param2=_WHOLE, param4=published(StoredAs.FLAG)),
+        MavCommand.NAV_RETURN_TO_LAUNCH: _WITHOUT_PLACE,
+        MavCommand.NAV_DELAY: replace(_WITHOUT_PLACE, param1=_KEPT, param2=_WHOLE, param3=_WHOLE, param4=_WHOLE),
+        MavCommand.CONDITION_DELAY: replace(_WITHOUT_PLACE, param1=_EXACT),
+        MavCommand.CONDITION_DISTANCE: replace(_WITHOUT_PLACE, param1=_EXACT),
+        MavCommand.CONDITION_YAW: replace(_WITHOUT_PLACE, param1=_EXACT, param2=_EXACT, param3=_WHOLE, param4=_WHOLE),
+        MavCommand.DO_JUMP: replace(_WITHOUT_PLACE, param1=_WHOLE, param2=_WHOLE),
+        MavCommand.DO_CHANGE_SPEED: replace(_WITHOUT_PLACE, param1=_WHOLE, param2=_KEPT, param3=_KEPT),
+        MavCommand.DO_SET_HOME: replace(_AT_PLACE, param1=_WHOLE),
+        MavCommand.DO_SET_ROI: replace(_AT_PLACE, param1=_WHOLE),
+        FenceCommand.RETURN_POINT: replace(_FENCE, param1=_ABSENT),
+        FenceCommand.POLYGON_INCLUSION: replace(_FENCE, param1=_WHOLE),
+        FenceCommand.POLYGON_EXCLUSION: replace(_FENCE, param1=_WHOLE),
+        FenceCommand.CIRCLE_INCLUSION: _FENCE,
+        FenceCommand.CIRCLE_EXCLUSION: _FENCE,
+        FenceCommand.RALLY_POINT: replace(_AT_PLACE, z=recorded(StoredAs.WHOLE)),  # altitudes in whole metres
+    }
 )
 
 
@@ -146,57 +194,20 @@ def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
     return LandingProfile(tuple(low_m + height for height in above_m), tuple(speeds), fast_mps / 2.0)
 
 
-_COMMANDS: dict[int, CommandSource] = {
-    **dict.fromkeys(
-        (
-            MavCommand.NAV_LOITER_UNLIM,
-            MavCommand.NAV_LOITER_TURNS,
-            MavCommand.NAV_LOITER_TIME,
-            MavCommand.NAV_RETURN_TO_LAUNCH,
-            MavCommand.NAV_SPLINE_WAYPOINT,
-            MavCommand.NAV_GUIDED_ENABLE,
-            MavCommand.NAV_PAYLOAD_PLACE,
-            MavCommand.CONDITION_DELAY,
-            MavCommand.CONDITION_DISTANCE,
-            MavCommand.CONDITION_YAW,
-            MavCommand.DO_JUMP,
-            MavCommand.DO_SET_HOME,
-            MavCommand.DO_SET_RELAY,
-            MavCommand.DO_REPEAT_RELAY,
-            MavCommand.DO_SET_SERVO,
-            MavCommand.DO_REPEAT_SERVO,
-            MavCommand.DO_SET_ROI,
-            MavCommand.DO_DIGICAM_CONFIGURE,
-            MavCommand.DO_DIGICAM_CONTROL,
-            MavCommand.DO_MOUNT_CONTROL,
-            MavCommand.DO_SET_CAM_TRIGG_DIST,
-            MavCommand.DO_FENCE_ENABLE,
-            MavCommand.DO_PARACHUTE,
-            MavCommand.DO_GRIPPER,
-            MavCommand.DO_SET_RESUME_REPEAT_DIST,
-            MavCommand.DO_AUX_FUNCTION,
-            MavCommand.DO_GUIDED_LIMITS,
-            MavCommand.JUMP_TAG,
-            MavCommand.DO_JUMP_TAG,
-            MavCommand.DO_GIMBAL_MANAGER_PITCHYAW,
-            MavCommand.DO_WINCH,
-            MavCommand.NAV_SCRIPT_TIME,
-            MavCommand.NAV_ATTITUDE_TIME,
-        ),
-        CommandSource.MANUAL,
-    ),
-    **dict.fromkeys(
-        (
-            MavCommand.NAV_WAYPOINT,
-            MavCommand.NAV_LAND,
-            MavCommand.NAV_TAKEOFF,
-            MavCommand.NAV_DELAY,
-            MavCommand.DO_CHANGE_SPEED,
-        ),
-        CommandSource.RECORDED,
-    ),
-    MavCommand.DO_SET_MODE: CommandSource.IGNORED,
-}
+_COMMANDS = commands_of(
+    {
+        CommandSource.MANUAL: """
+            NAV_LOITER_UNLIM NAV_LOITER_TURNS NAV_LOITER_TIME NAV_RETURN_TO_LAUNCH NAV_SPLINE_WAYPOINT NAV_GUIDED_ENABLE
+            NAV_PAYLOAD_PLACE CONDITION_DELAY CONDITION_DISTANCE CONDITION_YAW DO_JUMP DO_SET_HOME DO_SET_RELAY
+            DO_REPEAT_RELAY DO_SET_SERVO DO_REPEAT_SERVO DO_SET_ROI DO_DIGICAM_CONFIGURE DO_DIGICAM_CONTROL
+            DO_MOUNT_CONTROL DO_SET_CAM_TRIGG_DIST DO_FENCE_ENABLE DO_PARACHUTE DO_GRIPPER DO_SET_RESUME_REPEAT_DIST
+            DO_AUX_FUNCTION DO_GUIDED_LIMITS JUMP_TAG DO_JUMP_TAG DO_GIMBAL_MANAGER_PITCHYAW DO_WINCH NAV_SCRIPT_TIME
+            NAV_ATTITUDE_TIME
+        """,
+        CommandSource.RECORDED: "NAV_WAYPOINT NAV_LAND NAV_TAKEOFF NAV_DELAY DO_CHANGE_SPEED",
+        CommandSource.IGNORED: "DO_SET_MODE",
+    }
+)
 
 ARDUPILOT = AutopilotTraits(
     title="ArduCopter",

@@ -2,12 +2,16 @@
 
 Sources: PX4's manual (the page "Mission Mode (Multicopter)" among others) and uploads to PX4 1.17-dev that were
 recorded frame by frame.
+
+Items without a position come back as they were sent, all seven numbers. Of items with a position it keeps what the
+command uses; headings are stored as radians in single precision. Frames come back as 5 for 0 and 6 for 3.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from gcs.autopilots.columns import (
     ABOVE_HOME,
@@ -19,17 +23,19 @@ from gcs.autopilots.columns import (
     FailsafeCause,
     FailsafeSigns,
     FlightBehaviour,
+    LandingBehaviour,
+    LandingProfile,
     LinkBehaviour,
     MissionSupport,
     ParameterFileStyle,
     ReturnBehaviour,
     ReturnParameters,
     ReturnSettings,
+    commands_of,
 )
-from gcs.autopilots.landing.landing_profile import LandingBehaviour, LandingProfile
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
-from gcs.autopilots.storage.px4_items import PX4_ITEMS
+from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
 from gcs.mavlink import (
     PX4_HOLD,
     PX4_LAND,
@@ -37,6 +43,7 @@ from gcs.mavlink import (
     PX4_OFFBOARD,
     PX4_RTL,
     EkfFlag,
+    FenceCommand,
     MavCommand,
     MessageId,
     px4_mode,
@@ -48,6 +55,41 @@ _SINKS = 0.95  # recorded speed of descent over the one asked for
 _DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
 # Once it is ready it sets all ten flags, CONST_POS_MODE among them: on PX4 that one means nothing.
 _ESTIMATOR = EstimatorReport(MessageId.ESTIMATOR_STATUS, POSITION_FLAGS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
+_ABSENT = published(StoredAs.ZERO)
+_EXACT = published(StoredAs.EXACT)
+_KEPT = recorded(StoredAs.EXACT)
+_HEADING = published(StoredAs.HEADING)
+_FLAG = published(StoredAs.FLAG)
+
+_AT_PLACE = StoredItem(*[_ABSENT] * 4, *[_KEPT] * 5)
+_AS_SENT = StoredItem(*[_EXACT] * 9)
+_RECORDED_AS_SENT = StoredItem(*[_KEPT] * 7, *[_EXACT] * 2)
+_FENCE = replace(_AT_PLACE, param1=_KEPT)
+
+PX4_ITEMS = ItemStorage(
+    {
+        MavCommand.NAV_TAKEOFF: replace(_AT_PLACE, param4=_HEADING),
+        MavCommand.NAV_WAYPOINT: replace(_AT_PLACE, param1=_KEPT, param2=_EXACT, param4=recorded(StoredAs.HEADING)),
+        MavCommand.NAV_LAND: replace(_AT_PLACE, param2=published(StoredAs.WHOLE), param4=recorded(StoredAs.HEADING)),
+        MavCommand.NAV_LOITER_UNLIM: replace(_AT_PLACE, param3=_EXACT, param4=_HEADING),
+        MavCommand.NAV_LOITER_TIME: replace(_AT_PLACE, param1=_EXACT, param2=_FLAG, param3=_EXACT, param4=_FLAG),
+        MavCommand.NAV_LOITER_TO_ALT: replace(_AT_PLACE, param1=_FLAG, param2=_EXACT, param4=_FLAG),
+        MavCommand.NAV_VTOL_TAKEOFF: replace(_AT_PLACE, param4=_HEADING),
+        MavCommand.NAV_RETURN_TO_LAUNCH: _AS_SENT,
+        MavCommand.NAV_DELAY: _RECORDED_AS_SENT,
+        MavCommand.CONDITION_DELAY: _AS_SENT,
+        MavCommand.CONDITION_DISTANCE: _AS_SENT,
+        MavCommand.DO_JUMP: replace(_AS_SENT, param1=published(StoredAs.WHOLE), param2=published(StoredAs.WHOLE)),
+        MavCommand.DO_CHANGE_SPEED: _RECORDED_AS_SENT,
+        MavCommand.DO_SET_HOME: _AS_SENT,
+        FenceCommand.RETURN_POINT: replace(_FENCE, param1=_ABSENT),
+        FenceCommand.POLYGON_INCLUSION: _FENCE,
+        FenceCommand.POLYGON_EXCLUSION: _FENCE,
+        FenceCommand.CIRCLE_INCLUSION: _FENCE,
+        FenceCommand.CIRCLE_EXCLUSION: _FENCE,
+        FenceCommand.RALLY_POINT: _AT_PLACE,
+    }
+)
 
 
 def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
@@ -93,57 +135,20 @@ def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
     return LandingProfile(heights, tuple(_SINKS * speed for speed in speeds), 0.8)
 
 
-_COMMANDS: dict[int, CommandSource] = {
-    **dict.fromkeys(
-        (
-            MavCommand.NAV_LOITER_UNLIM,
-            MavCommand.NAV_LOITER_TIME,
-            MavCommand.NAV_RETURN_TO_LAUNCH,
-            MavCommand.NAV_LOITER_TO_ALT,
-            MavCommand.NAV_ROI,
-            MavCommand.NAV_VTOL_TAKEOFF,
-            MavCommand.DO_JUMP,
-            MavCommand.DO_SET_HOME,
-            MavCommand.DO_SET_SERVO,
-            MavCommand.DO_LAND_START,
-            MavCommand.DO_SET_ROI_LOCATION,
-            MavCommand.DO_SET_ROI_WPNEXT_OFFSET,
-            MavCommand.DO_SET_ROI_NONE,
-            MavCommand.DO_CONTROL_VIDEO,
-            MavCommand.DO_SET_ROI,
-            MavCommand.DO_DIGICAM_CONTROL,
-            MavCommand.DO_MOUNT_CONFIGURE,
-            MavCommand.DO_MOUNT_CONTROL,
-            MavCommand.DO_SET_CAM_TRIGG_DIST,
-            MavCommand.DO_AUTOTUNE_ENABLE,
-            MavCommand.DO_SET_CAM_TRIGG_INTERVAL,
-            MavCommand.OBLIQUE_SURVEY,
-            MavCommand.SET_CAMERA_MODE,
-            MavCommand.SET_CAMERA_ZOOM,
-            MavCommand.SET_CAMERA_FOCUS,
-            MavCommand.DO_GIMBAL_MANAGER_PITCHYAW,
-            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE,
-            MavCommand.IMAGE_START_CAPTURE,
-            MavCommand.IMAGE_STOP_CAPTURE,
-            MavCommand.DO_TRIGGER_CONTROL,
-            MavCommand.VIDEO_START_CAPTURE,
-            MavCommand.VIDEO_STOP_CAPTURE,
-        ),
-        CommandSource.MANUAL,
-    ),
-    **dict.fromkeys(
-        (
-            MavCommand.NAV_WAYPOINT,
-            MavCommand.NAV_LAND,
-            MavCommand.NAV_TAKEOFF,
-            MavCommand.NAV_DELAY,
-            MavCommand.DO_CHANGE_SPEED,
-        ),
-        CommandSource.RECORDED,
-    ),
-    MavCommand.NAV_SPLINE_WAYPOINT: CommandSource.REFUSED,
-    MavCommand.CONDITION_YAW: CommandSource.REFUSED,
-}
+_COMMANDS = commands_of(
+    {
+        CommandSource.MANUAL: """
+            NAV_LOITER_UNLIM NAV_LOITER_TIME NAV_RETURN_TO_LAUNCH NAV_LOITER_TO_ALT NAV_ROI NAV_VTOL_TAKEOFF DO_JUMP
+            DO_SET_HOME DO_SET_SERVO DO_LAND_START DO_SET_ROI_LOCATION DO_SET_ROI_WPNEXT_OFFSET DO_SET_ROI_NONE
+            DO_CONTROL_VIDEO DO_SET_ROI DO_DIGICAM_CONTROL DO_MOUNT_CONFIGURE DO_MOUNT_CONTROL DO_SET_CAM_TRIGG_DIST
+            DO_AUTOTUNE_ENABLE DO_SET_CAM_TRIGG_INTERVAL OBLIQUE_SURVEY SET_CAMERA_MODE SET_CAMERA_ZOOM SET_CAMERA_FOCUS
+            DO_GIMBAL_MANAGER_PITCHYAW DO_GIMBAL_MANAGER_CONFIGURE IMAGE_START_CAPTURE IMAGE_STOP_CAPTURE
+            DO_TRIGGER_CONTROL VIDEO_START_CAPTURE VIDEO_STOP_CAPTURE
+        """,
+        CommandSource.RECORDED: "NAV_WAYPOINT NAV_LAND NAV_TAKEOFF NAV_DELAY DO_CHANGE_SPEED",
+        CommandSource.REFUSED: "NAV_SPLINE_WAYPOINT CONDITION_YAW",
+    }
+)
 
 # PX4 1.14 to 1.17 (`px4_custom_mode.h`). Two numbers are no longer in use: 8, and 7 of AUTO.
 _MAIN_MODES = {

@@ -11,9 +11,11 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Literal
 
 from gcs.autopilots.ardupilot import ARDUPILOT
-from gcs.autopilots.columns import AutopilotTraits, LinkBehaviour
+from gcs.autopilots.columns import AutopilotTraits, FlightBehaviour, LinkBehaviour
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.px4 import PX4
+from gcs.errors import PeerError
+from gcs.mavlink import GENERIC_AUTOPILOT
 
 
 class Autopilot(IntEnum):
@@ -104,3 +106,28 @@ def one_each(firmware: FleetFirmware, vehicles: int) -> tuple[Autopilot, ...]:
 def titles(autopilots: Iterable[Autopilot] = tuple(Autopilot)) -> str:
     """Return the names of these autopilots, or of all in the table, for messages: "ArduCopter and PX4"."""
     return " and ".join(known.title for known in dict.fromkeys(autopilots))
+
+
+def flight_behaviour(sysid: int, autopilot: int) -> FlightBehaviour:
+    """Return how MAV_AUTOPILOT `autopilot` is flown. Raises PeerError for one that is not in the table."""
+    row = traits_of(autopilot)
+    if row is None:
+        raise PeerError(
+            f"vehicle {sysid} runs autopilot number {autopilot}; only {titles()} can be flown.",
+            hint="export the missions with `gcs export` and fly them with its own ground station",
+        )
+    return row.flight
+
+
+def autopilot_name(autopilot: int) -> str:
+    """Return the name of MAV_AUTOPILOT `autopilot`."""
+    row = traits_of(autopilot)
+    if row is not None:
+        return row.title
+    return "generic" if autopilot == GENERIC_AUTOPILOT else f"autopilot {autopilot}"
+
+
+def mode_name(autopilot: int, custom_mode: int) -> str:
+    """Return the name of HEARTBEAT.custom_mode; a mode that is not known keeps its number."""
+    row = traits_of(autopilot)
+    return f"mode {custom_mode}" if row is None else row.flight.mode_name(custom_mode)

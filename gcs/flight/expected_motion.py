@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import traits_of
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.lateness import Lateness
 from gcs.flight.progress import FlightPart, NearestPair
@@ -23,7 +23,7 @@ from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.formation.error import formation_error_m
+from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
 
 _HEARD_S = 2.0  # an older report is no position

@@ -48,11 +48,7 @@ class Quadrotor:
 
 
 def equations_of_motion(
-    x: Sequence[Any],
-    u: Sequence[Any],
-    q: Quadrotor,
-    wind_ned_mps: Sequence[Any] | None = None,
-    xp: Any = np,
+    x: Sequence[Any], u: Sequence[Any], q: Quadrotor, wind_ned_mps: Sequence[Any] | None = None, xp: Any = np
 ) -> tuple[Any, ...]:
     """Return the time derivatives of the twelve state components (Eq. 1). Drag opposes the air-relative velocity.
 
@@ -181,3 +177,36 @@ def hover_trim(height_m: float, yaw_ned_rad: float, q: Quadrotor) -> tuple[float
 def level_flight_thrust_N(state: Array, q: Quadrotor) -> float:
     """The thrust (N) at which a state (12,) has no vertical acceleration."""
     return float((q.weight_N - q.drag_Nspm[2] * state[5]) / (np.cos(state[6]) * np.cos(state[7])))
+
+
+AIR_DENSITY_KGPM3 = 1.225  # at sea level, 15 degrees C
+_LAPSE_PM, _EXPONENT = 2.25577e-5, 4.25588
+
+
+def air_density_kgpm3(alt_amsl_m: Array | float) -> Array:
+    """The air density (...) at altitudes AMSL (...), kg/m^3: standard atmosphere (ISO 2533) up to 11 km."""
+    return np.asarray(AIR_DENSITY_KGPM3 * (1.0 - _LAPSE_PM * np.asarray(alt_amsl_m)) ** _EXPONENT)
+
+
+def induced_power_W(
+    thrust_N: Array | float, radius_m: float, density_kgpm3: Array | float = AIR_DENSITY_KGPM3
+) -> Array:
+    """The ideal power (...) of one rotor with thrust (...) N, W: T v = T^(3/2) / sqrt(2 rho A), by momentum theory.
+
+    Inflow from climb and forward flight is neglected: below 6 m/s it changes less than the uncertainty of the figure
+    of merit, by which propeller, motor and speed controller together divide it.
+    """
+    return np.asarray(np.asarray(thrust_N) ** 1.5 / np.sqrt(2.0 * np.asarray(density_kgpm3) * np.pi * radius_m**2))
+
+
+def drawn_power_W(
+    control: Array,
+    q: Quadrotor,
+    radius_m: float,
+    figure_of_merit: float,
+    density_kgpm3: Array | float = AIR_DENSITY_KGPM3,
+) -> Array:
+    """The power (...) that the four rotors of Eq. 2 draw together at controls (..., 4), W."""
+    thrust_N = q.thrust_coeff_Ns2 * np.square(rotors_from_control(control, q))  # (..., 4)
+    density = np.broadcast_to(density_kgpm3, thrust_N.shape[:-1])[..., None]
+    return np.asarray(np.sum(induced_power_W(thrust_N, radius_m, density), axis=-1) / figure_of_merit)

@@ -8,13 +8,12 @@ import casadi as ca
 import numpy as np
 
 from gcs.physics.quadrotor import VELOCITY, Array
-from gcs.plan.nlp.gauss import gauss_rule
+from gcs.plan.ocp.objective_sum import quadrature
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, Rate, drag_power, heading_rate, height_rate
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.trajectory.plan import Plan
 
 OTHER = "other"
-_SAMPLES = 8  # Gauss nodes between each two joints
 _SEEN = 1e-3  # share of the cost: less is the difference between two quadratures
 
 
@@ -38,7 +37,8 @@ def cost_terms(plan: Plan) -> tuple[CostTerm, ...]:
     if plan.begin_state is not None or scenario.time.latest_s is not None or scenario.objective.time_weight:
         return ()
     problem = flight_problem(scenario)
-    objective, times_s, spans_s = problem.objective, *_quadrature(plan)
+    joints_s = plan.joints_s[(plan.joints_s >= 0.0) & (plan.joints_s <= plan.flight_s)]
+    objective, times_s, spans_s = problem.objective, *quadrature(np.union1d(joints_s, [0.0, plan.flight_s]))
     late = spans_s * TERMINAL_WEIGHTS[objective.terminal_weight](times_s, plan.flight_s)
     leader = plan.leader_trajectory.state(times_s)
     energy = float(spans_s @ _drag_powers(problem, plan, times_s) / plan.flight_s)
@@ -75,11 +75,3 @@ def _drag_powers(problem: Problem, plan: Plan, times_s: Array) -> Array:
     at = ca.Function("power", [x], [power]).map(states.shape[0] * states.shape[1])
     powers = np.asarray(at(states.reshape(-1, 12).T), dtype=np.float64).reshape(states.shape[:2])
     return np.asarray(powers.mean(axis=0))
-
-
-def _quadrature(plan: Plan) -> tuple[Array, Array]:
-    """Instants (N,) of the mission, and the seconds (N,) that each stands for."""
-    joints = plan.joints_s[(plan.joints_s >= 0.0) & (plan.joints_s <= plan.flight_s)]
-    joints = np.union1d(joints, [0.0, plan.flight_s])
-    rule, half = gauss_rule(_SAMPLES), 0.5 * np.diff(joints)[:, None]
-    return (joints[:-1, None] + half * (rule.nodes + 1.0)).ravel(), (half * rule.weights).ravel()

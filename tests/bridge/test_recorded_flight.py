@@ -19,7 +19,7 @@ import pytest
 from matplotlib import image
 from pymavlink import mavutil
 
-from gcs.autopilots.flight_modes import flight_behaviour
+from gcs.autopilots.traits import flight_behaviour
 from gcs.cli.main import run
 from gcs.flight.progress import Event
 from gcs.flight.recording.flight_state import FlightState, write_flight_state

@@ -21,7 +21,7 @@ from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.formats.qgc_plan import read_plan_file
 from gcs.mission.formats.qgc_wpl import read_waypoints
-from gcs.mission.formats.tables.setpoints_csv import read_setpoints
+from gcs.mission.formats.tables.setpoint_table import read_setpoints
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.plan.trajectory.plan import Plan
 

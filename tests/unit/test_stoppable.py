@@ -131,7 +131,7 @@ def test_work_ends_as_it_does_without_ctrl_c() -> None:
 
 WORKERS = """
 from gcs.aio import stop_at_signals
-from gcs.plan.search.parallel import run_all
+from gcs.plan.search.homotopy_classes import run_all
 from tests.unit.test_stoppable import wait_for_ever
 
 if __name__ == "__main__":

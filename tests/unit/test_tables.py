@@ -240,11 +240,11 @@ FLOWN = {
 # Each row of docs/autopilots.md, and the tests of what Skein does about it.
 HABITS = {
     "silence until asked": [(PROLOGUE, "test_nothing_is_expected_that_was_not_asked_for")],
-    "readiness too early": [("tests/unit/autopilots/test_flight_modes.py", "test_ready_as_the_recordings_show_it")],
+    "readiness too early": [("tests/unit/autopilots/test_traits.py", "test_ready_as_the_recordings_show_it")],
     "denied requests": [(STATUS, "test_what_is_not_streamed_and_denied_is_streamed_for_a_moment")],
     "no remote control": [(PREFLIGHT, "test_the_scenario_says_which_sensors_are_required")],
     "home moves": [
-        ("tests/unit/autopilots/test_flight_modes.py", "test_altitudes_of_take_off"),
+        ("tests/unit/autopilots/test_traits.py", "test_altitudes_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
     ],
     "uid 0": [("tests/unit/link/routing/test_routing_table.py", "test_an_empty_uid2_leaves_it_to_the_uid")],

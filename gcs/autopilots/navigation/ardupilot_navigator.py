@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from gcs.autopilots.navigation.ardupilot_leg import Corner, LegMotion, Motion, NavigatorLeg, limit_along
-from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders, NavigatorState, Vector
+from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders, NavigatorState, Vector, vector
 from gcs.autopilots.navigation.scurve import RampLimits, ramp_up
 from gcs.autopilots.navigation.tracking import Follower, Following
 
@@ -176,7 +176,7 @@ class _Target:
         navigator = self._navigator
         origin, destination = self._points[index], self._points[index + 1]
         length = max(math.dist(origin, destination), _NOWHERE_M)
-        direction = _vector([(b - a) / length for a, b in zip(origin, destination, strict=True)])
+        direction = vector(*((b - a) / length for a, b in zip(origin, destination, strict=True)))
         vertical = navigator.vertical_mps2
         acceleration = limit_along(direction, navigator.acceleration_mps2, vertical, vertical)
         limits = RampLimits(acceleration, navigator.jerk_mps3, navigator.snap_mps4)
@@ -191,7 +191,3 @@ class _Target:
 def _plus(parts: Vector, more: Iterable[float]) -> Vector:
     n, e, d = more
     return parts[0] + n, parts[1] + e, parts[2] + d
-
-
-def _vector(parts: list[float]) -> Vector:
-    return parts[0], parts[1], parts[2]

@@ -31,7 +31,7 @@ def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
 
     Raises `VerificationError` if a waypoint is not completed in ten times the time that the speeds require.
     """
-    legs_m = np.linalg.norm(np.diff(_points(orders), axis=0), axis=1)
+    legs_m = np.linalg.norm(np.diff([orders.start_ned_m, *orders.waypoints_ned_m], axis=0), axis=1)
     required_s = float(np.sum(legs_m / orders.speeds_mps) + sum(orders.holds_s))
     limit_s = _TIMEOUT_FACTOR * (required_s + orders.count)
     rows, completed = [], []
@@ -70,7 +70,3 @@ def passing_times(t_s: Array, position_ned_m: Array, orders: NavigatorOrders, co
         at = near[0] if orders.stops_at(k) and len(near) else distance.argmin()
         times.append(t_s[window[at]])
     return np.array(times)
-
-
-def _points(orders: NavigatorOrders) -> Array:
-    return np.array([orders.start_ned_m, *orders.waypoints_ned_m])

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.autopilots.navigation.navigator import NavigatorState, Vector
+from gcs.autopilots.navigation.navigator import NavigatorState, Vector, vector
 
 _GRAVITY_MPS2 = 9.80665
 
@@ -80,10 +80,5 @@ class Follower:
 
     def state(self, t_s: float, completed: int | None) -> NavigatorState:
         """Return its present motion, with a time and a completed waypoint."""
-        return NavigatorState(
-            t_s, _vector(self.position), _vector(self.velocity), _vector(self.acceleration), completed
-        )
-
-
-def _vector(parts: list[float]) -> Vector:
-    return parts[0], parts[1], parts[2]
+        motion = vector(*self.position), vector(*self.velocity), vector(*self.acceleration)
+        return NavigatorState(t_s, *motion, completed)

@@ -138,7 +138,7 @@ def _window(recording: Recording, from_s: float | None, until_s: float | None) -
 
 
 def _data(recording: Recording, window: tuple[float, float]) -> dict[str, Any]:
-    from gcs.autopilots.flight_modes import autopilot_name
+    from gcs.autopilots.traits import autopilot_name
 
     def within(t_s: float) -> bool:
         return window[0] <= t_s <= window[1]

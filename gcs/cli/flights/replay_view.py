@@ -13,7 +13,7 @@ import numpy as np
 from rich.live import Live
 from rich.table import Table
 
-from gcs.autopilots.flight_modes import mode_name
+from gcs.autopilots.traits import mode_name
 from gcs.cli.console import Screen
 from gcs.flight.progress import Event
 from gcs.flight.recording.load_recording import LoadedRecording

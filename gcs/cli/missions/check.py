@@ -94,7 +94,7 @@ def check(
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.check.fleet_check import check_fleet
     from gcs.mission.check.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
-    from gcs.mission.export.provenance import exported_from
+    from gcs.mission.export.atomic_folder import exported_from
     from gcs.mission.formats.any_mission import load_missions
     from gcs.mission.predicted.autopilot_flight import AutopilotFlight
     from gcs.mission.predicted.planned_flight import fly, surroundings

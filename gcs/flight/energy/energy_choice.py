@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import BatteryModel

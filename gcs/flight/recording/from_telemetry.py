@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.autopilots.flight_modes import mode_name
+from gcs.autopilots.traits import mode_name
 from gcs.flight.progress import Event
 from gcs.flight.recording.recording import VehicleTrack
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.parameter_names import in_units_of, spellings
 from gcs.autopilots.traits import traits_of
 from gcs.flight.expected_motion import landing_profiles

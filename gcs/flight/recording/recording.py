@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.progress import Event
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array

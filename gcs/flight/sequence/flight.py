@@ -12,8 +12,7 @@ from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
 from typing import Any, TypeVar
 
 from gcs.aio import alongside, each, ended
-from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, autopilot_name, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
 from gcs.flight.completion import Completion
 from gcs.flight.contingency.executor import ContingencyExecutor

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gcs.autopilots.flight_modes import mode_name
+from gcs.autopilots.traits import mode_name
 from gcs.flight.monitor import Monitor
 from gcs.flight.progress import GROUND_REACH_M, FlightPart, VehicleNow
 from gcs.link.session.vehicle_session import VehicleSession

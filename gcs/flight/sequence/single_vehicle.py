@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.aio import ended
 from gcs.autopilots.columns import FlightBehaviour
-from gcs.autopilots.flight_modes import flight_behaviour
+from gcs.autopilots.traits import flight_behaviour
 from gcs.errors import PeerError, PeerTimeout
 from gcs.flight.offboard.setpoint_messages import setpoint_message
 from gcs.link.session.vehicle_api import Flyable, Setpoint

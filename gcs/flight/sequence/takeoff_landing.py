@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.aio import LOOK_S, each, until
-from gcs.autopilots.columns import FlightBehaviour
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import FlightBehaviour, LandingProfile
 from gcs.autopilots.traits import traits_of
 from gcs.errors import PeerError, PeerTimeout
 from gcs.flight.expected_motion import landing_profiles

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from gcs.autopilots.flight_modes import autopilot_name
-from gcs.autopilots.traits import Autopilot, titles
+from gcs.autopilots.traits import Autopilot, autopilot_name, titles
 from gcs.errors import PeerError, UsageError
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad

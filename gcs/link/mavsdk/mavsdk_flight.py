@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 
 from mavsdk.plugins import action, info, offboard, telemetry
 
-from gcs.autopilots.flight_modes import autopilot_name
-from gcs.autopilots.traits import TRAITS
+from gcs.autopilots.traits import TRAITS, autopilot_name
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.session.status_report import VehicleReport
 from gcs.link.session.vehicle_api import Setpoint

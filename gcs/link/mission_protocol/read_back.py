@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gcs.autopilots.mission_commands import has_position
-from gcs.autopilots.storage.stored_fields import FieldRule, ItemStorage, StoredAs
+from gcs.autopilots.stored_fields import FieldRule, ItemStorage, StoredAs
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError
 from gcs.link.mission_protocol.item_messages import file_frame

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.autopilots.flight_modes import autopilot_name
-from gcs.autopilots.traits import link_behaviour
+from gcs.autopilots.traits import autopilot_name, link_behaviour
 from gcs.errors import GcsError
 from gcs.link.microservices.machine import Machine
 from gcs.link.wire.message import Message

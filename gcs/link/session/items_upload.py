@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from gcs.autopilots.flight_modes import autopilot_name
 from gcs.autopilots.protocol_timers import ProtocolTimers
-from gcs.autopilots.traits import link_behaviour
+from gcs.autopilots.traits import autopilot_name, link_behaviour
 from gcs.errors import PeerError
 from gcs.link.ftp.requests import FtpNumbers
 from gcs.link.microservices.machine import Machine

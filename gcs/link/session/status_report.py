@@ -11,8 +11,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass
 
-from gcs.autopilots.flight_modes import autopilot_name, mode_name
-from gcs.autopilots.traits import link_behaviour
+from gcs.autopilots.traits import autopilot_name, link_behaviour, mode_name
 from gcs.errors import GcsError, PeerError
 from gcs.link.microservices.timesync import TimeSample, TimeSync
 from gcs.link.routing.routing_table import identity

@@ -9,6 +9,7 @@ import numpy as np
 
 from gcs.autopilots.altitudes import kept_alt_m
 from gcs.autopilots.traits import Autopilot
+from gcs.mission.check.beside_pads import check_pads
 from gcs.mission.check.fence_and_rally import check_rally_apart, check_safety
 from gcs.mission.check.findings import Finding, Level, Rule, worst
 from gcs.mission.check.flight_checks import (
@@ -20,9 +21,7 @@ from gcs.mission.check.flight_checks import (
     check_zones,
 )
 from gcs.mission.check.flight_limits import FlightLimits
-from gcs.mission.check.item_checks import check_items, found
-from gcs.mission.check.pads.beside_pads import check_pads
-from gcs.mission.check.questions.far_places import check_places
+from gcs.mission.check.item_checks import check_items, check_places, found
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.closest_approach import Closest

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import VerificationError
 from gcs.mission.predicted.closest_approach import Closest

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 from gcs.errors import FileFormatError
 from gcs.mission.model import Home
@@ -102,6 +103,11 @@ class Sketch:
     areas: list[DrawnArea] = field(default_factory=list)
     disks: list[DrawnDisk] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
+
+    def drawing(self, **more: Any) -> Drawing:
+        """The drawing of what was found; `more` fields of it."""
+        found = {name: tuple(getattr(self, name)) for name in ("points", "areas", "disks", "left_out")}
+        return Drawing(self.source, **found | more)
 
     def leave_out(self, label: str, text: str) -> None:
         """Add a sentence."""

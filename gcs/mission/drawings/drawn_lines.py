@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,23 +21,33 @@ class DrawnLine:
     recorded: bool = False
 
 
-def drawing_of(sketch: Sketch, lines: Sequence[DrawnLine], spots: Sequence[DrawnPoint]) -> Drawing:
+@dataclass
+class MapSketch(Sketch):
+    """A map while it is read: lines, and points beside them."""
+
+    lines: list[DrawnLine] = field(default_factory=list)
+    spots: list[DrawnPoint] = field(default_factory=list)
+
+
+def drawing_of(sketch: MapSketch) -> Drawing:
     """The drawing whose route is the first drawn line, else the first recorded one, else the `spots`.
 
     What is not flown is left out with a sentence.
     """
+    lines = sketch.lines
     if not lines:
-        return _whole(sketch, spots)
+        return sketch.drawing(points=tuple(sketch.spots))
     flown = next((line for line in lines if not line.recorded), lines[0])
     for line in lines:
         if line is not flown:
             sketch.leave_out(line.label, f"not flown: the route is {flown.label}; a file per route carries it over")
-    return _whole(sketch, _named(sketch, flown, spots), recorded=flown.recorded)
+    points = tuple(_named(sketch, flown))
+    return sketch.drawing(points=points, recorded=flown.recorded)
 
 
-def _named(sketch: Sketch, line: DrawnLine, spots: Sequence[DrawnPoint]) -> list[DrawnPoint]:
+def _named(sketch: MapSketch, line: DrawnLine) -> list[DrawnPoint]:
     """The points of a line, with the names of the spots on them."""
-    points = list(line.points)
+    points, spots = list(line.points), sketch.spots
     if not spots or not points:
         return points
     origin = Origin(*points[0].place, 0.0)
@@ -52,14 +61,3 @@ def _named(sketch: Sketch, line: DrawnLine, spots: Sequence[DrawnPoint]) -> list
         elif away_m[row] > _SAME_M:
             sketch.leave_out(spot.label, f"not on the route, {line.label}; not carried over")
     return points
-
-
-def _whole(sketch: Sketch, points: Sequence[DrawnPoint], *, recorded: bool = False) -> Drawing:
-    return Drawing(
-        sketch.source,
-        tuple(points),
-        tuple(sketch.areas),
-        tuple(sketch.disks),
-        recorded=recorded,
-        left_out=tuple(sketch.left_out),
-    )

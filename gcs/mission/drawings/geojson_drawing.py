@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeGuard
 
 from gcs.errors import FileFormatError
@@ -14,27 +14,17 @@ from gcs.mission.drawings.drawing import (
     DrawnArea,
     DrawnDisk,
     DrawnPoint,
-    Sketch,
     labelled,
     on_earth,
     ring,
     tidy,
 )
-from gcs.mission.drawings.drawn_lines import DrawnLine, drawing_of
+from gcs.mission.drawings.drawn_lines import DrawnLine, MapSketch, drawing_of
 from gcs.reading.bounded_json import read_json
 
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")
 _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of GeoJSON
-
-
-@dataclass
-class _Shapes:
-    """What features hold, while they are read."""
-
-    sketch: Sketch
-    lines: list[DrawnLine] = field(default_factory=list)
-    spots: list[DrawnPoint] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -47,7 +37,7 @@ class _Feature:
 
 def draw_geojson(data: bytes, source: str) -> Drawing:
     """The drawing in a GeoJSON file. Raises `FileFormatError`."""
-    found = _Shapes(Sketch(source))
+    found = MapSketch(source)
     try:
         document = read_json(data.decode("utf-8-sig"))
         _refuse_other_references(document)
@@ -58,10 +48,8 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{source}: {str(error)[:200]}.", hint="save the drawing again as GeoJSON") from error
     if any(point.datum is Datum.SEA for line in found.lines for point in line.points if not line.recorded):
-        found.sketch.leave_out(
-            "heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid"
-        )
-    return drawing_of(found.sketch, found.lines, found.spots)
+        found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
+    return drawing_of(found)
 
 
 def _refuse_other_references(document: Any) -> None:
@@ -97,7 +85,7 @@ def _list(value: Any, key: str) -> list[Any]:
     return found
 
 
-def _geometry(feature: _Feature, geometry: Any, found: _Shapes, depth: int = 0) -> None:
+def _geometry(feature: _Feature, geometry: Any, found: MapSketch, depth: int = 0) -> None:
     if geometry is None:  # a feature may have no place
         return
     kind = _kind(geometry)
@@ -110,7 +98,7 @@ def _geometry(feature: _Feature, geometry: Any, found: _Shapes, depth: int = 0) 
     coordinates = _list(geometry, "coordinates")
     if kind == "Point" and _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
         centre, inside = _point(coordinates, feature.label).place, feature.properties.get("inclusion") is True
-        found.sketch.disks.append(DrawnDisk(centre, float(radius_m), feature.label, inside))
+        found.disks.append(DrawnDisk(centre, float(radius_m), feature.label, inside))
     elif kind == "Point":
         found.spots.append(_point(coordinates, feature.label, feature.name))
     elif kind == "MultiPoint":
@@ -156,14 +144,14 @@ def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
     return DrawnPoint(place, float(rest[0]) if rest else 0.0, Datum.SEA if rest else Datum.NONE, label, name)
 
 
-def _area(feature: _Feature, rings: list[Any], found: _Shapes) -> None:
+def _area(feature: _Feature, rings: list[Any], found: MapSketch) -> None:
     edges = [
         ring([point.place for point in _line(_list(edge, "coordinates"), feature)], feature.label) for edge in rings
     ]
     if not edges:
         raise ValueError(f"{feature.label} is a polygon without an edge")
     inside = feature.properties.get("inclusion")
-    found.sketch.areas.append(
+    found.areas.append(
         DrawnArea(edges[0], feature.label, inside if isinstance(inside, bool) else None, tuple(edges[1:]))
     )
 

@@ -13,9 +13,8 @@ from gcs.mavlink import FenceCommand
 from gcs.mission.drawings.drawing import Drawing, DrawnArea, DrawnDisk, Sketch, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.formats.any_mission import read_mission
-from gcs.mission.formats.foreign.oddities import OddityList
 from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally
-from gcs.mission.formats.foreign.text_lines import decoded, first_line, without_mark
+from gcs.mission.formats.foreign.text_lines import first_line
 from gcs.mission.formats.json_lines import Key
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
@@ -35,8 +34,7 @@ class _Stored(PlanPart):
 
 def draw_plan(data: bytes, source: str) -> Drawing:
     """The drawing in a `.plan` file, its patterns as QGroundControl stored them. Raises `FileFormatError`."""
-    oddities = OddityList(source)
-    plan = PlanText(without_mark(decoded(data, source), oddities), source, oddities)
+    plan = PlanText(data, source)
     document = plan.parsed(PlanDocument)
     sketch = Sketch(source)
     home = _home(Home(*document.mission.plannedHomePosition))
@@ -46,7 +44,7 @@ def draw_plan(data: bytes, source: str) -> Drawing:
     _fence(fence_in_plan(document.geoFence, plan), sketch)
     _rally(rally_in_plan(document.rallyPoints, plan), sketch)
     speed_mps = document.mission.hoverSpeed
-    return _drawing(sketch, course, speed_mps if speed_mps > 0.0 else None)
+    return sketch.drawing(home=course.home, speed_mps=speed_mps if speed_mps > 0.0 else None, returns=course.returns)
 
 
 def draw_mission(data: bytes, source: str) -> Drawing:
@@ -65,7 +63,7 @@ def draw_mission(data: bytes, source: str) -> Drawing:
     course.follow(NumberedItem(number, item) for number, item in enumerate(file.items, start=first))
     _fence(file.geofence, sketch)
     _rally(file.rally, sketch)
-    return _drawing(sketch, course, file.speed_mps)
+    return sketch.drawing(home=course.home, speed_mps=file.speed_mps, returns=course.returns)
 
 
 def _items(items: Sequence[PlanItem | ComplexItem], plan: PlanText, sketch: Sketch) -> Iterator[NumberedItem]:
@@ -99,19 +97,6 @@ def _items(items: Sequence[PlanItem | ComplexItem], plan: PlanText, sketch: Sket
         for row, one in enumerate(stored):
             yield NumberedItem(number, plan.item(one, (*inner, "Items", row)), name)
         number += max(1, len(stored))
-
-
-def _drawing(sketch: Sketch, course: ItemCourse, speed_mps: float | None) -> Drawing:
-    return Drawing(
-        sketch.source,
-        tuple(sketch.points),
-        tuple(sketch.areas),
-        tuple(sketch.disks),
-        course.home,
-        speed_mps,
-        course.returns,
-        left_out=tuple(sketch.left_out),
-    )
 
 
 def _home(home: Home) -> Home | None:

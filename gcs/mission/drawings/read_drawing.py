@@ -8,9 +8,8 @@ from pathlib import Path
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing
 from gcs.mission.drawings.geojson_drawing import draw_geojson
-from gcs.mission.drawings.gpx_drawing import draw_gpx
-from gcs.mission.drawings.kml_drawing import draw_kml, draw_kmz
 from gcs.mission.drawings.mission_drawing import draw_mission, draw_plan
+from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
 from gcs.mission.formats.foreign.mission_json import is_mission_json
 from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.foreign.table_rows import HEADER

@@ -10,13 +10,15 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from gcs.errors import FileFormatError, UsageError
-from gcs.reading.bounded_file import EXPORT_INDEX, read_file
+from gcs.mission.check.findings import Finding, Level, Rule
+from gcs.mission.formats.mission_file import MissionFile
+from gcs.reading.bounded_file import EXPORT_INDEX, MISSION_FILE, read_file
 from gcs.reading.bounded_json import read_json
 
 INDEX = "index.json"
@@ -102,3 +104,28 @@ def refuse_foreign(folder: Path) -> None:
             f"{folder} holds files that no export wrote: {', '.join(foreign[:5])}.",
             hint="choose another folder, or move these files out of it",
         )
+
+
+def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[Finding]]:
+    """The largest separation these files were exported for, and a warning for every file changed since.
+
+    The separation is None for files that no export wrote.
+    """
+    required: list[float] = []
+    changed: list[Finding] = []
+    for folder in sorted({Path(m.source).parent for m in missions}):
+        try:
+            names = listed(folder / INDEX)
+            separation = read_json(read_file(folder / INDEX, EXPORT_INDEX)).get("separation_min_m")
+        except (OSError, ValueError, FileFormatError):
+            continue  # not an export
+        if isinstance(separation, float):
+            required.append(separation)
+        for mission in missions:
+            path = Path(mission.source)
+            if path.parent != folder or path.name not in names:
+                continue
+            if hashlib.sha256(read_file(path, MISSION_FILE)).hexdigest() != names[path.name]:
+                message = "the file was changed after its export"
+                changed.append(Finding(Rule.CHANGED, Level.WARNING, message, mission.source))
+    return max(required, default=None), changed

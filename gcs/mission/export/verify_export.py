@@ -93,10 +93,7 @@ def refuse_broken(report: FleetReport) -> None:
         return
     errors = "; ".join(str(e) for e in report.errors[:_LISTED_MAX])
     more = f"; and {len(report.errors) - _LISTED_MAX} more" if len(report.errors) > _LISTED_MAX else ""
-    raise VerificationError(
-        f"the missions as written failed verification: {errors}{more}",
-        hint=STREAM_INSTEAD,
-    )
+    raise VerificationError(f"the missions as written failed verification: {errors}{more}", hint=STREAM_INSTEAD)
 
 
 def refuse_untimely(plan: Plan, autopilots: Sequence[Autopilot], timing: Timing) -> None:

@@ -13,6 +13,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.formats.foreign.item_place import place_on_wire
 from gcs.mission.formats.foreign.oddities import Odd, OddityList
+from gcs.mission.formats.foreign.text_lines import decoded, without_mark
 from gcs.mission.formats.json_lines import Key, line_of, refused
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.reading.bounded_json import refuse_crowded_json
@@ -81,10 +82,11 @@ AnyItem = Annotated[PlanItem | ComplexItem, Field(discriminator="type")]
 class PlanText:
     """The text of a JSON file while it is read: its oddities, and refusals with line and key."""
 
-    def __init__(self, text: str, source: str, oddities: OddityList) -> None:
-        self.text, self.source, self.oddities = text, source, oddities
+    def __init__(self, data: str | bytes, source: str) -> None:
+        self.source, self.oddities = source, OddityList(source)
+        self.text = without_mark(decoded(data, source), self.oddities)
         try:
-            refuse_crowded_json(text)
+            refuse_crowded_json(self.text)
         except ValueError as error:
             raise FileFormatError(f"{source}: {error}.") from error
 

@@ -15,8 +15,7 @@ from pydantic import Field
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.foreign.item_place import place_in_file
-from gcs.mission.formats.foreign.oddities import Odd, Oddity, OddityList
-from gcs.mission.formats.foreign.text_lines import decoded, without_mark
+from gcs.mission.formats.foreign.oddities import Odd, Oddity
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import (
     ITEMS_MAX,
@@ -129,8 +128,7 @@ def read_plan_file(text: str | bytes, source: str, firmware: Autopilot | None = 
     What other programs write otherwise is in `oddities`. Raises `FileFormatError` with file, line, key and reason for
     anything that cannot be flown as written.
     """
-    oddities = OddityList(source)
-    plan = PlanText(without_mark(decoded(text, source), oddities), source, oddities)
+    plan = PlanText(text, source)
     document = plan.parsed(PlanDocument)
     mission = document.mission
     file = PlanFile(
@@ -142,7 +140,7 @@ def read_plan_file(text: str | bytes, source: str, firmware: Autopilot | None = 
         fence_in_plan(document.geoFence, plan),
         rally_in_plan(document.rallyPoints, plan),
     )
-    return replace(file, oddities=oddities.found())
+    return replace(file, oddities=plan.oddities.found())
 
 
 def write_mission(file: MissionFile) -> str:
@@ -191,11 +189,7 @@ def _written(item: MissionItem, number: int) -> dict[str, Any]:
 def _written_fence(fence: Geofence) -> dict[str, Any]:
     written: dict[str, Any] = {
         "circles": [
-            {
-                "circle": {"center": _degrees(c.center), "radius": c.radius_m},
-                "inclusion": c.inclusion,
-                "version": 1,
-            }
+            {"circle": {"center": _degrees(c.center), "radius": c.radius_m}, "inclusion": c.inclusion, "version": 1}
             for c in fence.circles
         ],
         "polygons": [

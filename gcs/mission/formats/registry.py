@@ -76,100 +76,73 @@ class Format:
         return _function(self.reader)(data, source, *([firmware] if self.content.per_autopilot else []))
 
 
-_HERE = "gcs.mission.formats"
+def _row(
+    name: str, suffix: str | Mapping[Autopilot, str], content: Content, functions: str, purpose: str, **more: Any
+) -> Format:
+    """A row of the table; `functions` is "module:value", of which the module has a `write_value` and a `read_value`."""
+    module, value = functions.split(":")
+    writer, reader = (f"gcs.mission.formats.{module}:{does}_{value}" for does in ("write", "read"))
+    return Format(name, suffix, content, purpose, writer, reader, **more)
+
+
 FORMATS = (
-    Format(
+    _row(
         "plan",
         ".plan",
         Content.MISSION,
+        "qgc_plan:mission",
         "Waypoint mission, geofence and rally point for QGroundControl",
-        f"{_HERE}.qgc_plan:write_mission",
-        f"{_HERE}.qgc_plan:read_mission",
         default=True,
         fenced=True,
     ),
-    Format(
+    _row(
         "waypoints",
         ".waypoints",
         Content.MISSION,
+        "qgc_wpl:mission",
         "Waypoint mission for Mission Planner and MAVProxy (QGC WPL 110)",
-        f"{_HERE}.qgc_wpl:write_mission",
-        f"{_HERE}.qgc_wpl:read_mission",
         default=True,
         begins=b"QGC",
     ),
-    Format(
-        "fence",
-        ".fence",
-        Content.FENCE,
-        "Geofence for MAVProxy (QGC WPL 110)",
-        f"{_HERE}.qgc_wpl:write_fence",
-        f"{_HERE}.qgc_wpl:read_fence",
-    ),
-    Format(
-        "rally",
-        ".rally",
-        Content.RALLY,
-        "Rally point for MAVProxy (QGC WPL 110)",
-        f"{_HERE}.qgc_wpl:write_rally",
-        f"{_HERE}.qgc_wpl:read_rally",
-    ),
-    Format(
+    _row("fence", ".fence", Content.FENCE, "qgc_wpl:fence", "Geofence for MAVProxy (QGC WPL 110)"),
+    _row("rally", ".rally", Content.RALLY, "qgc_wpl:rally", "Rally point for MAVProxy (QGC WPL 110)"),
+    _row(
         "setpoints",
         ".setpoints",
         Content.SETPOINTS,
+        "tables.setpoint_table:setpoints",
         "Timed setpoints in the formation's common NED frame, as CSV",
-        f"{_HERE}.tables.setpoints_csv:write_setpoints",
-        f"{_HERE}.tables.setpoints_csv:read_setpoints",
         default=True,
     ),
-    Format(
+    _row(
         "parquet",
         ".parquet",
         Content.SETPOINTS,
+        "tables.setpoints_parquet:setpoints_parquet",
         "The same setpoints as Parquet, with checksums",
-        f"{_HERE}.tables.setpoints_parquet:write_setpoints_parquet",
-        f"{_HERE}.tables.setpoints_parquet:read_setpoints_parquet",
     ),
-    Format(
+    _row(
         "history",
         ".history.csv",
         Content.HISTORY,
+        "tables.history_csv:history",
         "State and control of Eq. 1 over the whole plan, as CSV, for plots and comparisons",
-        f"{_HERE}.tables.history_csv:write_history",
-        f"{_HERE}.tables.history_csv:read_history",
     ),
-    Format(
+    _row(
         "param",
         {known: str(known.traits.parameter_file) for known in Autopilot},
         Content.PARAMETERS,
+        "param:parameters",
         "Return (RTL) and fence parameters: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl",
-        f"{_HERE}.param:write_parameters",
-        f"{_HERE}.param:read_parameters",
     ),
-    Format(
-        "kml",
-        ".kml",
-        Content.MAP,
-        "Tracks in time, route points and the geofence, for Google Earth",
-        f"{_HERE}.maps.kml:write_kml",
-        f"{_HERE}.maps.kml:read_kml",
-    ),
-    Format(
-        "kmz",
-        ".kmz",
-        Content.MAP,
-        "The same map, compressed",
-        f"{_HERE}.maps.kml:write_kmz",
-        f"{_HERE}.maps.kml:read_kmz",
-    ),
-    Format(
+    _row("kml", ".kml", Content.MAP, "maps.kml:kml", "Tracks in time, route points and the geofence, for Google Earth"),
+    _row("kmz", ".kmz", Content.MAP, "maps.kml:kmz", "The same map, compressed"),
+    _row(
         "geojson",
         ".geojson",
         Content.MAP,
+        "maps.geojson:geojson",
         "Tracks, plan times, route points and the geofence, for GIS programs (QGIS) and web maps",
-        f"{_HERE}.maps.geojson:write_geojson",
-        f"{_HERE}.maps.geojson:read_geojson",
     ),
 )
 DEFAULT = tuple(row for row in FORMATS if row.default)

@@ -58,11 +58,7 @@ def formation_jerks(
 
 
 def follower_states_and_controls(
-    leader_state: Array,
-    leader_control: Array,
-    thrust: Jet,
-    offsets: Sequence[Array],
-    q: Quadrotor,
+    leader_state: Array, leader_control: Array, thrust: Jet, offsets: Sequence[Array], q: Quadrotor
 ) -> tuple[Array, Array]:
     """States (V, N, 12) and controls (V, N, 4) of vehicles at `offsets` from the leader.
 

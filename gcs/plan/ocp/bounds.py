@@ -60,10 +60,7 @@ def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Arra
         _leave_room(problem, times_s, low, high)
     _tighten(problem, times_s, low, high, low_column=12)
     _refuse_crossed(times_s, low, high, CONTROL_WORDS)
-    return (
-        np.hstack([low, np.tile(-snaps, (len(times_s), 1))]),
-        np.hstack([high, np.tile(snaps, (len(times_s), 1))]),
-    )
+    return (np.hstack([low, np.tile(-snaps, (len(times_s), 1))]), np.hstack([high, np.tile(snaps, (len(times_s), 1))]))
 
 
 def _tighten(problem: Problem, times_s: Array, low: Array, high: Array, low_column: int) -> None:

@@ -74,7 +74,7 @@ def term_cost(problem: Problem, term: ObjectiveTerm, trajectory: Trajectory) -> 
     scale = term.scale(problem)
     if term.share is Share.DURATION:
         return float((trajectory.end_s - trajectory.start_s) / scale * term.rate(problem, (), (), scale))
-    times, spans = _quadrature(trajectory)
+    times, spans = quadrature(trajectory.joints_s)
     numbers = cost_shares(problem, times, times, times)[2:].T
     states, controls = np.hstack([trajectory.state(times), numbers]), trajectory.control(times)
     x, u = ca.SX.sym("x", states.shape[1]), ca.SX.sym("u", controls.shape[1])
@@ -89,7 +89,7 @@ def term_cost(problem: Problem, term: ObjectiveTerm, trajectory: Trajectory) -> 
 def lower_bound(problem: Inputs, term: ObjectiveTerm, trajectory: Trajectory) -> float:
     """The lower bound of one term, without its weight, for flights as long as this one in its time."""
     # Chords are never longer than the path between their ends.
-    times = np.union1d(_quadrature(trajectory)[0], trajectory.joints_s)
+    times = np.union1d(quadrature(trajectory.joints_s)[0], trajectory.joints_s)
     places = trajectory.state(times)[:, :3]
     length_m = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     lasting_s = np.array([trajectory.end_s - trajectory.start_s])
@@ -112,8 +112,7 @@ def refuse_false_bounds(problem: Problem, trajectory: Trajectory) -> None:
             )
 
 
-def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Instants (N,) and the seconds (N,) that each stands for in an integral over the trajectory."""
-    rule, joints = gauss_rule(_SAMPLES), trajectory.joints_s
-    half = 0.5 * np.diff(joints)[:, None]
+def quadrature(joints: Array) -> tuple[Array, Array]:
+    """Instants (N,) and the seconds (N,) that each stands for in an integral over polynomials between joints."""
+    rule, half = gauss_rule(_SAMPLES), 0.5 * np.diff(joints)[:, None]
     return (joints[:-1, None] + half * (rule.nodes + 1.0)).ravel(), (half * rule.weights).ravel()

@@ -86,9 +86,7 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
         cost=function("cost", [z, shares], cost),
         cost_gradient=function("cost_gradient", [z, shares], ca.gradient(cost, z)),
         motion_hessian=function(
-            "motion_hessian",
-            [z, shares, sigma, costate],
-            ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0],
+            "motion_hessian", [z, shares, sigma, costate], ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0]
         ),
         path=path,
         path_jacobian=path_jacobian,

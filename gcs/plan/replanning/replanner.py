@@ -23,11 +23,16 @@ from gcs.plan.nlp.program.transcription import Program
 from gcs.plan.nlp.violations import complaints, find_violations
 from gcs.plan.ocp.objectives import ObjectiveTerm
 from gcs.plan.ocp.problem import Problem, flight_problem
-from gcs.plan.replanning.bound_tightening import tightened
 from gcs.plan.replanning.obstacle_detour import detours
-from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, with_zones
-from gcs.plan.replanning.remaining_plan import plan_from_flight, shape_part, trajectory_part, with_times_of_changes
-from gcs.plan.replanning.route_rest import flown_through, still_ahead
+from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, tightened, with_zones
+from gcs.plan.replanning.remaining_plan import (
+    flown_through,
+    plan_from_flight,
+    shape_part,
+    still_ahead,
+    trajectory_part,
+    with_times_of_changes,
+)
 from gcs.plan.replanning.warm_start import Multipliers, multipliers
 from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
@@ -147,10 +152,7 @@ class Replanner:
             except PlanningError as failure:
                 failures.append(failure)
                 continue
-            took = {"re-plan": time.perf_counter() - began}
-            scenario = self.plan.scenario
-            true = replace(problem, scenario=with_zones(scenario, (*scenario.no_fly, *zones)))
-            return plan_from_flight(self.plan, true, flown, objective=objective, history=tuple(history), timings_s=took)
+            return self._made(problem, zones, began, flown, objective, tuple(history))
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
 
     def _along_route(
@@ -169,17 +171,23 @@ class Replanner:
             found = flown_through(problem, self._old, avoided, on_round)
         except PlanningError as failure:
             raise _in_words(problem, failure) from failure
-        took = {"re-plan": time.perf_counter() - began}
-        scenario = self.plan.scenario
+        return self._made(problem, zones, began, found.trajectory, found.objective, found.history, found.point_s)
+
+    def _made(
+        self,
+        problem: Problem,
+        zones: tuple[NoFlyZone, ...],
+        began: float,
+        flown: Trajectory,
+        objective: float,
+        history: tuple[MeshRound, ...],
+        route_s: tuple[float, ...] = (),
+    ) -> Plan:
+        """The plan of a flight, in the scenario with the new zones as they were given."""
+        scenario, took = self.plan.scenario, {"re-plan": time.perf_counter() - began}
         true = replace(problem, scenario=with_zones(scenario, (*scenario.no_fly, *zones)))
         return plan_from_flight(
-            self.plan,
-            true,
-            found.trajectory,
-            objective=found.objective,
-            history=found.history,
-            timings_s=took,
-            route_s=found.point_s,
+            self.plan, true, flown, objective=objective, history=history, timings_s=took, route_s=route_s
         )
 
     def _guesses(

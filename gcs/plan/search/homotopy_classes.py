@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import multiprocessing
+import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,7 +20,6 @@ from gcs.plan.search.infeasibility import check_time, explain_infeasible
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.search.legs.leg_routes import routes_through
 from gcs.plan.search.legs.leg_schedule import on_time
-from gcs.plan.search.parallel import is_faster, run_all
 from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.plan import Alternative, MeshRound
@@ -133,3 +136,28 @@ def least_objective(problem: Problem, route: Route) -> float:
     """The lower bound of the objective for all flights along a route, or on the straight line where that is longer."""
     straight_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())
     return least_cost(problem, max(route.length_m / GRID_EXCESS, straight_m))
+
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+START_S = 2.5  # time for a worker to load the optimiser
+
+
+def is_faster(tasks: int, workers: int, expected_s: float) -> bool:
+    """Whether workers are faster than one process, for so many tasks of `expected_s` each."""
+    return workers > 1 and tasks > 0 and expected_s * (tasks - math.ceil(tasks / min(workers, tasks))) > START_S
+
+
+def run_all(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
+    """Results of `work` in the order of the tasks. The first failure in that order ends all tasks and is raised."""
+    pool = multiprocessing.get_context("spawn").Pool(min(workers, len(tasks)), _leave_ctrl_c_to_the_parent)
+    try:
+        return list(pool.imap(work, tasks))
+    finally:
+        pool.terminate()
+        pool.join()
+
+
+def _leave_ctrl_c_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

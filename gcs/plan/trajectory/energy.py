@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array, air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.trajectory.plan import Plan
 
 ENDURANCE_S = 900.0  # of hover on a full battery, without [vehicle.power]

@@ -20,12 +20,7 @@ _PIECES, _DEGREE = 8, 9  # of the attitude in wind
 
 
 def vertical(
-    start_s: float,
-    end_s: float,
-    position_ned_m: Array,
-    end_down_m: float,
-    yaw_ned_rad: float,
-    quadrotor: Quadrotor,
+    start_s: float, end_s: float, position_ned_m: Array, end_down_m: float, yaw_ned_rad: float, quadrotor: Quadrotor
 ) -> Trajectory:
     """A vertical trajectory from rest at `position_ned_m` (3,) to rest at `end_down_m`, level unless there is wind.
 

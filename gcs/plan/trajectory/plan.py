@@ -12,11 +12,10 @@ from gcs.autopilots.traits import Autopilot
 from gcs.physics.named_states import NamedStates
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor, derivative
 from gcs.plan.formation.changes.timeline import Move
-from gcs.plan.formation.error import formation_error_m
 from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
-from gcs.plan.trajectory.distances import ground_distances_m, separations_m, zone_distances_m
+from gcs.plan.trajectory.distances import formation_error_m, ground_distances_m, separations_m, zone_distances_m
 from gcs.plan.trajectory.passages import Passage, passages
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario

@@ -68,8 +68,7 @@ def joined(parts: list[Trajectory]) -> Trajectory:
             raise ValueError(f"one trajectory ends at {before.end_s} s, the next starts at {after.start_s} s")
     joints = np.concatenate([parts[0].joints_s[:1], *(p.joints_s[1:] for p in parts)])
     return Trajectory(
-        PPoly(_stacked([p.state.c for p in parts]), joints),
-        PPoly(_stacked([p.control.c for p in parts]), joints),
+        PPoly(_stacked([p.state.c for p in parts]), joints), PPoly(_stacked([p.control.c for p in parts]), joints)
     )
 
 

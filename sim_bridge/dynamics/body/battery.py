@@ -1,6 +1,6 @@
 """Power consumption of the rotors, and the state of the battery.
 
-A rotor's power (`gcs.physics.rotor_power`) follows momentum theory of hover. At constant air density it is a constant
+A rotor's power (`gcs.physics.quadrotor`) follows momentum theory of hover. At constant air density it is a constant
 times the cube of its speed, because Eq. 2 has T = K_T Ω². The air density is that at sea level.
 """
 
@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
-from gcs.physics.rotor_power import induced_power_W
+from gcs.physics.quadrotor import Array, Quadrotor, induced_power_W
 from gcs.scenario.schema.scenario import Power
 from sim_bridge.dynamics.body.failures import ROTORS
 from sim_bridge.dynamics.body.plant import Mask

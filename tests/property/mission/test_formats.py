@@ -33,8 +33,7 @@ from gcs.mission.formats.qgc_wpl import (
     write_waypoints,
 )
 from gcs.mission.formats.tables.history_csv import History, read_history, write_history
-from gcs.mission.formats.tables.setpoint_table import StreamFile
-from gcs.mission.formats.tables.setpoints_csv import read_setpoints, write_setpoints
+from gcs.mission.formats.tables.setpoint_table import StreamFile, read_setpoints, write_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem, SetpointStream

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.flight.monitor import Monitor
 from gcs.flight.progress import FlightPart
 from gcs.link.microservices.clock import VehicleClock

@@ -4,8 +4,7 @@ import random
 
 import pytest
 
-from gcs.autopilots.flight_modes import autopilot_name, mode_name
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, autopilot_name, mode_name
 from gcs.link.session.status_report import version_text
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.frame_scanner import LinkQuality

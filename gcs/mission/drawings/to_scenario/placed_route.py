@@ -10,9 +10,8 @@ import numpy as np
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut
-from gcs.mission.drawings.to_scenario.fewer_points import fewer, merged_points
+from gcs.mission.drawings.to_scenario.fewer_points import airborne, fewer, merged_points
 from gcs.mission.drawings.to_scenario.placed_point import HEIGHT_M, LOWEST_M, PlacedPoint, placed_point, say_heights
-from gcs.mission.drawings.to_scenario.thinned import airborne
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import FARTHEST_M
 

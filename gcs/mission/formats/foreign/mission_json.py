@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.formats.foreign.oddities import Odd, OddityList
-from gcs.mission.formats.foreign.text_lines import MARK, decoded, without_mark
+from gcs.mission.formats.foreign.oddities import Odd
+from gcs.mission.formats.foreign.text_lines import MARK
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import ITEMS_MAX, PlanItem, PlanPart, PlanText, PointAndAltitude, Whole
 from gcs.mission.formats.qgc_plan import PlannedMission
@@ -46,8 +46,7 @@ def is_mission_json(data: bytes) -> bool:
 
 def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
     """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
-    oddities = OddityList(source)
-    file = PlanText(without_mark(decoded(data, source), oddities), source, oddities)
+    file = PlanText(data, source)
     version = file.parsed(_Kind).version
     file.told(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
     speed_mps = None
@@ -70,5 +69,5 @@ def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = Non
         speed_mps=speed_mps,
         text=file.text,
         items_path=("items",),
-        oddities=oddities.found(),
+        oddities=file.oddities.found(),
     )

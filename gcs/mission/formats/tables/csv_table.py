@@ -12,6 +12,14 @@ from collections.abc import Mapping
 import pyarrow as pa
 import pyarrow.csv as arrow_csv
 
+_UNITS = {"sysid": "1", "s": "s", "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s"}
+_UNITS |= {"N": "N", "Nm": "N m"}
+
+
+def with_units(names: str) -> dict[str, str]:
+    """The units of columns by name: names end in their units, for readers that lose the comments."""
+    return {name: _UNITS[name.rpartition("_")[2]] for name in names.split()}
+
 
 def write_csv(title: str, comments: Mapping[str, str], units: Mapping[str, str], table: pa.Table) -> bytes:
     """The bytes of a file with the columns of `units`, in their order, below these comments."""

@@ -10,31 +10,16 @@ import numpy as np
 import pyarrow as pa
 
 from gcs.errors import FileFormatError
-from gcs.mission.formats.tables.csv_table import read_csv, write_csv
+from gcs.mission.formats.tables.csv_table import read_csv, with_units, write_csv
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-COLUMNS = {
-    "t_s": "s",
-    "north_m": "m",
-    "east_m": "m",
-    "down_m": "m",
-    "v_north_mps": "m/s",
-    "v_east_mps": "m/s",
-    "v_down_mps": "m/s",
-    "roll_rad": "rad",
-    "pitch_rad": "rad",
-    "yaw_rad": "rad",
-    "roll_rate_radps": "rad/s",
-    "pitch_rate_radps": "rad/s",
-    "yaw_rate_radps": "rad/s",
-    "U1_N": "N",
-    "U2_N": "N",
-    "U3_N": "N",
-    "U4_Nm": "N m",
-}
+COLUMNS = with_units(
+    "t_s north_m east_m down_m v_north_mps v_east_mps v_down_mps roll_rad pitch_rad yaw_rad "
+    "roll_rate_radps pitch_rate_radps yaw_rate_radps U1_N U2_N U3_N U4_Nm"
+)
 _TITLE = "Skein state and control history: common local NED frame, t_s = 0 is T0"
 _STATES = 12
 _MS = 1000

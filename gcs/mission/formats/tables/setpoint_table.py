@@ -1,4 +1,4 @@
-"""The table in setpoint files: one row for every time and vehicle.
+"""The table in setpoint files, one row for every time and vehicle, and the table as CSV (`.setpoints`).
 
 Positions are in the formation's common local NED frame. Its origin is in the file's metadata, because the local frame
 of each vehicle begins at its own start.
@@ -6,29 +6,20 @@ of each vehicle begins at its own start.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 
+from gcs.errors import FileFormatError
 from gcs.frames import Origin
+from gcs.mission.formats.tables.csv_table import read_csv, with_units, write_csv
 from gcs.mission.model import SetpointStream
 
-# Name and unit. The name repeats the unit for readers that lose comments.
-COLUMNS = {
-    "t_s": "s",
-    "sysid": "1",
-    "north_m": "m",
-    "east_m": "m",
-    "down_m": "m",
-    "v_north_mps": "m/s",
-    "v_east_mps": "m/s",
-    "v_down_mps": "m/s",
-    "a_north_mps2": "m/s2",
-    "a_east_mps2": "m/s2",
-    "a_down_mps2": "m/s2",
-    "yaw_ned_rad": "rad",
-}
+COLUMNS = with_units(
+    "t_s sysid north_m east_m down_m v_north_mps v_east_mps v_down_mps a_north_mps2 a_east_mps2 a_down_mps2 yaw_ned_rad"
+)
 LARGEST_ID = 10_000  # of a plan; links carry at most 254
 _MS = 1000
 
@@ -75,3 +66,34 @@ def from_table(table: pa.Table) -> SetpointStream:
     return SetpointStream(
         sysids, t_s, by_vehicle[..., 2:5], by_vehicle[..., 5:8], by_vehicle[..., 8:11], by_vehicle[..., 11]
     )
+
+
+_TITLE = "Skein setpoints: common local NED frame, t_s = 0 is T0"
+_ORIGIN = "origin (lat_deg lon_deg alt_amsl_m)"
+_ORIGIN_PARTS = 3
+
+
+def write_setpoints(file: StreamFile) -> bytes:
+    """The bytes of a file; `read_setpoints` gives back the same values."""
+    comments = {"plan": file.plan_hash}
+    if file.origin is not None:
+        comments[_ORIGIN] = f"{file.origin.lat_deg!r} {file.origin.lon_deg!r} {file.origin.alt_amsl_m!r}"
+    return write_csv(_TITLE, comments, COLUMNS, to_table(file.stream))
+
+
+def read_setpoints(data: bytes | str, source: str) -> StreamFile:
+    """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or incomplete."""
+    try:
+        comments, table = read_csv(data, COLUMNS)
+        return StreamFile(from_table(table), comments.get("plan", ""), _origin(comments.get("origin")))
+    except ValueError as error:
+        raise FileFormatError(f"{source}: {error}.", hint="write the file again with `gcs export`") from error
+
+
+def _origin(text: str | None) -> Origin | None:
+    if text is None:
+        return None
+    numbers = [float(part) for part in text.split()]
+    if len(numbers) != _ORIGIN_PARTS or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"the origin must be three numbers, got '{text[:60]}'")
+    return Origin(*numbers)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import Autopilot
 from gcs.flight.energy.energy_choice import (
     Discharge,

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.autopilots.mission_commands import has_position
-from gcs.autopilots.storage.stored_fields import FieldRule, StorageSource, StoredAs
+from gcs.autopilots.stored_fields import FieldRule, StorageSource, StoredAs
 from gcs.autopilots.traits import Autopilot
 from gcs.link.mission_protocol.item_messages import item_from_message
 from gcs.link.mission_protocol.read_back import compare_missions

@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilots.flight_modes import flight_behaviour
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.cli.flights.vehicles import health
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView

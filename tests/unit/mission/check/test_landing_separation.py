@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission.check.findings import Rule

@@ -24,7 +24,7 @@ from gcs.mission.formats.qgc_plan import read_plan_file
 from gcs.mission.formats.qgc_wpl import read_fence, read_rally, read_waypoints
 from gcs.mission.formats.registry import FORMATS
 from gcs.mission.formats.tables.history_csv import read_history
-from gcs.mission.formats.tables.setpoints_csv import read_setpoints
+from gcs.mission.formats.tables.setpoint_table import read_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.autopilots.storage.stored_fields import StoredAs
+from gcs.autopilots.stored_fields import StoredAs
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import FenceCommand
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed

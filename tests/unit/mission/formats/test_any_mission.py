@@ -8,8 +8,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
-from gcs.mission.export.atomic_folder import Folder
-from gcs.mission.export.provenance import exported_from
+from gcs.mission.export.atomic_folder import Folder, exported_from
 from gcs.mission.formats.any_mission import load_missions, read_mission
 from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
 from gcs.mission.formats.qgc_wpl import WaypointFile, write_fence, write_rally, write_waypoints

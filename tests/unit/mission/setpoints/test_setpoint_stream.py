@@ -14,8 +14,7 @@ import pytest
 
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
-from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile
-from gcs.mission.formats.tables.setpoints_csv import read_setpoints, write_setpoints
+from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile, read_setpoints, write_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle

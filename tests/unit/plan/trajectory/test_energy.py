@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Quadrotor
-from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
+from gcs.physics.quadrotor import Quadrotor, air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
 from gcs.plan.trajectory.plan import Phase, Plan

@@ -19,7 +19,13 @@ from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnDisk, DrawnPoint, sentences
 from gcs.mission.drawings.read_drawing import drawing_in, read_drawing
-from gcs.mission.drawings.to_scenario.route_flight import RouteFlight, route_flight
+from gcs.mission.drawings.to_scenario.route_flight import (
+    RouteFlight,
+    flight_time_s,
+    is_passed_at_speed,
+    route_flight,
+    turns_rad,
+)
 from gcs.mission.formats.maps.geojson import write_geojson
 from gcs.mission.formats.maps.kml import write_kml, write_kmz
 from gcs.mission.formats.maps.tracks import MapFile, Track
@@ -304,3 +310,29 @@ def test_damaged_drawings_are_read_or_refused_with_a_sentence(seed: bytes, data:
         tomllib.loads(route_flight(drawing_in(seed[:cut], "x")).keys()["TABLES"])
     except FileFormatError as refused:
         assert refused.message.startswith("x")
+
+
+STRAIGHT = np.array([[0.0, 0.0, 10.0], [300.0, 0.0, 10.0], [600.0, 0.0, 10.0]])
+
+
+def test_a_straight_route_takes_its_length_over_its_speed_and_one_start_and_stop() -> None:
+    assert flight_time_s(STRAIGHT, np.array([4.0, 4.0]), 1.2, np.zeros(3)) == 155.0  # 150 s and 4 s
+
+
+def test_a_hold_costs_its_time_and_a_stop() -> None:
+    assert flight_time_s(STRAIGHT, np.array([4.0, 4.0]), 1.2, np.array([0.0, 20.0, 0.0])) == 180.0  # 154 + 20 + 4
+
+
+def test_each_leg_has_its_own_speed() -> None:
+    assert flight_time_s(STRAIGHT, np.array([4.0, 2.0]), 1.2, np.zeros(3)) == 230.0  # 75 + 150 + 3
+
+
+def test_a_climb_takes_the_time_of_its_height() -> None:
+    climb = np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 130.0]])
+    assert flight_time_s(climb, np.array([4.0]), 1.2, np.zeros(2)) == 105.0  # 100 + 4
+
+
+def test_turns_are_the_angles_between_legs() -> None:
+    square = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0], [10.0, 0.0, 0.0], [10.0, -5.0, 0.0]])
+    assert np.degrees(turns_rad(square)) == pytest.approx([90.0, 180.0, 0.0], abs=1e-5)
+    assert is_passed_at_speed(np.radians(29.0)) and not is_passed_at_speed(np.radians(31.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.physics.rotor_power import AIR_DENSITY_KGPM3
+from gcs.physics.quadrotor import AIR_DENSITY_KGPM3
 from sim_bridge.dynamics.body import presets
 from sim_bridge.dynamics.body.battery import SETTLE_PERIOD_S, Battery, PowerTrain
 from sim_bridge.dynamics.body.sensors import RTK

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import TRAITS, Autopilot
 from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.recording.load_recording import load_recording

@@ -11,9 +11,8 @@ import pytest
 
 from gcs.errors import Infeasible
 from gcs.plan.ocp.problem import flight_problem
-from gcs.plan.search import parallel
-from gcs.plan.search.homotopy_classes import best_class
-from gcs.plan.search.parallel import is_faster, run_all
+from gcs.plan.search import homotopy_classes
+from gcs.plan.search.homotopy_classes import best_class, is_faster, run_all
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.search.test_routes import DISK, beyond
@@ -31,10 +30,10 @@ def refuse(number: int) -> int:
 def test_workers_are_started_where_they_pay() -> None:
     assert not is_faster(4, 1, 100.0)
     assert not is_faster(1, 8, 100.0)
-    assert not is_faster(2, 2, 0.9 * parallel.START_S)
-    assert is_faster(2, 2, 1.1 * parallel.START_S)
-    assert is_faster(4, 2, 0.6 * parallel.START_S)
-    assert is_faster(3, 8, 0.6 * parallel.START_S)
+    assert not is_faster(2, 2, 0.9 * homotopy_classes.START_S)
+    assert is_faster(2, 2, 1.1 * homotopy_classes.START_S)
+    assert is_faster(4, 2, 0.6 * homotopy_classes.START_S)
+    assert is_faster(3, 8, 0.6 * homotopy_classes.START_S)
 
 
 @pytest.mark.slow
@@ -55,7 +54,7 @@ def test_the_best_way_is_the_same(simulation1: Scenario, monkeypatch: pytest.Mon
     together_told: list[MeshRound] = []
     one, ways = best_class(problem, alone_told.append, all_routes=True)
     assert len(ways) > 1
-    monkeypatch.setattr(parallel, "START_S", -1.0)
+    monkeypatch.setattr(homotopy_classes, "START_S", -1.0)
     two, same = best_class(problem, together_told.append, all_routes=True, workers=2)
     assert same == ways
     assert two.objective == one.objective

@@ -1,12 +1,15 @@
-"""Drawings in KML and KMZ: lines, polygons, points and tracks of Placemarks, in folders of any depth."""
+"""Drawings in XML, of KML, KMZ and GPX.
+
+Of KML: lines, polygons, points and tracks of Placemarks, in folders of any depth. Of GPX: routes, else tracks, else
+waypoints in their order, with heights above the sea.
+"""
 
 from __future__ import annotations
 
 import io
 import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
 
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import (
@@ -15,13 +18,12 @@ from gcs.mission.drawings.drawing import (
     DrawnArea,
     DrawnPoint,
     Place,
-    Sketch,
     labelled,
     on_earth,
     ring,
     tidy,
 )
-from gcs.mission.drawings.drawn_lines import DrawnLine, drawing_of
+from gcs.mission.drawings.drawn_lines import DrawnLine, MapSketch, drawing_of
 from gcs.reading.archives import BadArchive, member_names, read_member
 from gcs.reading.bounded_file import MIB
 from gcs.reading.bounded_xml import XmlElement, read_xml
@@ -33,15 +35,6 @@ _DATUMS = {"absolute": Datum.SEA, "relativeToGround": Datum.GROUND}  # all other
 _GEOMETRIES = ("LineString", "LinearRing", "Polygon", "Point", "Track", "MultiTrack", "Model")
 _ELSEWHERE = ("NetworkLink", "GroundOverlay", "PhotoOverlay", "Tour")
 _INSIDE = {"1": True, "0": False}
-
-
-@dataclass
-class _Found:
-    """What Placemarks hold, while they are read."""
-
-    sketch: Sketch
-    lines: list[DrawnLine] = field(default_factory=list)
-    spots: list[DrawnPoint] = field(default_factory=list)
 
 
 def draw_kmz(data: bytes, source: str) -> Drawing:
@@ -59,7 +52,7 @@ def draw_kmz(data: bytes, source: str) -> Drawing:
 
 def draw_kml(data: bytes, source: str) -> Drawing:
     """The drawing in a KML file. Raises `FileFormatError`."""
-    found = _Found(Sketch(source))
+    found = MapSketch(source)
     try:
         root = read_xml(data)
         if root.name != "kml":
@@ -70,16 +63,17 @@ def draw_kml(data: bytes, source: str) -> Drawing:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as KML") from error
     for kind in _ELSEWHERE:
         for number, one in enumerate(root.below(kind), start=1):
-            found.sketch.leave_out(labelled(kind, number, tidy(one.said("name"))), "not carried over: it draws no line")
-    return drawing_of(found.sketch, found.lines, found.spots)
+            found.leave_out(labelled(kind, number, tidy(one.said("name"))), "not carried over: it draws no line")
+    return drawing_of(found)
 
 
-def _placemark(placemark: XmlElement, number: int, found: _Found) -> None:
+def _placemark(placemark: XmlElement, number: int, found: MapSketch) -> None:
     name = tidy(placemark.said("name"))
     label = labelled("Placemark", number, name)
     marks = {data.attributes.get("name", ""): data.said("value") for data in placemark.below("Data")}
     for shape in _shapes(placemark):
-        datum = next((_DATUMS.get(mode.text, Datum.NONE) for mode in shape.all("altitudeMode")), Datum.NONE)
+        modes = shape.below("altitudeMode") if shape.name == "MultiTrack" else shape.all("altitudeMode")
+        datum = next((_DATUMS.get(mode.text, Datum.NONE) for mode in modes), Datum.NONE)
         if shape.name == "Polygon":
             _polygon(shape, label, _INSIDE.get(marks.get("inclusion", "")), found)
         elif shape.name == "Point":
@@ -88,11 +82,10 @@ def _placemark(placemark: XmlElement, number: int, found: _Found) -> None:
             found.lines.append(DrawnLine(label, tuple(_points(_coordinates(shape), datum, label))))
         elif shape.name in ("Track", "MultiTrack"):
             rows = [coord.text.split() for coord in shape.below("coord")]
-            datum = datum if shape.name == "Track" else _mode_below(shape)
             track = tuple(_points(map(_numbers, rows), datum, label))
             found.lines.append(DrawnLine(label, track, recorded=True))
         else:
-            found.sketch.leave_out(label, "not carried over: a model is no line")
+            found.leave_out(label, "not carried over: a model is no line")
 
 
 def _shapes(placemark: XmlElement) -> Iterator[XmlElement]:
@@ -102,10 +95,6 @@ def _shapes(placemark: XmlElement) -> Iterator[XmlElement]:
             yield from _shapes(child)
         elif child.name in _GEOMETRIES:
             yield child
-
-
-def _mode_below(shape: XmlElement) -> Datum:
-    return next((_DATUMS.get(mode.text, Datum.NONE) for mode in shape.below("altitudeMode")), Datum.NONE)
 
 
 def _coordinates(shape: XmlElement) -> Iterator[list[float]]:
@@ -133,14 +122,58 @@ def _points(
         yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
 
 
-def _polygon(shape: XmlElement, label: str, inside: bool | None, found: _Found) -> None:
+def _polygon(shape: XmlElement, label: str, inside: bool | None, found: MapSketch) -> None:
     rings = [_ring(edge, label) for edge in (shape.first("outerBoundaryIs", "LinearRing"),) if edge is not None]
     if not rings:
         raise ValueError(f"{label} is a polygon without an edge")
     holes = [inner.first("LinearRing") for inner in shape.all("innerBoundaryIs")]
     inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
-    found.sketch.areas.append(DrawnArea(rings[0], label, inside, inner))
+    found.areas.append(DrawnArea(rings[0], label, inside, inner))
 
 
 def _ring(edge: XmlElement, label: str) -> tuple[Place, ...]:
     return ring([on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in _coordinates(edge)], label)
+
+
+def draw_gpx(data: bytes, source: str) -> Drawing:
+    """The drawing in a GPX file. Raises `FileFormatError`."""
+    sketch = MapSketch(source)
+    try:
+        root = read_xml(data)
+        if root.name != "gpx":
+            raise ValueError(f"its root is <{tidy(root.name)}>, not <gpx>")
+        for number, route in enumerate(root.all("rte"), start=1):
+            label = labelled("route", number, tidy(route.said("name")))
+            sketch.lines.append(DrawnLine(label, _gpx_points(route.all("rtept"), label)))
+        for number, track in enumerate(root.all("trk"), start=1):
+            label = labelled("track", number, tidy(track.said("name")))
+            points = (point for segment in track.all("trkseg") for point in segment.all("trkpt"))
+            sketch.lines.append(DrawnLine(label, _gpx_points(points, label), recorded=True))
+        sketch.spots += _gpx_points(root.all("wpt"), "")
+    except ValueError as error:
+        raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as GPX") from error
+    sketch.lines = [line for line in sketch.lines if line.points]
+    return drawing_of(sketch)
+
+
+def _gpx_points(elements: Iterable[XmlElement], of: str) -> tuple[DrawnPoint, ...]:
+    return tuple(_gpx_point(element, number, of) for number, element in enumerate(elements, start=1))
+
+
+def _gpx_point(element: XmlElement, number: int, of: str) -> DrawnPoint:
+    name = tidy(element.said("name"))
+    label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
+    lat_deg, lon_deg = (_number(element.attributes.get(key, ""), label, key) for key in ("lat", "lon"))
+    height = element.said("ele")
+    height_m = _number(height, label, "ele") if height else 0.0
+    return DrawnPoint(on_earth(lat_deg, lon_deg), height_m, Datum.SEA if height else Datum.NONE, label, name)
+
+
+def _number(text: str, label: str, key: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{label}: {key} is not a number: '{tidy(text)[:40]}'")
+    return value

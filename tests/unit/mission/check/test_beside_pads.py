@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gcs.cli.main import run
+from gcs.mission.check.beside_pads import check_pads
 from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.flight_limits import FlightLimits
-from gcs.mission.check.pads.beside_pads import check_pads
 from gcs.mission.predicted.planned_flight import Surroundings, fly
 from gcs.physics.quadrotor import Array
 from gcs.scenario.template import scenario_text

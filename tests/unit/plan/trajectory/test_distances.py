@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.error import formation_error_m, formation_errors_m
+from gcs.plan.trajectory.distances import formation_error_m, formation_errors_m
 from gcs.scenario.formations import places_up_m
 
 PLACES = places_up_m("triangle", 10, 4.0)

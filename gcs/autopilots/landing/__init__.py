@@ -1,1 +1,0 @@
-"""How vehicles descend in the landing of their own autopilot."""

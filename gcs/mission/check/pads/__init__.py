@@ -1,1 +1,0 @@
-"""The ground at pads and landing points."""

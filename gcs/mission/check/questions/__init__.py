@@ -1,1 +1,0 @@
-"""Questions about items that are possible, but look like a slip of the person or program that wrote them."""
