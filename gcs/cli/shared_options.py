@@ -21,12 +21,10 @@ MissionArgument = Annotated[
     ),
 ]
 PlanArgument = Annotated[
-    Path,
-    typer.Argument(metavar="PLAN", help="Plan file of `gcs plan`.", show_default=False, autocompletion=plans),
+    Path, typer.Argument(metavar="PLAN", help="Plan file of `gcs plan`.", show_default=False, autocompletion=plans)
 ]
 FlightArgument = Annotated[
-    Path,
-    typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default=False, autocompletion=flights),
+    Path, typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default=False, autocompletion=flights)
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on stdout; stderr then has warnings only.")

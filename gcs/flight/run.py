@@ -23,14 +23,7 @@ from gcs.flight.link_notices import notice_event
 from gcs.flight.monitor import Monitor
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, NearestPair, Step, Watcher
-from gcs.flight.recording.flight_folder import (
-    PLAN,
-    SCENARIO,
-    TELEMETRY,
-    nearest_data,
-    new_folder,
-    report_data,
-)
+from gcs.flight.recording.flight_folder import PLAN, SCENARIO, TELEMETRY, nearest_data, new_folder, report_data
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.recording.writing.flight_report import emulation_data, repeat_command, write_report

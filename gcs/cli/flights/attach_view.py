@@ -154,7 +154,7 @@ async def _take_up(
             record.write_state(
                 replace(
                     book, links=known.links, step=step.value, t0_unix_s=t0_unix_s or book.t0_unix_s, pid=os.getpid()
-                ),
+                )
             )
 
         hooks = FlightHooks(tell, log_step)

@@ -43,8 +43,7 @@ def fly(
     signing_key_file: KeyOption = None,
     transfer: TransferOption = "auto",
     missions_only: Annotated[
-        bool,
-        typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters."),
+        bool, typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters.")
     ] = False,
     mode: Annotated[
         str,

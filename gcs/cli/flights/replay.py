@@ -23,10 +23,7 @@ def replay(
     flight: Annotated[
         Path,
         typer.Argument(
-            metavar="FLIGHT",
-            help="Folder of a flight, or any .tlog.",
-            show_default=False,
-            autocompletion=recordings,
+            metavar="FLIGHT", help="Folder of a flight, or any .tlog.", show_default=False, autocompletion=recordings
         ),
     ],
     speed: Annotated[

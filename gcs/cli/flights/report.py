@@ -19,11 +19,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 
-def report(
-    folder: FlightArgument,
-    json: JsonOption = False,
-    debug: DebugOption = False,
-) -> int:
+def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
     """Compare the planned, the reported and, for emulated vehicles, the true positions of a flight.
 
     It writes record.parquet into the folder: every reported position beside the planned one. It also takes flights

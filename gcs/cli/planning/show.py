@@ -33,8 +33,7 @@ def show(
         ),
     ] = None,
     pads: Annotated[
-        Path | None,
-        typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew."),
+        Path | None, typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew.")
     ] = None,
     coverage: Annotated[
         Path | None,

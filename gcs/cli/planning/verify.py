@@ -6,11 +6,7 @@ from gcs.cli.console import Screen
 from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument
 
 
-def verify(
-    plan: PlanArgument,
-    json: JsonOption = False,
-    debug: DebugOption = False,
-) -> int:
+def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
     """Prove a plan again and list the least margin of every criterion.
 
     Exit status 0 when the plan is verified, 5 when it failed verification.

@@ -9,12 +9,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
-from gcs.flight.assessment.pictures.curves import (
-    draw_clearance,
-    draw_separation,
-    draw_speeds,
-    draw_zone_margin,
-)
+from gcs.flight.assessment.pictures.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
 from gcs.flight.assessment.pictures.figure_file import BESIDE, colours, head, head_figure, save, settle
 from gcs.flight.assessment.pictures.flight_map import FlightMap, dart, vehicle_entries
 from gcs.flight.assessment.pictures.label_places import Labels

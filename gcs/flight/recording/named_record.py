@@ -18,7 +18,7 @@ from gcs.reading.bounded_parquet import open_parquet
 
 _AXES = ("north", "east", "down")
 _NEEDED = {form.format(axis) for form in ("{}_m", "v_{}_mps") for axis in _AXES} | {
-    *("t_s", "sysid", "armed", "mode", "battery_pct"),
+    *("t_s", "sysid", "armed", "mode", "battery_pct")
 }
 
 
