@@ -13,7 +13,7 @@ from gcs.cli.flights.live.flight_table import FlightTable
 from gcs.cli.plan_argument import Stopwatch, verdict_word
 from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError, counted
-from gcs.flight.lateness import skew_s
+from gcs.flight.monitor import skew_s
 from gcs.flight.progress import InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import TELEMETRY, limit_text, planned_text, short_limit
 from gcs.flight.run import FlightRun, Flown, fly_run

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from rich.table import Table
 
+    from gcs.flight.assessment.comparison import LandingError
     from gcs.flight.assessment.judge import Truth
-    from gcs.flight.assessment.landing_errors import LandingError
     from gcs.flight.assessment.route_passing import Track
     from gcs.plan.trajectory.plan import Plan
 
@@ -32,11 +32,10 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     from rich.table import Table
 
     from gcs.errors import FileFormatError
-    from gcs.flight.assessment.comparison import compare
+    from gcs.flight.assessment.comparison import compare, landing_errors
     from gcs.flight.assessment.judge import load_truth
-    from gcs.flight.assessment.landing_errors import landing_errors
     from gcs.flight.assessment.route_passing import points_passed
-    from gcs.flight.lateness import skew_s
+    from gcs.flight.monitor import skew_s
     from gcs.flight.recording.flight_folder import EVENTS, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record

@@ -87,7 +87,7 @@ def show(
     if coverage is not None:
         if plan is None:
             raise UsageError("--coverage needs a plan.", hint=f"plan it first: gcs plan {mission}")
-        from gcs.flight.assessment.surveys.coverage_plot import save_coverage
+        from gcs.flight.assessment.coverage_plot import save_coverage
 
         save_coverage(plan, coverage)
         screen.say(f"coverage: {coverage}")
