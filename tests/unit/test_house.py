@@ -77,7 +77,6 @@ SAME_SENSE = {
     "params.py": "the same table for each autopilot",
     "export.py": "the command calls the function",
     "plan.py": "the command makes the value",
-    "verify.py": "the command calls the function",
 }
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.completions import one_of
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
@@ -21,6 +20,7 @@ from gcs.cli.shared_options import (
     TransferOption,
     UnverifiedOption,
     connection,
+    one_of,
     unknown_choice,
     watchers,
     within,

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from gcs.cli.console import Screen
-from gcs.cli.route_table import flown_table
+from gcs.cli.planning.plan_tables import flown_table
 from gcs.cli.shared_options import DebugOption, FlightArgument, JsonOption
 
 if TYPE_CHECKING:

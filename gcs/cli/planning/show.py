@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.planning.pads_table import pads_of, refuse_no_csv, say_pads, say_rest, shown, write_pads
-from gcs.cli.planning.surveys.coverage_table import say_coverage
-from gcs.cli.route_table import route_data, route_table
+from gcs.cli.planning.plan_tables import (
+    pads_of,
+    refuse_no_csv,
+    route_data,
+    route_table,
+    say_coverage,
+    say_pads,
+    say_rest,
+    shown,
+    write_pads,
+)
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 from gcs.errors import UsageError
 
