@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.judge import Verdict as Verdict
     from gcs.flight.assessment.judge import load_truth as load_truth
     from gcs.flight.progress import Watcher as Watcher
-    from gcs.flight.recording.named_record import FlightReports as FlightReports
-    from gcs.flight.recording.named_record import load_record as load_record
+    from gcs.flight.recording.record_table import FlightReports as FlightReports
+    from gcs.flight.recording.record_table import load_record as load_record
     from gcs.flight.run import Emulated as Emulated
     from gcs.flight.run import Flown as Flown
     from gcs.flight.run import fly as fly
@@ -47,7 +47,7 @@ _HOME = {
     "Connection": "gcs.link.connection",
     "CostTerm": "gcs.plan.cost_terms",
     "Emulated": "gcs.flight.run",
-    "FlightReports": "gcs.flight.recording.named_record",
+    "FlightReports": "gcs.flight.recording.record_table",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
     "NamedStates": "gcs.physics.named_states",
@@ -64,7 +64,7 @@ _HOME = {
     "export": "gcs.mission.export.export",
     "fly": "gcs.flight.run",
     "load_plan": "gcs.plan.trajectory.plan_file",
-    "load_record": "gcs.flight.recording.named_record",
+    "load_record": "gcs.flight.recording.record_table",
     "load_scenario": "gcs.scenario.load",
     "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",

@@ -1,14 +1,16 @@
 """The `gcs` command: its list of commands, its exit codes, and how an error is printed.
 
-A command is a function in a file of its own; its docstring is its help. Its folder is its panel in `gcs --help`.
+A command is a function; its docstring is its help. Its folder is its panel in `gcs --help`.
 Heavy imports stand inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test
 holds this). A traceback is printed with `--debug` only.
 """
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
+import re
 import signal
 import sys
 import traceback
@@ -23,21 +25,17 @@ from gcs.cli.flights.attach import attach
 from gcs.cli.flights.fly import fly
 from gcs.cli.flights.replay import replay
 from gcs.cli.flights.report import report
-from gcs.cli.flights.tell import tell
-from gcs.cli.flights.vehicles import vehicles
+from gcs.cli.flights.vehicles import tell, vehicles
 from gcs.cli.missions.check import check
 from gcs.cli.missions.download import diff, download
 from gcs.cli.missions.export import export
 from gcs.cli.missions.upload import restore, upload
 from gcs.cli.outlet import install
-from gcs.cli.planning.new import new
-from gcs.cli.planning.places_given import PlaceCommand
-from gcs.cli.planning.plan import plan
+from gcs.cli.planning.new import new, schema
+from gcs.cli.planning.new_options import PlaceCommand
+from gcs.cli.planning.plan import plan, verify
 from gcs.cli.planning.replan import replan
-from gcs.cli.planning.schema import schema
 from gcs.cli.planning.show import show
-from gcs.cli.planning.verify import verify
-from gcs.cli.usage_slips import usage
 from gcs.errors import FileFormatError, GcsError, UsageError
 
 NAME, COMPLETING = "gcs", "_GCS_COMPLETE"
@@ -82,27 +80,15 @@ app = typer.Typer(
     rich_markup_mode="markdown",  # typer's default takes `[judge]` for markup, and leaves it out
 )
 for _command in (
-    new,
-    show,
-    plan,
-    replan,
-    verify,
-    schema,
-    export,
-    check,
-    upload,
-    download,
-    diff,
-    restore,
-    fly,
-    attach,
-    report,
-    replay,
-    vehicles,
-    tell,
+    *(new, show, plan, replan, verify, schema),
+    *(export, check, upload, download, diff, restore),
+    *(fly, attach, report, replay, vehicles, tell),
 ):
     _class = PlaceCommand if _command is new else None
     app.command(rich_help_panel=PANELS[_command.__module__.split(".")[2]], cls=_class)(_command)
+_COMMAND = re.compile(r"No such command '([^']*)'\.")
+_NUMBER = re.compile(r"Input should be a valid (number|integer)")
+_TOO_MANY = re.compile(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)")
 
 
 def _print_version(wanted: bool) -> None:
@@ -220,3 +206,36 @@ def _say_bug(screen: Screen, error: Exception) -> None:
 def _trace(wanted: bool) -> None:
     if wanted:
         traceback.print_exc()
+
+
+def usage(error: typer.TyperException) -> tuple[str, str]:
+    """The sentence of a mistyped command line, and the next step."""
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context else "gcs"
+    see, text = f"see `{path} --help`", error.format_message()
+    option, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
+    if option is not None and near is not None:
+        return f"{path} has no option {option}", f"write {best_of(option, near)}" if near else see
+    if option is not None and not near:
+        return text, see
+    if (found := _COMMAND.match(text)) and context is not None:
+        close = difflib.get_close_matches(found[1], getattr(context.command, "commands", {}), n=1)
+        return f"gcs has no command {found[1]}", f"write gcs {close[0]}" if close else see
+    if found := _TOO_MANY.match(text):
+        return f"{path} takes no more arguments; there is also {found[1]}", see
+    if found := _NUMBER.search(text):
+        kind = "number" if found[1] == "number" else "whole number"
+        name = _named(error)
+        return f"{name}: must be a {kind}, without a unit, and with a decimal point", f"write for example {name} 5"
+    return text, see
+
+
+def best_of(name: str, known: list[str]) -> str:
+    """The known name that is the most similar."""
+    return max(known, key=lambda one: difflib.SequenceMatcher(None, name, one).ratio())
+
+
+def _named(error: typer.TyperException) -> str:
+    param = getattr(error, "param", None)
+    names = [*getattr(param, "opts", ())]
+    return str(max(names, key=len, default="the value"))

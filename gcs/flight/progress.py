@@ -1,12 +1,19 @@
-"""Types that report a flight's progress: steps, times, snapshots, events, and the watcher that receives them."""
+"""What reports a flight: steps, times, snapshots, events, the watcher that receives them, and the hooks it calls."""
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Awaitable, Callable, Collection, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
+
+from gcs.link.routing.strangers import LinkNotice
+
+P = ParamSpec("P")
+_RULE = "Only the vehicles of the plan are listened to, each at its own address"
 
 
 class Step(StrEnum):
@@ -160,3 +167,55 @@ class Watcher:
 
     async def follow(self, flight: InFlight) -> None:
         """Run beside the flight until cancelled; `flight.snapshot()` returns how it stands."""
+
+
+def _log(text: str) -> None:
+    logging.getLogger(__name__).error(text)
+
+
+def spared(call: Callable[P, object], what: str, say: Callable[[str], None] = _log) -> Callable[P, None]:
+    """Return `call` without its failures: a screen that fails does not reach the flight. `say` gets the first."""
+    told = False
+
+    def spare(*arguments: P.args, **named: P.kwargs) -> None:
+        nonlocal told
+        try:
+            call(*arguments, **named)
+        except Exception as failure:
+            if told:
+                return
+            told = True
+            with suppress(Exception):
+                say(f"{what} failed, the flight goes on without it: {type(failure).__name__}: {failure}")
+
+    return spare
+
+
+def _ignore(*_: object) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class FlightHooks:
+    """What is called during a flight. `on_ready` may raise to stop it before the upload."""
+
+    on_event: Callable[[Event], None] = _ignore
+    on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
+    on_ready: Callable[[], Awaitable[None]] | None = None
+
+    def spared(self) -> FlightHooks:
+        """Return the same hooks, without the failures of those that only report."""
+        return replace(
+            self, on_event=spared(self.on_event, "the report of events"), on_step=spared(self.on_step, "that of steps")
+        )
+
+
+def notice_event(
+    notice: LinkNotice, systems: Mapping[int, int], unix_s: float | None, t0_unix_s: float | None
+) -> Event:
+    """Return the event of a notice. `systems` are the MAVLink systems of vehicles that differ from their numbers."""
+    vehicle_of = {system: sysid for sysid, system in systems.items()}
+    now_s = math.nan if unix_s is None else unix_s
+    t_s = math.nan if t0_unix_s is None else now_s - t0_unix_s
+    sysid = vehicle_of.get(notice.system, notice.system) if notice.system else OURSELVES
+    return Event(now_s, t_s, sysid, notice.text, _RULE)

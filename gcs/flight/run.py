@@ -17,30 +17,19 @@ import numpy as np
 from gcs.aio import Stoppable, insisted
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
-from gcs.flight.hooks import FlightHooks, spared
-from gcs.flight.lateness import skew_s
-from gcs.flight.link_notices import notice_event
-from gcs.flight.monitor import Monitor
+from gcs.flight.monitor import Monitor, skew_s
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightTimes, NearestPair, Step, Watcher
-from gcs.flight.recording.flight_folder import (
-    PLAN,
-    SCENARIO,
-    TELEMETRY,
-    nearest_data,
-    new_folder,
-    report_data,
-)
+from gcs.flight.progress import Event, FlightHooks, FlightTimes, NearestPair, Step, Watcher, notice_event, spared
+from gcs.flight.recording.flight_folder import PLAN, SCENARIO, TELEMETRY, nearest_data, new_folder, report_data
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.recording.writing.flight_report import emulation_data, repeat_command, write_report
-from gcs.flight.recording.writing.record_gaps import RecordGaps
-from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.writing.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_no_hour, refuse_other_autopilots
-from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
+from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
 from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection

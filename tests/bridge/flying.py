@@ -15,10 +15,9 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.flight.hooks import FlightHooks
 from gcs.flight.offboard import streamer
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightTimes, Step
+from gcs.flight.progress import Event, FlightHooks, FlightTimes, Step
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import build_loads, missions_only

@@ -14,11 +14,10 @@ import pytest
 from gcs.aio import Stoppable, Stopped
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.flight.hooks import FlightHooks
 from gcs.flight.offboard import streamer
 from gcs.flight.options import FlightOptions
 from gcs.flight.orders.fleet_landing import HANDED_OVER
-from gcs.flight.progress import Event, Step
+from gcs.flight.progress import Event, FlightHooks, Step
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.session.linked_fleet import LinkedFleet

@@ -45,8 +45,7 @@ SANS_IO = (
     "gcs/flight/contingency/policy.py",
     "gcs/flight/contingency/policy_rows.py",
     "gcs/flight/energy",
-    "gcs/flight/offboard/deadlines.py",
-    "gcs/flight/offboard/deviation.py",
+    "gcs/flight/offboard/setpoint_messages.py",
     "gcs/flight/offboard/leader_follower.py",
     "gcs/flight/offboard/reference_trajectory.py",
     "gcs/link/ftp",
@@ -78,7 +77,6 @@ SAME_SENSE = {
     "params.py": "the same table for each autopilot",
     "export.py": "the command calls the function",
     "plan.py": "the command makes the value",
-    "verify.py": "the command calls the function",
 }
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from gcs.flight.assessment.flight_plot import draw_map
-from gcs.flight.assessment.pictures.formation_view import draw_formation
+from gcs.flight.assessment.flight_plot import draw_formation, draw_map
 from gcs.flight.assessment.pictures.tracks_view import draw_tracks
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario

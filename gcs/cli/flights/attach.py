@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.completions import flights
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import AlsoToOption, DebugOption, JsonOption, KeyOption, LinkOption, watchers
+from gcs.cli.shared_options import AlsoToOption, DebugOption, JsonOption, KeyOption, LinkOption, flights, watchers
 from gcs.errors import UsageError
 
 

@@ -18,10 +18,8 @@ from gcs.aio import Stoppable, each, until
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
 from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
-from gcs.flight.hooks import FlightHooks, spared
-from gcs.flight.link_notices import notice_event
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, Step
+from gcs.flight.progress import Event, FlightHooks, Step, notice_event, spared
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.sequence.flight import FlightSequence
@@ -154,7 +152,7 @@ async def _take_up(
             record.write_state(
                 replace(
                     book, links=known.links, step=step.value, t0_unix_s=t0_unix_s or book.t0_unix_s, pid=os.getpid()
-                ),
+                )
             )
 
         hooks = FlightHooks(tell, log_step)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.completions import one_of
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
@@ -21,6 +20,7 @@ from gcs.cli.shared_options import (
     TransferOption,
     UnverifiedOption,
     connection,
+    one_of,
     unknown_choice,
     watchers,
     within,
@@ -43,8 +43,7 @@ def fly(
     signing_key_file: KeyOption = None,
     transfer: TransferOption = "auto",
     missions_only: Annotated[
-        bool,
-        typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters."),
+        bool, typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters.")
     ] = False,
     mode: Annotated[
         str,

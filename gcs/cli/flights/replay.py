@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.cli.completions import recordings
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.shared_options import DebugOption, JsonOption, recordings
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,10 +22,7 @@ def replay(
     flight: Annotated[
         Path,
         typer.Argument(
-            metavar="FLIGHT",
-            help="Folder of a flight, or any .tlog.",
-            show_default=False,
-            autocompletion=recordings,
+            metavar="FLIGHT", help="Folder of a flight, or any .tlog.", show_default=False, autocompletion=recordings
         ),
     ],
     speed: Annotated[

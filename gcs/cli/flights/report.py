@@ -6,24 +6,20 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from gcs.cli.console import Screen
-from gcs.cli.route_table import flown_table
+from gcs.cli.planning.plan_tables import flown_table
 from gcs.cli.shared_options import DebugOption, FlightArgument, JsonOption
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from rich.table import Table
 
+    from gcs.flight.assessment.comparison import LandingError
     from gcs.flight.assessment.judge import Truth
-    from gcs.flight.assessment.landing_errors import LandingError
     from gcs.flight.assessment.route_passing import Track
     from gcs.plan.trajectory.plan import Plan
 
 
-def report(
-    folder: FlightArgument,
-    json: JsonOption = False,
-    debug: DebugOption = False,
-) -> int:
+def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
     """Compare the planned, the reported and, for emulated vehicles, the true positions of a flight.
 
     It writes record.parquet into the folder: every reported position beside the planned one. It also takes flights
@@ -36,11 +32,10 @@ def report(
     from rich.table import Table
 
     from gcs.errors import FileFormatError
-    from gcs.flight.assessment.comparison import compare
+    from gcs.flight.assessment.comparison import compare, landing_errors
     from gcs.flight.assessment.judge import load_truth
-    from gcs.flight.assessment.landing_errors import landing_errors
     from gcs.flight.assessment.route_passing import points_passed
-    from gcs.flight.lateness import skew_s
+    from gcs.flight.monitor import skew_s
     from gcs.flight.recording.flight_folder import EVENTS, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from gcs.cli.completions import missions, one_of
 from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
-from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
+from gcs.cli.shared_options import DebugOption, JsonOption, missions, one_of, unknown_choice, within
 from gcs.mission.formats.registry import Content, suffixes_of
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from gcs.cli.shared_options import (
     JsonOption,
     KeyOption,
     LinkOption,
+    ListenOption,
     MapOption,
     MissionArgument,
     UntimedOption,
@@ -39,9 +40,7 @@ def download(
         Path, typer.Option("--to", metavar="DIR", help="Folder to write. An older one is replaced as a whole.")
     ],
     link: LinkOption = None,
-    listen: Annotated[
-        float, typer.Option("--listen", metavar="SECONDS", help="Time to listen for vehicles first.")
-    ] = 3.0,
+    listen: ListenOption = 3.0,
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     json: JsonOption = False,

@@ -11,7 +11,6 @@ import typer
 from rich.table import Table
 
 from gcs.autopilots.traits import Autopilot, titles
-from gcs.cli.completions import one_of
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
@@ -20,6 +19,7 @@ from gcs.cli.shared_options import (
     MissionArgument,
     UntimedOption,
     UnverifiedOption,
+    one_of,
     unknown_choice,
     within,
 )

@@ -1,17 +1,16 @@
-"""`gcs new`: write a first scenario, which plans as it is."""
+"""`gcs new`: write a first scenario, which plans as it is. `gcs schema`: the JSON Schema of scenario files."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from gcs.cli.completions import one_of
 from gcs.cli.console import Screen
-from gcs.cli.planning.places_given import COURSES, parse_course, parse_place
-from gcs.cli.planning.surveys.survey_options import SurveyOptions, check_survey
-from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
+from gcs.cli.planning.new_options import COURSES, SurveyOptions, check_survey, parse_course, parse_place
+from gcs.cli.shared_options import DebugOption, JsonOption, one_of, unknown_choice, within
 from gcs.errors import UsageError
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
@@ -222,13 +221,13 @@ def new(
     wanted = {key: value for key, value in given.items() if value is not None}
     flight: Flight | None = FirstFlight(**wanted) if wanted else None
     if positions is not None:
-        from gcs.cli.planning.sources.new_from_sheets import flight_of_sheets
+        from gcs.cli.planning.new_flights import flight_of_sheets
 
         origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
         flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
     if route is not None:
-        from gcs.cli.planning.sources.new_from_drawing import text_of_drawing
+        from gcs.cli.planning.new_flights import text_of_drawing
 
         text, left_out = text_of_drawing(folder, route, wanted, None if at is None else parse_place(at), screen)
         atomic_write(file, text)
@@ -238,7 +237,7 @@ def new(
         return
     if survey is not None:
         origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
-        from gcs.cli.planning.surveys.new_survey import flight_of_survey
+        from gcs.cli.planning.new_flights import flight_of_survey
 
         flight, place = flight_of_survey(survey, surveyed, origin, count, height, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
@@ -270,3 +269,13 @@ def _check(
     ):
         if value is not None:
             within(option, value, least, most, unit)
+
+
+def schema(debug: DebugOption = False) -> None:
+    """Print the JSON Schema of scenario.toml, for editors that complete TOML.
+
+    Example: gcs schema > scenario.schema.json
+    """
+    from gcs.scenario.schema.json_schema import scenario_schema
+
+    print(json.dumps(scenario_schema(), indent=2))

@@ -1,4 +1,4 @@
-"""`gcs plan`: plan a mission, verify the plan and write it."""
+"""`gcs plan`: plan a mission, verify the plan and write it. `gcs verify`: verify it again, from its polynomials."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.route_table import route_data, route_table
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
+from gcs.cli.planning.plan_tables import route_data, route_table
+from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument
 
 if TYPE_CHECKING:
     from gcs.plan.formation.changes.timeline import Move
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
+
 _BAR = 20  # characters
 
 
@@ -46,7 +47,7 @@ def plan(
     """
     screen = Screen(json=json)
     from gcs.cli.plan_argument import Stopwatch, plan_for, plan_path
-    from gcs.cli.planning.surveys.coverage_table import say_coverage
+    from gcs.cli.planning.plan_tables import say_coverage
     from gcs.plan.trajectory.greatest_motion import greatest_motion
     from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
     from gcs.plan.verification.verify import refusal
@@ -234,3 +235,57 @@ def _show_alternatives(screen: Screen, made: Plan) -> None:
         cost = "–" if route.objective is None else f"{route.objective:.4f}"
         table.add_row(str(number), f"{route.length_m:.0f} m", cost, route.verdict)
     screen.show(table)
+
+
+def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
+    """Prove a plan again and list the least margin of every criterion.
+
+    Exit status 0 when the plan is verified, 5 when it failed verification.
+
+    Example: gcs verify plans/simulation1.skein
+    """
+    screen = Screen(json=json)
+    from rich.table import Table
+
+    from gcs.plan.trajectory.plan_file import load_plan
+    from gcs.plan.verification.verify import refusal
+
+    loaded, report = load_plan(plan, screen.warn)
+    shown: set[str] = set()
+    table = Table("criterion", "margin", "limit", "verdict", "least at")
+    for check in sorted(report.checks, key=lambda c: c.worst):
+        if check.name in shown and check.ok:
+            continue
+        shown.add(check.name)
+        when = "" if check.t_s is None else f" {check.t_s:.2f} s"
+        vehicle = "" if check.sysid is None else f", {check.sysid}"
+        # Where the limit is violated, the violation that was found says more than the bound.
+        proved = check.proved is not None and check.verdict != "violated"
+        bound = check.proved if proved and check.proved is not None else check.worst
+        margin = f"{'≥ ' if proved else ''}{_zeroed(bound):.3g} {check.unit}"
+        limit = f"≥ {-check.tolerance:g}" if check.tolerance else "≥ 0"
+        verdict = check.verdict if check.ok else check.verdict.upper()
+        table.add_row(check.name, margin, limit, verdict, f"{check.phase}{when}{vehicle}")
+    screen.show(table)
+    warn_of_position_errors(screen, loaded, report)
+    screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed")
+    if report.sampled:
+        screen.say(f"sampled, not proved between instants: {', '.join(report.sampled)}")
+    screen.result(
+        {
+            "ok": report.ok,
+            "failures": [str(c) for c in report.failures],
+            "checks": len(report.checks),
+            "sampled": list(report.sampled),
+        }
+    )
+    if report.ok:
+        return 0
+    if json:
+        return refusal(report).exit_code
+    raise refusal(report)
+
+
+def _zeroed(margin: float) -> float:
+    """The margin without a sign of rounding alone."""
+    return margin if abs(margin) > 1e-9 else 0.0

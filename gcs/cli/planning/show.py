@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.planning.pads_table import pads_of, refuse_no_csv, say_pads, say_rest, shown, write_pads
-from gcs.cli.planning.surveys.coverage_table import say_coverage
-from gcs.cli.route_table import route_data, route_table
+from gcs.cli.planning.plan_tables import (
+    pads_of,
+    refuse_no_csv,
+    route_data,
+    route_table,
+    say_coverage,
+    say_pads,
+    say_rest,
+    shown,
+    write_pads,
+)
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 from gcs.errors import UsageError
 
@@ -33,8 +41,7 @@ def show(
         ),
     ] = None,
     pads: Annotated[
-        Path | None,
-        typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew."),
+        Path | None, typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew.")
     ] = None,
     coverage: Annotated[
         Path | None,
@@ -88,7 +95,7 @@ def show(
     if coverage is not None:
         if plan is None:
             raise UsageError("--coverage needs a plan.", hint=f"plan it first: gcs plan {mission}")
-        from gcs.flight.assessment.surveys.coverage_plot import save_coverage
+        from gcs.flight.assessment.coverage_plot import save_coverage
 
         save_coverage(plan, coverage)
         screen.say(f"coverage: {coverage}")

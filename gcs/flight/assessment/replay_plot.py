@@ -10,9 +10,8 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from gcs.flight.assessment.pictures.curves import draw_separation, draw_speeds, draw_zone_margin
-from gcs.flight.assessment.pictures.figure_file import colours, head_figure, save, settle
+from gcs.flight.assessment.pictures.figure_file import Labels, colours, head_figure, save, settle
 from gcs.flight.assessment.pictures.flight_map import PLANNED, FlightMap
-from gcs.flight.assessment.pictures.label_places import Labels
 from gcs.flight.assessment.pictures.map_layers import map_size_in
 from gcs.flight.progress import Event
 from gcs.flight.recording.recording import Recording

@@ -29,8 +29,7 @@ from gcs.flight.contingency.policy import (
     State,
 )
 from gcs.flight.contingency.standstill.standstill import Standstill
-from gcs.flight.energy.charge_watch import ChargeWatch
-from gcs.flight.energy.energy_choice import EnergyAdviser, EnergyChoice, SafePoint
+from gcs.flight.energy.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions

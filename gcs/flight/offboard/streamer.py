@@ -12,10 +12,9 @@ import numpy as np
 from gcs.aio import each, sleep_sharply
 from gcs.flight.contingency.manoeuvres import MotionReference, RejoinReference
 from gcs.flight.monitor import VehicleView
-from gcs.flight.offboard.deadlines import Grid, Scheduler
 from gcs.flight.offboard.leader_follower import FollowerState, FollowReference, FormationFollowing
 from gcs.flight.offboard.reference_trajectory import PlanReference, ReferenceTrajectory
-from gcs.flight.offboard.setpoint_messages import Streamed, numbered_message, send_due, wait_s
+from gcs.flight.offboard.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode

@@ -1,4 +1,7 @@
-"""The one place where a flight ends early: whatever ended it, the vehicles in the air are ordered to land."""
+"""The one place where a flight ends early: whatever ended it, the vehicles in the air are ordered to land.
+
+It watches the links beside the flight, which ends when vehicles are silent for too long, and reports own standstills.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,17 @@ import asyncio
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, TypeVar
 
-from gcs.aio import ended, insisted
-from gcs.errors import GcsError, ProtocolMisuse
+from gcs.aio import LOOK_S, ended, insisted
+from gcs.errors import FlightError, GcsError, ProtocolMisuse
 from gcs.flight.orders.fleet_landing import FleetLanding
-from gcs.flight.progress import Step
-from gcs.flight.sequence.link_watch import watch_links
+from gcs.flight.progress import OURSELVES, Step
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.steady_loop import stalls_of
 
 T = TypeVar("T")
 _ATTEMPTS = 5  # to land, each interrupted by a failure of its own
 _PAUSE_S = 1.0
+STOOD_RULE = "It was stopped, suspended or too busy; nothing counts as silence of vehicles for it"
 
 
 class FlightGuard:
@@ -85,3 +89,34 @@ class FlightGuard:
 def _is_cancelled() -> bool:
     task = asyncio.current_task()
     return task is not None and task.cancelling() > 0
+
+
+async def watch_links(
+    sessions: Mapping[int, VehicleSession],
+    step: Callable[[], Step],
+    lost_after_s: float,
+    tell: Callable[[int, str, str], None],
+) -> None:
+    """Raises FlightError as soon as a vehicle has been silent for too long; in flight, as soon as all have.
+
+    `tell` gets each standstill of this program once. In one no vehicle becomes silent: the loop's clock stands too.
+    """
+    stalls = stalls_of(asyncio.get_running_loop())
+    told = stalls.count
+    while True:
+        await asyncio.sleep(LOOK_S)
+        if stalls.count > told:
+            told = stalls.count
+            tell(OURSELVES, f"stood still for {stalls.last_s:.1f} s", STOOD_RULE)
+        silent = {s.sysid: s.silent_s() for s in sessions.values()}
+        lost = [sysid for sysid, silent_s in silent.items() if silent_s > lost_after_s]
+        if step() in (Step.FLY, Step.LAND) and len(lost) < len(silent):
+            continue  # the contingency policy handles this
+        if lost:
+            lost_words = f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
+            raise FlightError(
+                f"{lost_words} lost ({step().value}): no message for {silent[lost[0]]:.1f} s.",
+                hint="check it and its link"
+                if step() in (Step.READY, Step.UPLOAD)
+                else "the others were ordered to land; search for it at its last reported position",
+            )

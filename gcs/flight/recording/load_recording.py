@@ -16,10 +16,8 @@ from gcs.flight.recording.flight_folder import EVENTS, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
-from gcs.flight.recording.landing_parameters import reported_profiles
-from gcs.flight.recording.named_record import read_record
 from gcs.flight.recording.record_table import NAME as RECORD
-from gcs.flight.recording.record_table import build_record, telemetry_logs
+from gcs.flight.recording.record_table import build_record, read_record, reported_profiles, telemetry_logs
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.link.wire.message import GROUND, Message

@@ -32,11 +32,7 @@ class CommonStart:
     """The start of one flight. `loads` and `held` are those of the last verified start, `unix_s` is that start."""
 
     def __init__(
-        self,
-        sessions: Mapping[int, ItemChanger],
-        time: FleetTime,
-        loads: Sequence[VehicleLoad],
-        ahead_s: float,
+        self, sessions: Mapping[int, ItemChanger], time: FleetTime, loads: Sequence[VehicleLoad], ahead_s: float
     ) -> None:
         """Choose the provisional start, `ahead_s` from now."""
         self._sessions = sessions

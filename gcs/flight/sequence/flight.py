@@ -14,18 +14,16 @@ from typing import Any, TypeVar
 from gcs.aio import alongside, each, ended
 from gcs.autopilots.traits import Autopilot, autopilot_name, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
-from gcs.flight.completion import Completion
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
 from gcs.flight.expected_motion import landing_profiles
-from gcs.flight.hooks import FlightHooks
-from gcs.flight.monitor import Monitor
+from gcs.flight.monitor import Completion, Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.orders.fleet_landing import FleetLanding
 from gcs.flight.orders.flight_guard import FlightGuard
 from gcs.flight.orders.order_book import StandingOrder
-from gcs.flight.progress import Event, FlightTimes, Snapshot, Step, VehicleNow
+from gcs.flight.progress import Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.sequence.common_start import CommonStart
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.reported_now import ReportedNow

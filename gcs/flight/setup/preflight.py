@@ -9,26 +9,36 @@ own duration of that, times `effort` for climbs and wind. `reserve` is left at t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import asyncio
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from gcs.flight.clocks.fleet_clock import AGREE_S
-from gcs.flight.setup.battery_capacity import capacity_required, compare_capacity
-from gcs.flight.setup.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck
+from gcs.autopilots.traits import link_behaviour
+from gcs.errors import GcsError, PeerError, counted
+from gcs.flight.sequence.fleet_time import AGREE_S, differences_s
+from gcs.flight.setup.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
 from gcs.frames import geodetic_to_ned
-from gcs.link.session.status_report import VehicleReport
+from gcs.link.fleet_upload.upload_fleet import ParameterChange, restore
+from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.status_report import VehicleReport, status_report
+from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.preflight_table import PreflightTable
+from gcs.scenario.schema.scenario import Power
 from gcs.scenario.si import local_origin
+from gcs.steady_loop import host_s
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with and without an RTK fix: nearer to another pad by more than this
+_CELL_V = 3.7  # nominal, lithium polymer
+_CHARGED_CELL_V = 4.35  # no cell has more
 
 
 @dataclass(frozen=True)
@@ -204,13 +214,105 @@ def _battery_required(plan: Plan, limits: PreflightTable) -> str:
 
 def _capacity(now: _Situation) -> _Measured:
     """A vehicle computes its charge from its own capacity, so a wrong one makes every limit of charge wrong."""
-    found = compare_capacity(now.report, now.plan.scenario.vehicle.power, now.limits.capacity_tolerance)
-    return _Measured(found.text, ok=True, warning=found.warning)
+    return compare_capacity(now.report, now.plan.scenario.vehicle.power, now.limits.capacity_tolerance)
 
 
 def _messages(now: _Situation) -> _Measured:
     texts = now.report.critical_texts
     return _Measured("; ".join(texts) or "none", not texts)
+
+
+def nominal_V(power: Power, reported_V: float | None) -> float | None:
+    """Return the nominal voltage of a battery: its own, else 3.7 V for each cell of a charged one that reports."""
+    if power.battery_V is not None:
+        return power.battery_V
+    if reported_V is None or not reported_V > 0.0:
+        return None
+    return _CELL_V * math.ceil(reported_V / _CHARGED_CELL_V)
+
+
+def compare_capacity(report: VehicleReport, power: Power | None, tolerance: float) -> _Measured:
+    """Compare the capacity that a vehicle is set to with that of `[vehicle.power]`, where both are known."""
+    name, own_mAh = report.capacity_parameter, report.capacity_mAh
+    if name is None or own_mAh is None:
+        return _Measured("not reported", ok=True)
+    if not own_mAh > 0.0:
+        return _Measured(f"not set on board ({name} is {own_mAh:g})", ok=True)
+    volt = None if power is None else nominal_V(power, report.battery_V)
+    own = _Measured(f"{own_mAh:.0f} mAh", ok=True)
+    if power is None or volt is None:
+        return own
+    planned_mAh = 1000.0 * power.battery_Wh / volt
+    if abs(own_mAh - planned_mAh) <= tolerance * planned_mAh:
+        return own
+    known = f"{planned_mAh:.0f} mAh ({power.battery_Wh:g} Wh at {volt:g} V)"
+    warning = (
+        f"{name} is {own_mAh:.0f} mAh, [vehicle.power] has {known}: its charge in percent is not that of the plan. "
+        "Set both to the battery that flies"
+    )
+    return own._replace(warning=warning)
+
+
+def capacity_required(plan: Plan, limits: PreflightTable) -> str:
+    """Return the capacity of the scenario, as far as it is known without a vehicle."""
+    power = plan.scenario.vehicle.power
+    if power is None:
+        return "any: no [vehicle.power]"
+    if power.battery_V is None:
+        return f"{power.battery_Wh:g} Wh"
+    return f"{1000.0 * power.battery_Wh / power.battery_V:.0f} mAh ± {limits.capacity_tolerance:.0%}"
+
+
+async def go_or_no_go(
+    fleet: LinkedFleet,
+    sessions: Mapping[int, VehicleSession],
+    plan: Plan,
+    limits: PreflightTable,
+    show: Callable[[tuple[PreflightCheck, ...]], None],
+    waived: Collection[str] = (),
+) -> tuple[PreflightCheck, ...]:
+    """Return the checks of all vehicles, after `show`; failed ones named in `waived` do not stop the flight.
+
+    Raises `FlightError` for a no-go, `DuplicateSystemId`.
+    """
+    requests = ((sysid, preflight_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
+    sysids, surveys = zip(*requests, strict=True)
+    reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
+    fleet.check()
+    clocks = {sysid: session.clock for sysid, session in sessions.items()}
+    for sysid, off_s in differences_s(clocks, host_s(asyncio.get_running_loop())).items():
+        reports[sysid] = replace(reports[sysid], gnss_off_s=off_s)
+    checks = waive(preflight(plan, reports, limits), waived)
+    show(checks)
+    refuse_no_go(checks)
+    return checks
+
+
+async def preflight_report(session: VehicleSession, where: str = "") -> VehicleReport:
+    """Return the status report of a vehicle, with the battery capacity that it is set to."""
+    name = link_behaviour(session.autopilot).capacity_parameter
+    report = await status_report(session, where)
+    if name is None:
+        return report
+    try:
+        capacity_mAh = (await session.read_parameters([name]))[name].value
+    except PeerError:
+        return replace(report, capacity_parameter=name)
+    return replace(report, capacity_parameter=name, capacity_mAh=float(capacity_mAh))
+
+
+async def restore_parameters(
+    sessions: Mapping[int, VehicleSession], changes: tuple[ParameterChange, ...], say: Callable[[str], None]
+) -> None:
+    """Restore the parameters from before the upload. A failure is reported by `say`, not raised: the flight is over."""
+    if not changes:
+        return
+    try:
+        await restore(sessions, changes)
+    except GcsError as error:
+        say(f"WARNING: not all parameters were restored: {error.message}")
+    else:
+        say(f"{counted(len(changes), 'parameter')} restored")
 
 
 _KINDS = {

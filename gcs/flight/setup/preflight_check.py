@@ -75,8 +75,7 @@ def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
         options = " ".join(f"--waive '{name}'" if " " in name else f"--waive {name}" for name in names)
         once = f" To fly once in spite of them, add {options}" if DISARMED not in names else ""  # it would not help
         raise FlightError(
-            f"no-go: {listed}{more}.",
-            hint=f"fix the failed checks, then run again; no vehicle was armed.{once}",
+            f"no-go: {listed}{more}.", hint=f"fix the failed checks, then run again; no vehicle was armed.{once}"
         )
 
 

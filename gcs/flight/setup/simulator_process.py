@@ -46,11 +46,7 @@ def refuse_wrong_options(scenario: Scenario, faults: tuple[str, ...], wind: str 
         file.write_text(scenario.model_dump_json())
         line = _command_line(SimulatorOptions(file, 1, faults=faults, wind=wind, gusts=gusts))
         done = subprocess.run(
-            [*line, "--check"],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=_START_TIMEOUT_S,
-            check=False,
+            [*line, "--check"], stdin=subprocess.DEVNULL, capture_output=True, timeout=_START_TIMEOUT_S, check=False
         )
     if done.returncode != 0:
         raise _refused(done.returncode, done.stderr.decode(errors="replace"))

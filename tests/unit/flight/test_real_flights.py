@@ -15,9 +15,8 @@ from gcs.cli.console import Screen
 from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.main import run
 from gcs.cli.plan_argument import Stopwatch
-from gcs.flight.hooks import FlightHooks
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event
+from gcs.flight.progress import Event, FlightHooks
 from gcs.flight.recording.tlog import Tlog, load_tlog
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.sequence.resume import Resume, resume_flight

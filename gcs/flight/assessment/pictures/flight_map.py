@@ -11,8 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path as Shape
 from matplotlib.transforms import Affine2D
 
-from gcs.flight.assessment.pictures.figure_file import BESIDE, NAMED, colours
-from gcs.flight.assessment.pictures.label_places import Labels
+from gcs.flight.assessment.pictures.figure_file import BESIDE, NAMED, Labels, colours
 from gcs.flight.assessment.pictures.map_layers import (
     DART,
     Area,

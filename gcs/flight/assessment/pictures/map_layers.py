@@ -11,7 +11,7 @@ from matplotlib.path import Path as Shape
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
 
-from gcs.flight.assessment.pictures.label_places import Labels
+from gcs.flight.assessment.pictures.figure_file import Labels
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_height_m

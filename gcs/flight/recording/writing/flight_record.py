@@ -1,10 +1,16 @@
-"""The record of a flight while it lasts: `telemetry.tlog`, `events.jsonl` and `flight.json` in its folder."""
+"""The record of a flight while it lasts: `telemetry.tlog`, `events.jsonl` and `flight.json` in its folder.
+
+A thread writes them, so that a disk that stands still keeps no setpoint waiting.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import os
+import queue
 import struct
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -19,16 +25,109 @@ from gcs.flight.progress import Event
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, TELEMETRY
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
-from gcs.flight.recording.writing.appended_file import AppendedFile
 from gcs.flight.recording.writing.record_gaps import RecordGaps
-from gcs.flight.recording.writing.writer_thread import WriterThread
 from gcs.link.session.linked_fleet import FrameDirection
 
+WAITING_MAX_BYTES = 16_000_000
+_CLOSE_S = 10.0
 _PIECE_BYTES = 8192
 _PIECE_S = 1.0  # no frame waits longer for others
 _LATEST_US = 2**63
 _STANDS_STILL = "the disk stands still"
 FRAMES, LINES, STEPS = "frames", "lines", "steps"
+
+
+class WriterThread:
+    """Does one piece of work after another, in order. The work must not raise."""
+
+    def __init__(self) -> None:
+        self._work: queue.SimpleQueue[tuple[Callable[[], None], int] | None] = queue.SimpleQueue()
+        self._waiting_bytes = 0
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="flight record", daemon=True)
+        self._thread.start()
+
+    def do(self, work: Callable[[], None], size_bytes: int = 0) -> bool:
+        """Queue work that writes so many bytes; return False, without it, where too much waits already."""
+        with self._lock:
+            if self._waiting_bytes + size_bytes > WAITING_MAX_BYTES:
+                return False
+            self._waiting_bytes += size_bytes
+        self._work.put((work, size_bytes))
+        return True
+
+    def close(self) -> bool:
+        """Finish what waits; return whether that was done within 10 s."""
+        self._work.put(None)
+        self._thread.join(_CLOSE_S)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while (item := self._work.get()) is not None:
+            work, size_bytes = item
+            work()
+            with self._lock:
+                self._waiting_bytes -= size_bytes
+
+
+class AppendedFile:
+    """Appends pieces, or notes in `gaps` that they are lost; every piece tries anew.
+
+    After a failure the file is cut back to its last whole piece, so that its readers meet no damage. A file that was
+    deleted is begun again.
+    """
+
+    def __init__(self, path: Path, gaps: RecordGaps, unit: str, on_deleted: Callable[[], None]) -> None:
+        self.path = path
+        self._gaps = gaps
+        self._unit = unit
+        self._on_deleted = on_deleted
+        self._handle: int | None = None
+        self._count = 0  # pieces in it
+
+    def append(self, data: bytes, count: int = 1) -> None:
+        """Append a piece that holds `count` frames or lines."""
+        try:
+            if self._handle is not None and os.fstat(self._handle).st_nlink == 0:
+                self.close()
+                self._gaps.lose(self.path.name, "it was deleted", self._count, self._unit)
+                self._count = 0
+                self._on_deleted()
+            if self._handle is None:
+                self._handle = self._open()
+            self._write(self._handle, data)
+        except OSError as problem:
+            self._gaps.lose(self.path.name, problem, count, self._unit)
+        else:
+            self._count += count
+            self._gaps.written(self.path.name)
+
+    def _open(self) -> int:
+        how = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+        try:
+            return os.open(self.path, how, 0o666)
+        except FileNotFoundError:
+            self.path.parent.mkdir(parents=True)
+            return os.open(self.path, how, 0o666)
+
+    def close(self) -> None:
+        """Close it; a disk's late complaint is dropped."""
+        if self._handle is not None:
+            with suppress(OSError):
+                os.close(self._handle)
+        self._handle = None
+
+    @staticmethod
+    def _write(handle: int, data: bytes) -> None:
+        size = os.fstat(handle).st_size
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(handle, rest) :]
+        except OSError:
+            with suppress(OSError):
+                os.ftruncate(handle, size)
+            raise
 
 
 class FlightRecord:

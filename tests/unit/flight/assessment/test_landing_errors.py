@@ -11,7 +11,7 @@ import pyarrow as pa
 import pytest
 
 from gcs.cli.main import run
-from gcs.flight.assessment.landing_errors import LandingError, landing_errors
+from gcs.flight.assessment.comparison import LandingError, landing_errors
 from gcs.plan.trajectory.plan import Plan
 from tests.real_flights import unpacked
 

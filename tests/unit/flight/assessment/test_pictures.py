@@ -13,12 +13,9 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
 
-from gcs.flight.assessment.flight_plot import draw_map
-from gcs.flight.assessment.overview_plot import draw_plan, draw_scenario
-from gcs.flight.assessment.pictures.close_ups import close_ups
-from gcs.flight.assessment.pictures.formation_view import draw_formation
-from gcs.flight.assessment.pictures.shape_panels import seen, shapes_of
-from gcs.flight.assessment.pictures.tracks_view import draw_tracks
+from gcs.flight.assessment.flight_plot import draw_formation, draw_map
+from gcs.flight.assessment.overview_plot import draw_plan, draw_scenario, seen, shapes_of
+from gcs.flight.assessment.pictures.tracks_view import close_ups, draw_tracks
 from gcs.flight.assessment.replay_plot import draw_recording
 from gcs.flight.progress import Event
 from gcs.flight.recording.recording import Recording, VehicleTrack

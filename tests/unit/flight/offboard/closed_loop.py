@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.flight.monitor import VehicleView
-from gcs.flight.offboard.deviation import SentSetpoints
-from gcs.flight.offboard.leader_follower import FollowerState, FormationFollowing
+from gcs.flight.offboard.leader_follower import FollowerState, FormationFollowing, SentSetpoints
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from gcs.flight.monitor import VehicleView
-from gcs.flight.offboard import deviation, leader_follower
-from gcs.flight.offboard.deviation import DeviationEstimate, SentSetpoints
+from gcs.flight.offboard import leader_follower
 from gcs.flight.offboard.leader_follower import (
     IGNORED_M,
     OWN_MAX_M,
+    DeviationEstimate,
     FollowerState,
     FollowReference,
     FormationFollowing,
+    SentSetpoints,
 )
 from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.mission.setpoints.setpoint_stream import build_stream
@@ -181,7 +182,7 @@ def test_recorded_vehicles_start_out_of_shape_if_the_leader_is_copied(
 ) -> None:
     """Without the followers' own errors and the correction of the rate: 2.3 m and twice the error, as was recorded."""
     monkeypatch.setattr(leader_follower, "OWN_MAX_M", 1e-9)
-    monkeypatch.setattr(deviation, "RATE_RADPS", 0.0)
+    monkeypatch.setattr(leader_follower, "RATE_RADPS", 0.0)
     flown = recorded(plan_of("field/scenario.toml"), "px4")
     assert flown.ratio() > 1.7
     assert flown.shape_m(0.0, 15.0) > 2.0

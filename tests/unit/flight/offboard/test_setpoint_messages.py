@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.offboard.deadlines import Grid, Scheduler
 from gcs.flight.offboard.reference_trajectory import PlanReference
-from gcs.flight.offboard.setpoint_messages import Streamed, due_messages, wait_s
+from gcs.flight.offboard.setpoint_messages import Grid, Scheduler, Streamed, due_messages, wait_s
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion

@@ -14,8 +14,7 @@ import pytest
 
 from gcs.aio import LOOK_S
 from gcs.errors import FlightError
-from gcs.flight.clocks.fleet_clock import AGREE_S
-from gcs.flight.sequence.fleet_time import FleetTime
+from gcs.flight.sequence.fleet_time import AGREE_S, FleetTime
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message

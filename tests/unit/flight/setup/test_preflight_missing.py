@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from gcs.cli.console import Screen, to_json
+from gcs.cli.flights.fly_view import checks_table, show_checks
 from gcs.cli.flights.vehicles import _data, _show, _tell_silent
-from gcs.cli.prompts import checks_table, show_checks
 from gcs.errors import FlightError
 from gcs.flight.setup.preflight import preflight
 from gcs.flight.setup.preflight_check import CHECKS, NOT_REPORTED, checks_data, complete, refuse_no_go, waive

@@ -11,8 +11,7 @@ from pydantic import ValidationError
 from gcs.cli.main import run
 from gcs.errors import FlightError, UsageError
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
-from gcs.flight.setup.battery_capacity import compare_capacity, nominal_V
-from gcs.flight.setup.preflight import preflight
+from gcs.flight.setup.preflight import compare_capacity, nominal_V, preflight
 from gcs.flight.setup.preflight_check import CHECKS, PreflightCheck, known_checks, refuse_no_go, waive
 from gcs.link.session.status_report import VehicleReport
 from gcs.mavlink_names import SENSORS, sensor_names

@@ -18,9 +18,9 @@ from gcs.flight.progress import Event, Step
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, TELEMETRY, new_folder, read_events
 from gcs.flight.recording.flight_state import FlightState, newest_unfinished, read_flight_state
 from gcs.flight.recording.tlog import load_tlog, read_messages
-from gcs.flight.recording.writing import writer_thread
+from gcs.flight.recording.writing import flight_record
 from gcs.flight.recording.writing.flight_record import FlightRecord
-from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.writing.record_gaps import needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
@@ -176,7 +176,7 @@ def test_a_record_without_a_folder_from_the_beginning(tmp_path: Path) -> None:
 
 
 def test_a_disk_that_stands_still_keeps_no_frame_waiting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writer_thread, "WAITING_MAX_BYTES", 50_000)
+    monkeypatch.setattr(flight_record, "WAITING_MAX_BYTES", 50_000)
     told: list[str] = []
     goes_on = threading.Event()
     with FlightRecord(tmp_path, told.append, lambda: None) as record:

@@ -9,7 +9,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 from gcs.errors import UsageError
-from gcs.flight.assessment.surveys.coverage_plot import draw_coverage, save_coverage
+from gcs.flight.assessment.coverage_plot import draw_coverage, save_coverage
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.survey.coverage import coverage
 from gcs.scenario.schema.scenario import SurveyTable

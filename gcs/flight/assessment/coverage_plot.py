@@ -14,9 +14,8 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from gcs.errors import UsageError
-from gcs.flight.assessment.pictures.figure_file import BESIDE, colours, head, save, settle
+from gcs.flight.assessment.pictures.figure_file import BESIDE, Labels, colours, head, save, settle
 from gcs.flight.assessment.pictures.flight_map import vehicle_entries
-from gcs.flight.assessment.pictures.label_places import Labels
 from gcs.flight.assessment.pictures.map_layers import (
     BESIDE_IN,
     area_of,

@@ -10,7 +10,7 @@ import pytest
 from gcs.cli import main
 from gcs.scenario.load import load_scenario
 
-DRAWN = Path(__file__).parents[3] / "mission" / "drawings" / "files"
+DRAWN = Path(__file__).parents[2] / "mission" / "drawings" / "files"
 
 
 @pytest.fixture(autouse=True)

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from gcs.cli.console import Screen
-from gcs.cli.planning.surveys.coverage_table import say_coverage
+from gcs.cli.planning.plan_tables import say_coverage
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.survey import coverage as room
 from gcs.plan.verification.survey.coverage import coverage

@@ -20,10 +20,20 @@ _WIDE = 120  # columns from which the longer headings fit
 _WIDEST = 160  # columns from which fence and ceiling have their own; else the nearest of all vehicles has a line
 _BAR = (5, 30)  # least and most characters
 _HEADINGS = 2  # lines above the rows
-_KEPT = 12  # redraws for which a choice stands, so that it can be read
 _SPARE = 1  # the line of the cursor
 _SILENT_S = 2.0
 _BAD = "bold red"
+_KEPT = 12  # redraws for which a choice stands, so that it can be read
+# The least is the worst; what is not known comes last.
+_WORST_BY: tuple[Callable[[VehicleNow], float], ...] = (
+    lambda v: -v.link_age_s,
+    lambda v: v.zone_m,
+    lambda v: v.above_ground_m,
+    lambda v: -v.error_m,
+    lambda v: v.battery_pct,
+    lambda v: v.fence_m,
+    lambda v: v.ceiling_m,
+)
 
 
 @dataclass(frozen=True)
@@ -176,18 +186,6 @@ def _table(vehicles: Sequence[VehicleNow], ground_m: dict[int, float], width: in
             before, after = ("", blank) if column.is_text else (blank, "")
             line.append(f"{gap if len(line) else ''}{before}").append(text, style).append(after)
     return lines
-
-
-# The least is the worst; what is not known comes last.
-_WORST_BY: tuple[Callable[[VehicleNow], float], ...] = (
-    lambda v: -v.link_age_s,
-    lambda v: v.zone_m,
-    lambda v: v.above_ground_m,
-    lambda v: -v.error_m,
-    lambda v: v.battery_pct,
-    lambda v: v.fence_m,
-    lambda v: v.ceiling_m,
-)
 
 
 class ShownVehicles:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from gcs.cli.flights.live.flight_table import AS_REPORTED, FlightTable, metres, worst_of_each_column
+from gcs.cli.flights.flight_table import AS_REPORTED, FlightTable, metres, worst_of_each_column
 from gcs.flight.options import FlightOptions
 from gcs.flight.progress import FlightPart, InFlight, NearestPair, Snapshot, Step, VehicleNow
 from gcs.flight.sequence.flight import FlightSequence

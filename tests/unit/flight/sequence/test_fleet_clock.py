@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.flight.clocks.fleet_clock import AGREE_S, ClockChange, FleetClock, common_time_s, differences_s, disagreeing
+from gcs.flight.sequence.fleet_time import AGREE_S, ClockChange, FleetClock, common_time_s, differences_s, disagreeing
 from gcs.link.microservices.clock import JUMP_S, VehicleClock
 from gcs.link.wire.message import GROUND, Message
 from tests.real_flights import FLIGHTS, Flight, unpacked

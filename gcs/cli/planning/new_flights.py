@@ -1,19 +1,23 @@
-"""`gcs new --survey`: the flight that mows a drawn area, and what is said about it."""
+"""The flights of `gcs new` from sheets, a drawn route or a drawn area, and what is said about them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
 from gcs.cli.console import Screen
-from gcs.cli.planning.surveys.survey_options import SurveyOptions, overlap_share, pass_course_deg
+from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
-from gcs.mission.drawings.drawing import DrawnArea
+from gcs.mission.drawings.drawing import DrawnArea, sentences
 from gcs.mission.drawings.read_drawing import read_drawing
+from gcs.mission.drawings.to_scenario.route_flight import route_flight
+from gcs.scenario.sheets.flight_sheets import read_flight_sheets
+from gcs.scenario.sheets.sheet_flight import SheetFlight
+from gcs.scenario.template import FirstFlight, scenario_text
 
 if TYPE_CHECKING:
     from gcs.scenario.survey.survey_flight import SurveyFlight
@@ -21,6 +25,68 @@ if TYPE_CHECKING:
 _NAMED = 5  # polygons that a sentence names
 _FARTHEST_M = 5_000.0  # from the origin to the area
 _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
+
+
+def text_of_drawing(
+    folder: Path, file: Path, wanted: dict[str, Any], at: tuple[float, float, float | None] | None, screen: Screen
+) -> tuple[str, list[str]]:
+    """The text of the scenario, and the sentences about what is not carried over.
+
+    Raises FileFormatError for a file that is no drawing of a route, and UsageError for a flight that is not possible.
+    """
+    flight = route_flight(read_drawing(file), at, wanted.pop("height_m", None), **wanted)
+    origin = flight.route.origin
+    text = scenario_text(
+        folder, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m, flight=flight, template="template_route.toml"
+    )
+    areas = [
+        counted(len(tables), noun, plural)
+        for tables, noun, plural in (
+            (flight.areas.keep_in, "area to stay in", "areas to stay in"),
+            (flight.areas.no_fly, "no-fly zone", ""),
+        )
+        if tables
+    ]
+    way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
+    screen.say(f"{file}: {', '.join([way, f'{flight.length_m:.0f} m in {flight.flight_s:.0f} s', *areas])}")
+    left_out = sentences(flight.left_out)
+    for sentence in left_out:
+        screen.say(f"  {sentence}")
+    return text, left_out
+
+
+def flight_of_sheets(
+    positions: Path, shapes: list[Path], wanted: dict[str, Any], at: tuple[float, float, float] | None, screen: Screen
+) -> tuple[SheetFlight, tuple[float, float, None] | None]:
+    """The flight; and its origin where that is the place of the first vehicle. Raises UsageError for a wrong sheet."""
+    read = read_flight_sheets(
+        positions,
+        shapes,
+        None if at is None else Origin(*at),
+        count=wanted.get("count"),
+        least_m=wanted.get("spacing_m"),
+    )
+    plain = FirstFlight()
+    flight = SheetFlight(
+        read.positions,
+        read.shapes,
+        wanted.get("course_deg", plain.course_deg),
+        wanted.get("distance_m", plain.distance_m),
+        wanted.get("height_m", read.height_m or plain.height_m),
+        wanted.get("end_deg"),
+    )
+    for sheet in (read.positions, *read.shapes):
+        screen.say(f"{sheet.file}: {counted(len(sheet.sysids), 'vehicle')}, {sheet.least_distance()}")
+    if holes := sorted(
+        set(range(min(flight.positions.sysids), max(flight.positions.sysids))) - set(flight.positions.sysids)
+    ):
+        screen.say(f"WARNING: {positions} has no vehicle {', '.join(map(str, holes))}; --count N makes that a mistake")
+    if flight.is_close:
+        screen.say('vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"')
+    if at is not None or read.origin is None:
+        return flight, None
+    screen.say(f"the origin is the place of vehicle {read.positions.sysids[0]}")
+    return flight, (read.origin.lat_deg, read.origin.lon_deg, None)
 
 
 def flight_of_survey(

@@ -1,1 +1,0 @@
-"""The live view of a flight: which vehicles fit the screen, and their table."""

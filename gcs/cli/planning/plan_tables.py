@@ -1,0 +1,186 @@
+"""Tables of plans and scenarios for an operator, and their rows for `--json`: route, coverage of a survey, pads."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gcs.cli.console import Screen
+from gcs.errors import UsageError, counted
+from gcs.files import atomic_write
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from gcs.flight.assessment.route_passing import PointPassed
+    from gcs.plan.trajectory.plan import Plan
+    from gcs.scenario.schema.scenario import Scenario
+
+_NAMED = 5  # places that are not covered
+_SQUARE_M_PER_HA = 10_000.0
+SHOWN = 20  # vehicles of a table on a terminal; a pipe or a file gets all
+_DIGITS = {"lat_deg": 7, "lon_deg": 7, "alt_amsl_m": 3, "north_m": 3, "east_m": 3}
+
+
+def route_data(plan: Plan) -> list[dict[str, Any]]:
+    """The route points ahead, with time, place and speed of the leader at each."""
+    import numpy as np
+
+    from gcs.physics.quadrotor import POSITION, VELOCITY
+
+    rows = []
+    for passage in plan.passages:
+        state = plan.leader_trajectory.state(passage.arrives_s)
+        north_m, east_m, down_m = (round(float(metres), 3) + 0.0 for metres in state[POSITION])
+        rows.append(
+            {
+                "point": passage.number,
+                "name": passage.point.name,
+                "arrives_s": passage.arrives_s,
+                "leaves_s": passage.leaves_s,
+                "north_m": north_m,
+                "east_m": east_m,
+                "height_m": -down_m + 0.0,
+                "speed_mps": round(float(np.linalg.norm(state[VELOCITY])), 3),
+            }
+        )
+    return rows
+
+
+def route_table(plan: Plan) -> Table:
+    """The same as a table."""
+    from rich.table import Table
+
+    title = "route points: the leader's time, place (north, east, height) and speed"
+    table = Table("point", "arrival", "hold", "place", "speed", title=title)
+    for passage, row in zip(plan.passages, route_data(plan), strict=True):
+        hold = "" if passage.point.hold_s is None else f"{passage.point.hold_s:g} s"
+        place = f"{row['north_m']:.1f}, {row['east_m']:.1f}, {row['height_m']:.1f} m"
+        table.add_row(
+            _short(passage.title), f"{passage.arrives_s:.1f} s", hold, place, f"{row['speed_mps'] or 0.0:.2f} m/s"
+        )
+    return table
+
+
+def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Table:
+    """The passing of every route point, from true states or from telemetry."""
+    from rich.table import Table
+
+    from gcs.flight.assessment.route_passing import counted_s
+
+    leader = plan.sysids[plan.leader]
+    title = f"route points, from {source}: least distance from the place there within {counted_s(plan):g} s"
+    table = Table("point", "planned", "leader late", "leader", "farthest vehicle", title=title)
+    for each in passed:
+        late_s, metres = each.late_s[leader], each.distance_m[leader]
+        table.add_row(
+            _short(each.passage.title),
+            f"t = {each.passage.arrives_s:.1f} s",
+            "–" if math.isnan(late_s) else f"{late_s:+.1f} s",
+            "–" if math.isnan(metres) else f"{metres:.2f} m",
+            "–" if each.farthest is None else f"{each.farthest[1]:.2f} m (vehicle {each.farthest[0]})",
+        )
+    return table
+
+
+def _short(title: str) -> str:
+    from rich.markup import escape
+
+    return escape(title.removeprefix("point "))
+
+
+def say_coverage(screen: Screen, plan: Plan) -> dict[str, Any]:
+    """Print the coverage of a plan's survey, and return it for `--json`; nothing where there is no survey."""
+    from gcs.plan.verification.survey.coverage import coverage
+
+    found = coverage(plan)
+    if found is None:
+        return {}
+    gaps = found.gaps()
+    area_ha = float(found.area.area) / _SQUARE_M_PER_HA
+    # Cut, not rounded: 99.96 % is not all of it.
+    percent = int(1e3 * found.share) / 10.0
+    screen.say(
+        f"coverage: {percent:g} % of {area_ha:.2f} ha proved, with {found.overlap:.0%} of it flown over more than once"
+    )
+    screen.say(
+        f"battery: at most {float(found.used.max()):.0%} used; {found.ha_per_battery:.2f} ha per battery, "
+        f"{found.reserve:.0%} of it in reserve"
+    )
+    if gaps:
+        missed_m2 = sum(gap.area_m2 for gap in gaps)
+        screen.warn(f"{missed_m2:.3g} m² of the survey are not covered, in {counted(len(gaps), 'place')}:")
+        for gap in gaps[:_NAMED]:
+            screen.warn(f"  {gap.area_m2:.3g} m² at north {gap.north_m:.1f} m, east {gap.east_m:.1f} m")
+    return {
+        "coverage": {
+            "share": found.share,
+            "area_m2": float(found.area.area),
+            "uncovered": [vars(gap) for gap in gaps],
+            "overlap": found.overlap,
+            "slack_m": found.slack_m,
+            "battery_share_max": float(found.used.max()),
+            "ha_per_battery": found.ha_per_battery,
+        }
+    }
+
+
+def pads_of(scenario: Scenario) -> list[dict[str, Any]]:
+    """The take-off point of every vehicle."""
+    from gcs.frames import ned_to_geodetic
+    from gcs.scenario.si import local_origin, pads_ned_m, sysids
+
+    pads = pads_ned_m(scenario)
+    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, local_origin(scenario))
+    values = zip(lat_deg, lon_deg, alt_m, pads[:, 0], pads[:, 1], strict=True)
+    return [
+        {"sysid": sysid}
+        | {name: round(float(one), digits) for (name, digits), one in zip(_DIGITS.items(), row, strict=True)}
+        for sysid, row in zip(sysids(scenario), values, strict=True)
+    ]
+
+
+def say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
+    """Print the table."""
+    from rich.table import Table
+
+    table = Table("vehicle", "latitude", "longitude", "altitude AMSL", "north, east", title="pads")
+    for pad in pads[: shown(screen)]:
+        place = f"{pad['north_m']:.2f}, {pad['east_m']:.2f} m"
+        table.add_row(
+            str(pad["sysid"]), f"{pad['lat_deg']:.7f}", f"{pad['lon_deg']:.7f}", f"{pad['alt_amsl_m']:.2f} m", place
+        )
+    screen.show(table)
+    say_rest(screen, len(pads), f"--pads pads.csv writes all {len(pads)}")
+
+
+def shown(screen: Screen) -> int | None:
+    """How many vehicles a table has; None for all."""
+    return SHOWN if screen.console.is_terminal else None
+
+
+def say_rest(screen: Screen, count: int, how: str) -> None:
+    """Print how many vehicles a table leaves out, and how to see them."""
+    if shown(screen) is not None and count > SHOWN:
+        screen.say(f"and {count - SHOWN} more: {how}")
+
+
+def refuse_no_csv(path: Path) -> None:
+    """Raises UsageError for a file name that spreadsheets do not open as CSV."""
+    if path.suffix.lower() != ".csv":
+        raise UsageError(f"--pads {path}: pads are written as CSV", hint=f"write --pads {path.with_suffix('.csv')}")
+
+
+def write_pads(pads: list[dict[str, Any]], path: Path) -> None:
+    """Write all pads as CSV, one row for each vehicle. Raises UsageError where that is impossible."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["sysid", *_DIGITS])
+    writer.writerows([pad["sysid"], *(f"{pad[name]:.{digits}f}" for name, digits in _DIGITS.items())] for pad in pads)
+    try:
+        atomic_write(path, text.getvalue().encode())
+    except OSError as problem:
+        raise UsageError(f"{path} cannot be written: {problem.strerror or problem}.") from None

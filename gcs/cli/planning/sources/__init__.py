@@ -1,1 +1,0 @@
-"""What `gcs new` makes a scenario of: sheets of positions, drawn routes."""

@@ -1,1 +1,0 @@
-"""Surveys on the command line: their options, and their coverage."""
