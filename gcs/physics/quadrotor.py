@@ -24,6 +24,20 @@ Array = NDArray[np.float64]
 POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATE_NAMES = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
 CONTROL_NAMES = ("U1", "U2", "U3", "U4")
+_HALF_SQRT2 = np.sqrt(0.5)
+# Eq. 2: rows U1/K_T, U2/K_T, U3/K_T, U4/K_M; columns the squared rotor speeds 1..4.
+_MIXER = np.array(
+    [
+        [1.0, 1.0, 1.0, 1.0],
+        [_HALF_SQRT2, -_HALF_SQRT2, -_HALF_SQRT2, _HALF_SQRT2],
+        [_HALF_SQRT2, _HALF_SQRT2, -_HALF_SQRT2, -_HALF_SQRT2],
+        [1.0, -1.0, 1.0, -1.0],
+    ]
+)
+_UNMIXER = np.linalg.inv(_MIXER)
+_ROUNDING = 1e-9  # rounding tolerance of a reachable control, as a share of the squared maximum speed
+AIR_DENSITY_KGPM3 = 1.225  # at sea level, 15 degrees C
+_LAPSE_PM, _EXPONENT = 2.25577e-5, 4.25588
 
 
 @dataclass(frozen=True)
@@ -88,20 +102,6 @@ def derivative(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array |
     for i, part in enumerate(parts):
         out[..., i] = part
     return out
-
-
-_HALF_SQRT2 = np.sqrt(0.5)
-# Eq. 2: rows U1/K_T, U2/K_T, U3/K_T, U4/K_M; columns the squared rotor speeds 1..4.
-_MIXER = np.array(
-    [
-        [1.0, 1.0, 1.0, 1.0],
-        [_HALF_SQRT2, -_HALF_SQRT2, -_HALF_SQRT2, _HALF_SQRT2],
-        [_HALF_SQRT2, _HALF_SQRT2, -_HALF_SQRT2, -_HALF_SQRT2],
-        [1.0, -1.0, 1.0, -1.0],
-    ]
-)
-_UNMIXER = np.linalg.inv(_MIXER)
-_ROUNDING = 1e-9  # rounding tolerance of a reachable control, as a share of the squared maximum speed
 
 
 def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
@@ -177,10 +177,6 @@ def hover_trim(height_m: float, yaw_ned_rad: float, q: Quadrotor) -> tuple[float
 def level_flight_thrust_N(state: Array, q: Quadrotor) -> float:
     """The thrust (N) at which a state (12,) has no vertical acceleration."""
     return float((q.weight_N - q.drag_Nspm[2] * state[5]) / (np.cos(state[6]) * np.cos(state[7])))
-
-
-AIR_DENSITY_KGPM3 = 1.225  # at sea level, 15 degrees C
-_LAPSE_PM, _EXPONENT = 2.25577e-5, 4.25588
 
 
 def air_density_kgpm3(alt_amsl_m: Array | float) -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 
 from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan.ocp.objective_sum import quadrature
-from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, Rate, drag_power, heading_rate, height_rate
-from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, drag_power, heading_rate, height_rate
+from gcs.plan.ocp.problem import Problem, Rate, flight_problem
 from gcs.plan.trajectory.plan import Plan
 
 OTHER = "other"

@@ -17,8 +17,7 @@ from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.nlp.mesh_refinement import Optimum, optimise
-from gcs.plan.ocp.objectives import ObjectiveTerm
-from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
+from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical

@@ -22,6 +22,18 @@ _KMH = 3.6  # of 1 m/s
 _HOLDS = frozenset(  # parameter 1 is a time, s
     {MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT, MavCommand.NAV_DELAY}
 )
+FAR_M = 100_000.0  # no quadrotor flies so far
+_EARTH_M = 6_371_000.0
+Degrees = tuple[int, int]  # latitude, longitude, degE7
+# How two numbers, written as they are here, become latitude and longitude.
+_QUESTIONS: tuple[tuple[str, Callable[[int, int], Degrees]], ...] = (
+    ("swapped latitude and longitude?", lambda lat, lon: (lon, lat)),
+    ("has the latitude lost its sign?", lambda lat, lon: (-lat, lon)),
+    ("has the longitude lost its sign?", lambda lat, lon: (lat, -lon)),
+    ("have both lost their signs?", lambda lat, lon: (-lat, -lon)),
+    ("swapped latitude and longitude, without a sign?", lambda lat, lon: (lon, -lat)),
+    ("swapped latitude and longitude, without a sign?", lambda lat, lon: (-lon, lat)),
+)
 
 
 def check_items(mission: MissionFile) -> Iterator[Finding]:
@@ -148,20 +160,6 @@ def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Findi
         )
     elif target < index and not any(i.command <= MavCommand.NAV_LAST for i in mission.items[target:index]):
         yield found(mission, Rule.JUMP, Level.ERROR, "jumps back without a navigation command in between", index)
-
-
-FAR_M = 100_000.0  # no quadrotor flies so far
-_EARTH_M = 6_371_000.0
-Degrees = tuple[int, int]  # latitude, longitude, degE7
-# How two numbers, written as they are here, become latitude and longitude.
-_QUESTIONS: tuple[tuple[str, Callable[[int, int], Degrees]], ...] = (
-    ("swapped latitude and longitude?", lambda lat, lon: (lon, lat)),
-    ("has the latitude lost its sign?", lambda lat, lon: (-lat, lon)),
-    ("has the longitude lost its sign?", lambda lat, lon: (lat, -lon)),
-    ("have both lost their signs?", lambda lat, lon: (-lat, -lon)),
-    ("swapped latitude and longitude, without a sign?", lambda lat, lon: (lon, -lat)),
-    ("swapped latitude and longitude, without a sign?", lambda lat, lon: (-lon, lat)),
-)
 
 
 def check_places(mission: MissionFile) -> tuple[MissionFile, list[Finding]]:

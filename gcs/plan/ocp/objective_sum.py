@@ -11,8 +11,8 @@ import numpy as np
 from gcs.errors import UsageError
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
-from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS, Flights, Inputs, ObjectiveTerm, Share
-from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS
+from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share
 from gcs.plan.ocp.representatives import NUMBERS
 from gcs.plan.trajectory.trajectory import Trajectory
 
@@ -21,7 +21,7 @@ _TIMES = 2000  # instants of a free time of flight; between each two the objecti
 _SAMPLES = 8  # Gauss nodes on each interval of a trajectory
 
 
-def cost_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], shares: Any) -> Any:
+def cost_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], shares: Any) -> Any:
     """The integrand of Eq. 35, for the `shares` of this instant (see `cost_shares`)."""
     x = [*x, *ca.vertsplit(shares[2:])]
     total = {Share.MEAN: ca.SX(0), Share.TERMINAL: ca.SX(0)}
@@ -39,12 +39,12 @@ def cost_shares(problem: Problem, times_s: Array, mean: Array, terminal: Array) 
     return np.vstack([mean, terminal, *others])
 
 
-def share_rows(problem: Inputs) -> int:
+def share_rows(problem: Problem) -> int:
     """Number of rows of `cost_shares`."""
     return 2 if problem.representatives is None else 2 + NUMBERS * len(problem.representatives.rows)
 
 
-def duration_cost(problem: Inputs) -> float:
+def duration_cost(problem: Problem) -> float:
     """What the time of flight costs."""
     costs = [
         weight * problem.duration_s / term.scale(problem) * term.rate(problem, (), (), term.scale(problem))
@@ -54,7 +54,7 @@ def duration_cost(problem: Inputs) -> float:
     return float(sum(costs))
 
 
-def least_cost(problem: Inputs, length_m: float) -> float:
+def least_cost(problem: Problem, length_m: float) -> float:
     """The lower bound of the whole objective for all flights at least `length_m` long, in any time there is."""
     free = problem.free_time
     times = np.full(2, problem.duration_s) if free is None else np.linspace(free.earliest_s, free.latest_s, _TIMES)
@@ -63,7 +63,7 @@ def least_cost(problem: Inputs, length_m: float) -> float:
     return float(np.min(sum(bounds, start=np.zeros(1))))
 
 
-def weighted(problem: Inputs) -> list[tuple[ObjectiveTerm, float]]:
+def weighted(problem: Problem) -> list[tuple[ObjectiveTerm, float]]:
     """The terms that count in this problem, with their weights."""
     terms = [(term, term.weight(problem)) for term in (*TERMS, *problem.extra_objectives)]
     return [(term, weight) for term, weight in terms if weight]
@@ -86,7 +86,7 @@ def term_cost(problem: Problem, term: ObjectiveTerm, trajectory: Trajectory) -> 
     return float(spans @ rates / spans.sum())
 
 
-def lower_bound(problem: Inputs, term: ObjectiveTerm, trajectory: Trajectory) -> float:
+def lower_bound(problem: Problem, term: ObjectiveTerm, trajectory: Trajectory) -> float:
     """The lower bound of one term, without its weight, for flights as long as this one in its time."""
     # Chords are never longer than the path between their ends.
     times = np.union1d(quadrature(trajectory.joints_s)[0], trajectory.joints_s)

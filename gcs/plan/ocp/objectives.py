@@ -8,20 +8,17 @@ best route: tests/property/plan/test_objective_bounds.py tests every row.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import Enum
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Coordinate
 from gcs.plan.nlp.variables import NX
-from gcs.plan.ocp.representatives import NUMBERS, Representatives, motion
-from gcs.plan.ocp.route_points import PassPoint
-from gcs.scenario.schema.scenario import Scenario, TerminalWeight
-from gcs.scenario.si import heading_ref_deg, height_ref_m
+from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share
+from gcs.plan.ocp.representatives import NUMBERS, motion
+from gcs.scenario.schema.scenario import TerminalWeight
 
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),
@@ -35,130 +32,7 @@ _CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer o
 _STILL = 1e-2  # of the reference speed: smooths |v| at rest, where |v|^3 has no second derivative
 
 
-@dataclass(frozen=True)
-class Objective:
-    """Weights and references of Eq. 35. Each term is divided by its reference, so that weights are comparable."""
-
-    energy_weight: float
-    heading_weight: float
-    height_weight: float
-    terminal_weight: TerminalWeight  # Q(t) of Eq. 33
-    speed_ref_mps: float  # constant speed of the straight flight: one unit of energy
-    heading_ref_rad: float
-    heading_scale_rad: float
-    height_ref_m: float
-    height_scale_m: float
-
-
-@dataclass(frozen=True)
-class FreeTime:
-    """A time of flight that is an unknown of the program, and what it costs."""
-
-    earliest_s: float
-    latest_s: float
-    weight: float  # cost of `reference_s` seconds
-    reference_s: float  # also the time over which energy is a mean
-
-    @property
-    def is_fixed(self) -> bool:
-        """Whether one time is left."""
-        return self.earliest_s == self.latest_s
-
-
-class Share(Enum):
-    """How the rate of a term becomes a cost."""
-
-    MEAN = "integral over the flight, divided by its (reference) time"
-    TERMINAL = "mean over the flight, weighted by Q(t) of Eq. 33"
-    DURATION = "rate times the time of flight, divided by the scale; counted where the time is free"
-
-
-@dataclass(frozen=True)
-class Flights:
-    """All flights that are at least so long, and last between `shortest_s` and `longest_s`."""
-
-    length_m: float
-    shortest_s: Array  # (N,)
-    longest_s: Array  # (N,)
-
-
-class Inputs(Protocol):
-    """What a term may read: a `Problem`, as far as it does not depend on the terms."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario, with all its tables."""
-
-    @property
-    def quadrotor(self) -> Quadrotor:
-        """The vehicle and the wind."""
-
-    @property
-    def objective(self) -> Objective:
-        """Weights and references."""
-
-    @property
-    def extra_objectives(self) -> tuple[ObjectiveTerm, ...]:
-        """Rows given by the caller."""
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """Degrees of freedom of the shape."""
-
-    @property
-    def free_time(self) -> FreeTime | None:
-        """Bounds and weight of a free time of flight."""
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the flight; a guess where it is free."""
-
-    @property
-    def mean_s(self) -> float:
-        """Time by which means divide."""
-
-    @property
-    def follows_course(self) -> bool:
-        """Whether the formation turns with the leader's course."""
-
-    @property
-    def points(self) -> Sequence[PassPoint]:
-        """The points between the legs; none between A and B."""
-
-    @property
-    def representatives(self) -> Representatives | None:
-        """Vehicles that stand for all in the energy; None where all fly one velocity through the same air."""
-
-    @property
-    def centre_travel_m(self) -> float:
-        """The most that the shape can move the vehicles' centre, seen from the leader; inf where it is not limited."""
-
-    @property
-    def course_at_start_rad(self) -> float:
-        """Direction in which the formation faces at its heading's zero."""
-
-
-# rate(problem, x, u, scale): from state x and control u of the leader at one instant (CasADi scalars; SI, NED).
-# Behind the 12 states stand value, rate, acceleration and jerk of each coordinate of the shape, and behind those the
-# scheduled offset (3) and its rate (3) of each representative.
-Rate = Callable[[Inputs, Sequence[Any], Sequence[Any], float], Any]
-# bound(problem, flights, scale): a number, or (N,) numbers, that the term's cost is never below.
-Bound = Callable[[Inputs, Flights, float], "float | Array"]
-
-
-@dataclass(frozen=True)
-class ObjectiveTerm:
-    """One row: a term of the objective. Its cost is `weight` times the share of its rate."""
-
-    name: str
-    share: Share
-    weight: Callable[[Inputs], float]  # 0 or more; a term of weight 0 is left out
-    scale: Callable[[Inputs], float]  # reference: the term is 1 where what it measures is of this size
-    rate: Rate
-    lower_bound: Bound
-
-
-def energy_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
+def energy_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
     """Eqs. 30-32: the power against drag of each vehicle, as a mean over all; it depends on the air's velocity.
 
     The mean keeps the unit: in a rigid formation, where all vehicles fly one velocity, it is the leader's power.
@@ -176,7 +50,7 @@ def energy_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_m
     return total
 
 
-def drag_power(problem: Inputs, velocity: Sequence[Any], down: Any, speed_ref_mps: float) -> Any:
+def drag_power(problem: Problem, velocity: Sequence[Any], down: Any, speed_ref_mps: float) -> Any:
     """Eq. 32 for one vehicle, as a share of that at the reference speed."""
     wind_north, wind_east, _ = problem.quadrotor.wind.at(-down, ca)
     vx, vy, vz = velocity
@@ -184,7 +58,7 @@ def drag_power(problem: Inputs, velocity: Sequence[Any], down: Any, speed_ref_mp
     return (speed / speed_ref_mps) ** 3
 
 
-def least_energy(problem: Inputs, flights: Flights, speed_ref_mps: float) -> float | Array:
+def least_energy(problem: Problem, flights: Flights, speed_ref_mps: float) -> float | Array:
     """Eqs. 30-32 at constant speed in the longest time: the mean of a cube is at least the cube of the mean.
 
     0 in wind: a tail wind may carry the vehicle. Lengths are the leader's. Where the shape moves, the mean velocity is
@@ -202,7 +76,7 @@ def least_energy(problem: Inputs, flights: Flights, speed_ref_mps: float) -> flo
     return np.maximum(centre, float(problem.representatives.weights[0]) * constant(flights.length_m))
 
 
-def heading_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_rad: float) -> Any:
+def heading_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_rad: float) -> Any:
     """Eq. 33: yaw off its reference, and sideslip.
 
     Yaw alone cannot turn a quadrotor's track: to arrive from a direction takes yaw and course. At reference speed the
@@ -216,12 +90,12 @@ def heading_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_rad:
     return ((yaw - reference.heading_ref_rad) / scale_rad) ** 2 + slip
 
 
-def height_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_m: float) -> Any:
+def height_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_m: float) -> Any:
     """Eq. 34: height off its reference."""
     return ((-x[2] - problem.objective.height_ref_m) / scale_m) ** 2
 
 
-def shape_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale: float) -> Any:
+def shape_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale: float) -> Any:
     """Scale, heading and blend of the shape off their rest values, and a little for their acceleration."""
     total: Any = ca.SX(0)
     for c, coordinate in enumerate(problem.coordinates):
@@ -236,13 +110,13 @@ def departure_cost(coordinate: Coordinate, value: Any) -> Any:
     return coordinate.weight * ((value - coordinate.rest) / coordinate.unit) ** 2
 
 
-def facing_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
+def facing_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
     """Speed across the direction in which the formation faces, where it turns with the leader's course."""
     across, _ = speed_across_and_along(problem, x)
     return (across / speed_ref_mps) ** 2
 
 
-def yaw_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_radps: float) -> Any:
+def yaw_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_radps: float) -> Any:
     """Turning of the leader's yaw, as a share of its limit.
 
     Q(t) of Eq. 33 is small until the end of a long flight, so that the yaw at a distant point costs nothing.
@@ -250,17 +124,17 @@ def yaw_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_radps: f
     return (x[11] / scale_radps) ** 2
 
 
-def time_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], reference_s: float) -> float:
+def time_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], reference_s: float) -> float:
     """The same for every second of flight."""
     return 1.0
 
 
-def least_time(problem: Inputs, flights: Flights, reference_s: float) -> Array:
+def least_time(problem: Problem, flights: Flights, reference_s: float) -> Array:
     """Cost of the shortest time."""
     return flights.shortest_s / reference_s
 
 
-def zero(problem: Inputs, flights: Flights, scale: float) -> float:
+def zero(problem: Problem, flights: Flights, scale: float) -> float:
     """Lower bound of a term that is never negative."""
     return 0.0
 
@@ -325,24 +199,7 @@ TERMS: tuple[ObjectiveTerm, ...] = (
 )
 
 
-def references(scenario: Scenario, length_m: float, duration_s: float) -> Objective:
-    """The scenario's weights and references for a flight whose ends are `length_m` apart."""
-    table = scenario.objective
-    energy, heading, height = table.weights
-    return Objective(
-        energy_weight=energy,
-        heading_weight=heading,
-        height_weight=height,
-        terminal_weight=table.terminal_weight,
-        speed_ref_mps=max(length_m / duration_s, 0.1),
-        heading_ref_rad=float(np.radians(heading_ref_deg(scenario))),
-        heading_scale_rad=float(np.radians(table.heading_scale_deg)),
-        height_ref_m=height_ref_m(scenario),
-        height_scale_m=table.height_scale_m,
-    )
-
-
-def speed_across_and_along(problem: Inputs, x: Sequence[Any]) -> tuple[Any, Any]:
+def speed_across_and_along(problem: Problem, x: Sequence[Any]) -> tuple[Any, Any]:
     """The leader's speed across and along the direction in which the formation faces."""
     heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
     c, s = ca.cos(heading), ca.sin(heading)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -11,16 +14,90 @@ from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Qu
 from gcs.plan.formation.changes.time_scaling import Budget, budget
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
-from gcs.plan.ocp.objectives import FreeTime, Objective, ObjectiveTerm, references
 from gcs.plan.ocp.representatives import Representatives, representatives
 from gcs.plan.ocp.route_points import PassPoint, pass_points
-from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor, torque_limits
+from gcs.scenario.schema.scenario import Scenario, TerminalWeight
+from gcs.scenario.si import (
+    boundary_state,
+    heading_ref_deg,
+    height_ref_m,
+    leader_index,
+    offsets_ned_m,
+    quadrotor,
+    torque_limits,
+)
 
 _SAMPLES, _SAMPLED = 500, 1e-3  # instants of a change of the shape, and what is added for the path between them
 
 _LEAST_S = 1.0  # of flight between holds, for the reference speed
 _LEAST_JERK = 0.1  # share of the limit that always remains for the leader
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Weights and references of Eq. 35. Each term is divided by its reference, so that weights are comparable."""
+
+    energy_weight: float
+    heading_weight: float
+    height_weight: float
+    terminal_weight: TerminalWeight  # Q(t) of Eq. 33
+    speed_ref_mps: float  # constant speed of the straight flight: one unit of energy
+    heading_ref_rad: float
+    heading_scale_rad: float
+    height_ref_m: float
+    height_scale_m: float
+
+
+@dataclass(frozen=True)
+class FreeTime:
+    """A time of flight that is an unknown of the program, and what it costs."""
+
+    earliest_s: float
+    latest_s: float
+    weight: float  # cost of `reference_s` seconds
+    reference_s: float  # also the time over which energy is a mean
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether one time is left."""
+        return self.earliest_s == self.latest_s
+
+
+class Share(Enum):
+    """How the rate of a term becomes a cost."""
+
+    MEAN = "integral over the flight, divided by its (reference) time"
+    TERMINAL = "mean over the flight, weighted by Q(t) of Eq. 33"
+    DURATION = "rate times the time of flight, divided by the scale; counted where the time is free"
+
+
+@dataclass(frozen=True)
+class Flights:
+    """All flights that are at least so long, and last between `shortest_s` and `longest_s`."""
+
+    length_m: float
+    shortest_s: Array  # (N,)
+    longest_s: Array  # (N,)
+
+
+# rate(problem, x, u, scale): from state x and control u of the leader at one instant (CasADi scalars; SI, NED).
+# Behind the 12 states stand value, rate, acceleration and jerk of each coordinate of the shape, and behind those the
+# scheduled offset (3) and its rate (3) of each representative.
+Rate = Callable[["Problem", Sequence[Any], Sequence[Any], float], Any]
+# bound(problem, flights, scale): a number, or (N,) numbers, that the term's cost is never below.
+Bound = Callable[["Problem", Flights, float], "float | Array"]
+
+
+@dataclass(frozen=True)
+class ObjectiveTerm:
+    """One row: a term of the objective. Its cost is `weight` times the share of its rate."""
+
+    name: str
+    share: Share
+    weight: Callable[[Problem], float]  # 0 or more; a term of weight 0 is left out
+    scale: Callable[[Problem], float]  # reference: the term is 1 where what it measures is of this size
+    rate: Rate
+    lower_bound: Bound
 
 
 @dataclass(frozen=True)
@@ -198,6 +275,23 @@ def flight_problem(scenario: Scenario, extra_objectives: tuple[ObjectiveTerm, ..
     length_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())
     moving_s = problem.duration_s - sum(point.hold_s for point in points)
     return replace(problem, objective=references(scenario, length_m, max(moving_s, _LEAST_S)))
+
+
+def references(scenario: Scenario, length_m: float, duration_s: float) -> Objective:
+    """The scenario's weights and references for a flight whose ends are `length_m` apart."""
+    table = scenario.objective
+    energy, heading, height = table.weights
+    return Objective(
+        energy_weight=energy,
+        heading_weight=heading,
+        height_weight=height,
+        terminal_weight=table.terminal_weight,
+        speed_ref_mps=max(length_m / duration_s, 0.1),
+        heading_ref_rad=float(np.radians(heading_ref_deg(scenario))),
+        heading_scale_rad=float(np.radians(table.heading_scale_deg)),
+        height_ref_m=height_ref_m(scenario),
+        height_scale_m=table.height_scale_m,
+    )
 
 
 def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:

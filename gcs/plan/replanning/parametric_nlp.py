@@ -41,6 +41,18 @@ _AGAIN = {
     "ipopt.max_iter": 40,
 }
 _AFRESH = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
+_EXCESS = 1.25  # times the violation: the polynomial between two nodes changes less than the nodes do
+_STATES = {
+    **{"north position": 0, "east position": 1, "height": 2},
+    **{"north speed": 3, "east speed": 4, "vertical speed": 5},
+    **{"roll": 6, "pitch": 7, "yaw": 8, "roll rate": 9, "pitch rate": 10, "yaw rate": 11},
+}
+_PATHS = {
+    "clearance above ground": "clearance of",
+    "turning load factor": "turning radius",
+    "acceleration": "acceleration of",
+    "jerk": "jerk of",
+}
 
 
 @dataclass(frozen=True)
@@ -139,20 +151,6 @@ def _weight(whole: Problem, times_s: Array) -> Array:
 def _far_away(scenario: Scenario) -> NoFlyZone:
     limits = scenario.limits
     return NoFlyZone(north_m=limits.north_m[1] + 1000.0, east_m=limits.east_m[1] + 1000.0, radius_m=100.0)
-
-
-_EXCESS = 1.25  # times the violation: the polynomial between two nodes changes less than the nodes do
-_STATES = {
-    **{"north position": 0, "east position": 1, "height": 2},
-    **{"north speed": 3, "east speed": 4, "vertical speed": 5},
-    **{"roll": 6, "pitch": 7, "yaw": 8, "roll rate": 9, "pitch rate": 10, "yaw rate": 11},
-}
-_PATHS = {
-    "clearance above ground": "clearance of",
-    "turning load factor": "turning radius",
-    "acceleration": "acceleration of",
-    "jerk": "jerk of",
-}
 
 
 def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violation, ...]) -> Program:

@@ -27,6 +27,9 @@ from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 
+# A point that is this near in time is not flown to again: from a disturbed state it could only be passed by a turn.
+_TOO_NEAR_S = 4.0
+
 
 def trajectory_part(trajectory: Trajectory, start_s: float, end_s: float) -> Trajectory:
     """The trajectory from one instant to another."""
@@ -96,10 +99,6 @@ def with_times_of_changes(scenario: Scenario, plan: Plan) -> Scenario:
         changes.append(change.model_copy(update=update) if placed else change)
     formation = scenario.formation.model_copy(update={"change": tuple(changes)})
     return scenario.model_copy(update={"formation": formation})
-
-
-# A point that is this near in time is not flown to again: from a disturbed state it could only be passed by a turn.
-_TOO_NEAR_S = 4.0
 
 
 def still_ahead(problem: Problem, t_s: float) -> Problem:

@@ -21,8 +21,7 @@ from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
 from gcs.plan.nlp.program.transcription import Program
 from gcs.plan.nlp.violations import complaints, find_violations
-from gcs.plan.ocp.objectives import ObjectiveTerm
-from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem
 from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, tightened, with_zones
 from gcs.plan.replanning.remaining_plan import (

@@ -14,10 +14,9 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum, with_end, with_times
-from gcs.plan.ocp.objectives import FreeTime
-from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.problem import FreeTime, Problem
 from gcs.plan.search.homotopy_classes import best_class
-from gcs.plan.search.infeasibility import least_time_s
+from gcs.plan.search.legs.leg_schedule import least_legs_s
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.plan import Alternative, MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -43,7 +42,7 @@ def best_flight(
 def with_free_time(problem: Problem) -> Problem:
     """The problem with its time as an unknown, and a guess of its end that is easy to fly."""
     scenario, time = problem.scenario, problem.scenario.time
-    least_s = least_time_s(problem)
+    least_s = least_legs_s(problem)
     earliest_s = max(time.earliest_s or 0.0, least_s)
     latest_s = time.latest_s or min(_LONGEST * max(time.flight_s, least_s), FLIGHT_MAX_S)
     easy_s = float(np.clip(max(time.flight_s, _EASY * least_s), min(earliest_s, latest_s), latest_s))

@@ -26,6 +26,9 @@ from gcs.plan.trajectory.plan import Alternative, MeshRound
 
 # A shortened route on the grid is longer than the shortest one on the same sides, by up to this factor.
 GRID_EXCESS = 1.02
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+START_S = 2.5  # time for a worker to load the optimiser
 
 
 def best_class(
@@ -136,12 +139,6 @@ def least_objective(problem: Problem, route: Route) -> float:
     """The lower bound of the objective for all flights along a route, or on the straight line where that is longer."""
     straight_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())
     return least_cost(problem, max(route.length_m / GRID_EXCESS, straight_m))
-
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
-
-START_S = 2.5  # time for a worker to load the optimiser
 
 
 def is_faster(tasks: int, workers: int, expected_s: float) -> bool:

@@ -150,7 +150,7 @@ def _needed_time_s(problem: Problem, route: Route) -> float | None:
     """A time of flight, in whole seconds, with a plan along this route; None where twice the time is not enough."""
     if problem.free_time is not None:
         return None  # longer times were tried already
-    least_s = max(problem.duration_s, least_time_s(problem))
+    least_s = max(problem.duration_s, least_legs_s(problem))
     times_s = [float(np.ceil(least_s * factor)) for factor in _LONGER]
 
     def is_enough(duration_s: float) -> bool:
@@ -176,11 +176,6 @@ def with_duration(problem: Problem, duration_s: float) -> Problem:
         shape=rigid(problem.shape.at(problem.start_s), problem.start_s, end_s),
         objective=replace(problem.objective, speed_ref_mps=speed),
     )
-
-
-def least_time_s(problem: Problem) -> float:
-    """The time that straight legs at the speed limits need."""
-    return least_legs_s(problem)
 
 
 def _least_times_s(problem: Problem) -> np.ndarray:

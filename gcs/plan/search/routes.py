@@ -95,23 +95,19 @@ def survey(problem: Problem, *, at_rest: bool = False) -> Map:
     step = float((high - low).max()) / CELLS
     north, east = (np.linspace(a, b, max(int(np.ceil((b - a) / step)) + 1, 2)) for a, b in zip(low, high, strict=True))
     grid_n, grid_e = np.meshgrid(north, east, indexing="ij")
-    chosen = _at_rest(problem) if at_rest else _extremes(problem)
-    floors = [floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in chosen]
+    floors = [floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in _poses(problem, at_rest=at_rest)]
     floor = np.max(floors, axis=0) if at_rest and problem.follows_course else np.min(floors, axis=0)
     return Map(north, east, np.asarray(floor), ceiling_m)
 
 
-def _extremes(problem: Problem) -> list[Pose]:
-    """Poses with each coordinate at rest or at an end of its range: poses in between need no less room."""
+def _poses(problem: Problem, *, at_rest: bool) -> list[Pose]:
+    """Poses with each coordinate at rest, else also at an end of its range: poses in between need no less room."""
 
-    def is_extreme(pose: Pose) -> bool:
-        return all(c.free_end or pose.values[c.name] in (c.low, c.rest, c.high) for c in problem.coordinates)
+    def is_chosen(pose: Pose) -> bool:
+        ends = ((c, () if at_rest else (c.low, c.high)) for c in problem.coordinates)
+        return all(c.free_end or pose.values[c.name] in (c.rest, *more) for c, more in ends)
 
-    return [pose for pose in poses(problem) if is_extreme(pose)]
-
-
-def _at_rest(problem: Problem) -> list[Pose]:
-    return [p for p in poses(problem) if all(c.free_end or p.values[c.name] == c.rest for c in problem.coordinates)]
+    return [pose for pose in poses(problem) if is_chosen(pose)]
 
 
 def every_route(problem: Problem) -> tuple[Route, ...]:

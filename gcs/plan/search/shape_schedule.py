@@ -42,6 +42,8 @@ _LATE_S = 0.05  # tolerance between the crossing of a gate and the start of its 
 _TRIES = 8
 _EVERY_S = 0.1
 _GUESSED = 0.1  # of the flight: accuracy of the first guess of a crossing
+_NOTICEABLE = 0.05  # share of a coordinate's unit: smaller departures are not listed
+_KINDS = {"scale": "shrink", "heading": "rotate", "blend": "reshape"}
 
 
 def optimise_on_schedule(
@@ -135,10 +137,6 @@ def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Tr
             )
         starts.append(crossing)
     return tuple(starts)
-
-
-_NOTICEABLE = 0.05  # share of a coordinate's unit: smaller departures are not listed
-_KINDS = {"scale": "shrink", "heading": "rotate", "blend": "reshape"}
 
 
 def automatic_moves(

@@ -16,8 +16,8 @@ from scipy.interpolate import PPoly, make_interp_spline
 from gcs.errors import UsageError
 from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.objective_sum import least_cost, lower_bound, refuse_false_bounds, term_cost, weighted
-from gcs.plan.ocp.objectives import TERMS, Flights, Inputs, ObjectiveTerm, Share, least_energy
-from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.ocp.objectives import TERMS, least_energy
+from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share, flight_problem
 from gcs.plan.search.free_final_time import with_free_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -122,7 +122,7 @@ def test_the_bound_of_a_free_time_holds_at_every_time(simulation1: Scenario, len
     assert least_cost(problem, length_m) <= float(np.sum(sum(bounds, start=np.zeros(1)))) + 1e-12
 
 
-def too_high(problem: Inputs, flights: Flights, scale: float) -> Any:
+def too_high(problem: Problem, flights: Flights, scale: float) -> Any:
     return 2.0 * least_energy(problem, flights, scale)
 
 

@@ -17,6 +17,7 @@ from gcs.scenario.schema.route_tables import ROUTE_MAX
 
 _SAME_M = 0.3
 _TRACK_M, _TRACK_MAX_M, _STRAIGHT_M = 1.0, 32.0, 0.5  # tolerances of lines with fewer points
+_CLIMB_M, _STILL_M = 2.0, 3.0  # a take-off climbs more, and stays so near to where it began
 
 
 def fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
@@ -66,9 +67,6 @@ def merged_points(points: list[PlacedPoint], said: list[LeftOut]) -> list[Placed
         merged[-1] = replace(before, drawn=replace(before.drawn, hold_s=hold_s, radius_m=radius_m, name=name))
         said.append(LeftOut(point.drawn.label, f"at the place of {before.drawn.label}; one point with it"))
     return merged
-
-
-_CLIMB_M, _STILL_M = 2.0, 3.0  # a take-off climbs more, and stays so near to where it began
 
 
 def thinned(points_m: Array, tolerance_m: float, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -30,6 +30,10 @@ _ROOM_M = 60.0  # beside the formation, for detours
 _SAID_MAX = 40  # sentences in the scenario
 _COMMENT_AT = 30
 _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
+CRUISE_MPS = 10.0 / 3.0  # where no speed is drawn
+_ACCEL_MPS2 = 1.0  # half of what the vehicle type has
+_STEP_S, _LEAST_S = 5.0, 30.0
+_STRAIGHT_DEG = 30.0  # at a smaller turn a formation passes at its speed
 
 
 @dataclass(frozen=True)
@@ -262,12 +266,6 @@ def _commented(code: str, comment: str) -> str:
 def _text(value: str) -> str:
     """A text of TOML."""
     return json.dumps(value, ensure_ascii=False)
-
-
-CRUISE_MPS = 10.0 / 3.0  # where no speed is drawn
-_ACCEL_MPS2 = 1.0  # half of what the vehicle type has
-_STEP_S, _LEAST_S = 5.0, 30.0
-_STRAIGHT_DEG = 30.0  # at a smaller turn a formation passes at its speed
 
 
 def turns_rad(points_m: Array) -> Array:

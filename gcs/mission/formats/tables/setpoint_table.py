@@ -22,6 +22,9 @@ COLUMNS = with_units(
 )
 LARGEST_ID = 10_000  # of a plan; links carry at most 254
 _MS = 1000
+_TITLE = "Skein setpoints: common local NED frame, t_s = 0 is T0"
+_ORIGIN = "origin (lat_deg lon_deg alt_amsl_m)"
+_ORIGIN_PARTS = 3
 
 
 @dataclass(frozen=True)
@@ -66,11 +69,6 @@ def from_table(table: pa.Table) -> SetpointStream:
     return SetpointStream(
         sysids, t_s, by_vehicle[..., 2:5], by_vehicle[..., 5:8], by_vehicle[..., 8:11], by_vehicle[..., 11]
     )
-
-
-_TITLE = "Skein setpoints: common local NED frame, t_s = 0 is T0"
-_ORIGIN = "origin (lat_deg lon_deg alt_amsl_m)"
-_ORIGIN_PARTS = 3
 
 
 def write_setpoints(file: StreamFile) -> bytes:
