@@ -152,7 +152,8 @@ class _Places(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> None:
         """Texts for people are not looked at: what an error says is tested by its class and its numbers."""
         if not (isinstance(node.func, ast.Name) and node.func.id[0].isupper() and node.func.id.endswith("Error")):
-            self.generic_visit(node)
+            for inner in (node.func, *node.args, *(k.value for k in node.keywords if k.arg != "strict")):
+                self.visit(inner)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         """The value, not the annotation."""
