@@ -13,7 +13,7 @@ from hypothesis import settings
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from tests.kept import PATCHED, kept, make_room
+from tests.kept import PATCHES, kept, make_room
 from tests.progress import AreaProgress
 
 # What tests share is made once, on disk: set before any other module imports these functions by name.
@@ -54,9 +54,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(autouse=True)
 def _nothing_kept_while_code_is_patched(request: pytest.FixtureRequest) -> Iterator[None]:
     if "monkeypatch" in request.fixturenames:
-        PATCHED.add(request.node.nodeid)
+        PATCHES.append(request.getfixturevalue("monkeypatch"))
     yield
-    PATCHED.discard(request.node.nodeid)
+    PATCHES.clear()
 
 
 @pytest.fixture(scope="session")

@@ -17,6 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
+import pytest
+
 from gcs.files import atomic_write
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -25,7 +27,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 ROOT = Path(__file__).resolve().parent.parent
 WEEK_S = 7 * 86400.0
-PATCHED: set[str] = set()  # tests under way that change what makes results: nothing is kept or found then
+PATCHES: list[pytest.MonkeyPatch] = []  # of the test under way
 MAKERS = ("gcs/*.py", "gcs/autopilots", "gcs/physics", "gcs/scenario", "gcs/plan", "requirements.lock")
 
 
@@ -60,12 +62,17 @@ def _text(value: object) -> str:
     raise TypeError(type(value))
 
 
+def _is_patched() -> bool:
+    """Whether a test has changed code, so that nothing may be kept or found."""
+    return any(p._setattr or any(table is not os.environ for table, *_ in p._setitem) for p in PATCHES)
+
+
 def kept(function: Callable[P, R], *makers: str) -> Callable[P, R]:
     """The function; its result is read from disk where an earlier call with equal arguments left it."""
 
     @functools.wraps(function)
     def reading(*args: P.args, **named: P.kwargs) -> R:
-        if PATCHED:
+        if _is_patched():
             made: R = inspect.unwrap(function)(*args, **named)
             return made
         try:

@@ -10,7 +10,7 @@ import pytest
 
 import gcs
 from gcs.plan.trajectory.plan import Plan
-from tests.unit.test_readme import BLOCKS
+from tests.unit.docs.test_readme import BLOCKS
 
 MISSION = '"missions/simulation1"'
 

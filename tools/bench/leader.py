@@ -1,7 +1,7 @@
 """The common problem, for any library that has sin, cos, exp and sqrt: Simulation 1's leader in scaled unknowns.
 
 From A to B, or through points: a leg is a phase of free duration. Skein's equations are repeated here on purpose: peers
-live in environments without it (tests/unit/test_bench.py compares the two).
+live in environments without it (tests/unit/tools/test_bench.py compares the two).
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def test_a_formation_that_bends_as_it_may_not_fails(where: str, name: str, data:
     attack(data, name, (where,))
 
 
-@pytest.mark.parametrize("kind", SURPRISES)
+@pytest.mark.parametrize("kind", [kind if kind == "wall" else pytest.param(kind, marks=SLOW) for kind in SURPRISES])
 @few
 @given(data=st.data())
 def test_what_stands_in_the_way_for_milliseconds_is_found(kind: str, data: st.DataObject) -> None:

@@ -23,7 +23,7 @@ from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from tests.real_flights import Flight, unpacked
-from tests.unit.test_readme import BLOCKS
+from tests.unit.docs.test_readme import BLOCKS
 
 T0, BOOT_S = 1_700_000_100.0, 1_700_000_000.0
 

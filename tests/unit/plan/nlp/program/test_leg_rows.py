@@ -9,8 +9,7 @@ import numpy as np
 
 from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.program.leg_rows import LegTimes, leg_times
-from gcs.plan.ocp.objectives import FreeTime
-from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, meadow
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through

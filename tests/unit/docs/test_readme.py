@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 COPIED = ("README.md", "docs", "gcs", "missions", "sim_bridge", "pyproject.toml", "tools")
 BLOCK = re.compile(
     r"(?:^<!-- run: (?P<note>[^\n]*?) -->\n+)?^```(?P<language>sh|python)\n(?P<code>.*?)^```$", re.M | re.S

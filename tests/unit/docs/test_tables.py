@@ -306,7 +306,7 @@ HABITS = {
     "MISSION_START": [(PROLOGUE, "test_a_mission_has_begun_when_the_heartbeat_shows_its_mode")],
     "arming": [(PROLOGUE, "test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself")],
     "landed": [("tests/unit/flight/orders/test_fleet_landing.py", "test_landed_is_who_has_disarmed")],
-    "items reached": [("tests/unit/test_tables.py", "test_items_reached_are_not_read")],
+    "items reached": [("tests/unit/docs/test_tables.py", "test_items_reached_are_not_read")],
     "the last setpoint": [
         (STREAM, "test_streams_end_at_rest"),
         ("tests/unit/flight/contingency/test_manoeuvres.py", "test_holding_brakes_straight_on"),
