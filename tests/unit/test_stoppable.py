@@ -149,7 +149,7 @@ def wait_for_ever(number: int) -> None:
     time.sleep(1000.0)
 
 
-@pytest.mark.parametrize("number", [TERM, HUP])
+@pytest.mark.parametrize("number", [TERM, pytest.param(HUP, marks=pytest.mark.slow)])
 def test_workers_of_the_planner_end_with_it(number: signal.Signals, repo_root: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", WORKERS], stdout=subprocess.PIPE, text=True, cwd=repo_root)
     assert process.stdout is not None

@@ -225,6 +225,7 @@ def test_an_automatic_shrink_is_there_in_the_gap_and_nowhere_else(planned: Plann
     assert move.start_s < t[inside].min() < t[inside].max() < move.end_s
 
 
+@pytest.mark.slow
 def test_an_automatic_turn_brings_the_row_through_and_back(planned: Planned) -> None:
     plan, _ = planned("auto turn")
     t = in_flight(plan, 0.1)
@@ -238,6 +239,7 @@ def test_an_automatic_turn_brings_the_row_through_and_back(planned: Planned) -> 
     assert [move.kind for move in plan.moves] == ["rotate"]
 
 
+@pytest.mark.slow
 def test_an_automatic_reshape_goes_some_of_the_way_and_back(planned: Planned) -> None:
     plan, _ = planned("auto reshape")
     t = in_flight(plan, 0.1)

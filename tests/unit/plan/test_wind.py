@@ -83,6 +83,7 @@ def test_a_plan_in_wind_holds_and_one_for_still_air_does_not(breezy: Plan, simul
     assert "Eq. 1 re-integrated over 5 s" in failed
 
 
+@pytest.mark.slow
 def test_who_flies_higher_leans_more_against_more_wind(breezy: Plan) -> None:
     """Every vehicle is integrated by Eq. 1 in its own wind, to millimetres."""
     apart = changed(

@@ -139,6 +139,7 @@ def test_the_box_holds_from_the_ground_to_the_ground(phase: str) -> None:
     assert {check.phase for check in failures} == {phase}
 
 
+@pytest.mark.slow
 def test_a_vehicle_out_of_its_way_during_a_change() -> None:
     """2 cm beside where the turn has it, for 20 ms."""
     plan = mission("stairs")
@@ -242,7 +243,7 @@ def seen_by_samples(plan: Plan, name: str) -> float:
     return float(Oracle(plan).margin(name, np.arange(0.0, plan.flight_s, SAMPLES_S)).min())
 
 
-@pytest.mark.parametrize("name", ["breathing", "course"])
+@pytest.mark.parametrize("name", ["course", pytest.param("breathing", marks=pytest.mark.slow)])
 def test_a_vehicle_out_of_a_shape_that_may_bend_for_four_milliseconds(name: str) -> None:
     """5 cm down, between two samples: neither a scale nor a turn does that."""
     plan = mission(name)

@@ -101,7 +101,7 @@ def words(figure: Any) -> str:
 KINDS = ("scenario", "plan", "changing", "map", "tracks", "formation", "replay")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(KINDS[0], marks=pytest.mark.slow), *KINDS[1:]])
 def test_no_label_is_cut(drawn: dict[str, Any], kind: str) -> None:
     page = drawn[kind].bbox.padded(1.0)
     found = boxes(drawn[kind])

@@ -133,7 +133,7 @@ def test_a_rigid_fleet_is_one_cell(simulation1: Scenario, vehicles: int) -> None
     assert 2.89 <= proof.proved_m <= 3.0
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_triangle_holds_every_pair(seed: int) -> None:
     """Pairs with random starts, ends and climbs, moved by as much as is uncertain: none comes nearer than its bound."""
     random = np.random.default_rng(seed)

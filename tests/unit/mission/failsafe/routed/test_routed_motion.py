@@ -39,6 +39,7 @@ def routes_of(plan_of: Callable[[str], Plan]) -> Callable[..., ReturnRoutes]:
     st.floats(-40.0, -3.0),
     st.floats(0.0, 30.0),
 )
+@pytest.mark.slow
 def test_ways_are_followed_within_limits(
     routes_of: Callable[..., ReturnRoutes], points: list[tuple[float, float]], down_m: float, climb_m: float
 ) -> None:

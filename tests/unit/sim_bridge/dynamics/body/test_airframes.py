@@ -140,9 +140,9 @@ def test_wind_and_breakdowns_repeat_bit_for_bit_as_well():
 @pytest.mark.parametrize(
     ("q", "limits", "wind", "gusts", "rms_m"),
     [
-        (FIELD, FIELD_LIMITS, "", "", 0.03),
+        pytest.param(FIELD, FIELD_LIMITS, "", "", 0.03, marks=pytest.mark.slow),
         (FIELD, FIELD_LIMITS, "3@240", "light", 0.06),
-        (F150, F150_LIMITS, "1@240", "", 0.04),
+        pytest.param(F150, F150_LIMITS, "1@240", "", 0.04, marks=pytest.mark.slow),
         (F150, F150_LIMITS, "1@240", "light", 0.12),
     ],
 )
