@@ -99,7 +99,7 @@ def field(repo_root) -> Scenario:
     return load_scenario(repo_root / "missions" / "field")
 
 
-@pytest.mark.parametrize("frames", [FRAMES, pytest.param(MANY, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("frames", [FRAMES, pytest.param(MANY, marks=pytest.mark.long)])
 @pytest.mark.parametrize("autopilot", SEEDS)
 def test_hostile_frames_change_nothing(field: Scenario, autopilot: str, frames: int, capsys) -> None:
     options = WorldOptions(

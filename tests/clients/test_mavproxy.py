@@ -105,8 +105,9 @@ def read(path: Path) -> list[list[float]]:
     return [[float(word) for word in line.split("\t")] for line in lines[1:]]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), pytest.param("px4", marks=pytest.mark.long)]
+)
 def test_mavproxy_loads_lists_and_flies_a_mission(mavproxy: list[str], tmp_path: Path, autopilot: str) -> None:
     port, home_first = free_port(), autopilot == "ardupilot"
     sent = rows(plain_scenario(1), home_first)

@@ -197,7 +197,11 @@ async def _connected(host: str, port: int) -> socket.socket:
     """A connection to the first address of the host that answers."""
     loop = asyncio.get_running_loop()
     failure = OSError(f"{host} has no address")
-    for family, kind, _, _, address in await loop.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+    try:
+        found = await loop.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except UnicodeError:  # a name that is too long
+        found = []
+    for family, kind, _, _, address in found:
         sock = socket.socket(family, kind)
         try:
             sock.setblocking(False)

@@ -36,7 +36,7 @@ def resolve_udp(host: str, port: int) -> tuple[socket.AddressFamily, Address]:
     """Return the family and the numeric address of a host; IPv4 if it has both. Raises `LinkError`."""
     try:
         usable = [row for row in socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM) if row[0] in _ANY]
-    except OSError:
+    except (OSError, UnicodeError):  # the second for a name that is too long
         usable = []
     if not usable:
         raise LinkError(f"no host is named {host!r}.", hint="check the name, or use an IP address")

@@ -92,8 +92,9 @@ def test_every_processor_makes_the_same_plan(
     assert_near(plan_of(f"{name}/scenario.toml"), theirs, MISSIONS[name])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["simulation1", "gap"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("simulation1", marks=pytest.mark.slow), pytest.param("gap", marks=pytest.mark.long)]
+)
 def test_more_processes_make_the_same_plan_to_the_last_bit(
     plan_of: Callable[[str], Plan], repo_root: Path, tmp_path: Path, name: str
 ) -> None:

@@ -219,7 +219,7 @@ def test_the_program_limits_tilt_and_thrust_of_the_highest_and_the_lowest_vehicl
             assert found[f"largest thrust{who}"] == pytest.approx((high**2 - thrust**2) / weight**2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_vehicle_of_a_rigid_formation_leans_beyond_its_limit_in_sheared_wind(sheared: Plan) -> None:
     """Every vehicle by Eq. 1 in the wind at its own height, with the code's own followers left out."""
     most_deg = sheared.scenario.limits.roll_pitch_yaw_deg[:2]
@@ -239,7 +239,7 @@ def test_no_vehicle_of_a_rigid_formation_leans_beyond_its_limit_in_sheared_wind(
     assert report.ok, report.failures
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_verification_sees_a_higher_vehicle_that_leans_too_far(sheared: Plan) -> None:
     """The same motion under a limit that the leader keeps and the highest vehicles do not."""
     times = np.linspace(0.0, sheared.flight_s, 20_000)[:-1]

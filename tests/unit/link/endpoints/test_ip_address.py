@@ -6,6 +6,7 @@ import socket
 
 import pytest
 
+from gcs.errors import LinkError
 from gcs.link.endpoints.ip_address import (
     caller_host,
     host_port,
@@ -60,3 +61,8 @@ def test_a_literal_decides_the_family_and_loopback_stays_here() -> None:
     assert caller_host(socket.AF_INET6, "2001:db8::1") == "::"
     assert caller_host(socket.AF_INET, "127.0.0.9") == "127.0.0.1"
     assert caller_host(socket.AF_INET, "10.0.0.9") == "0.0.0.0"
+
+
+def test_a_name_too_long_for_any_host_is_no_host() -> None:
+    with pytest.raises(LinkError, match="no host is named"):
+        resolve_udp("a" * 64, 14550)
