@@ -56,7 +56,7 @@ def schedules(draw: st.DrawFn) -> tuple[dict[str, Any], ...]:
     return tuple(changes)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(
     max_examples=10,
     deadline=None,

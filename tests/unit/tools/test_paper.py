@@ -139,7 +139,7 @@ def test_pso_flies_its_path_within_every_limit_and_a_detour_takes_longer(repo_ro
         assert np.hypot(*speed[0, :2]) < 4.5 and np.hypot(*speed[-1, :2]) < 3.5  # from 2.8 m/s, and to rest
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_sections_are_measured_as_in_docs(
     plans: dict[str, Plan], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
