@@ -10,6 +10,8 @@ from scipy.interpolate import PPoly
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.verification.constraints.state_control_limits import _turning
+from gcs.plan.verification.proof.taylor import Taylor
 from tests.unit.plan.problems import changed
 from tests.unit.plan.verification.constraints.even_flights import assert_margin, check_of, even
 
@@ -94,3 +96,17 @@ def test_the_jerk_of_an_even_flight_is_that_of_its_drag(meadow_plan: Plan) -> No
     across, up = THRUST_N / q.mass_kg * np.sin(ROLL), THRUST_N / q.mass_kg * np.cos(ROLL)
     felt = np.array(q.drag_Nspm) * [along, across, q.gravity_mps2 - up] / q.mass_kg
     assert_margin(check_of(flown, "jerk"), 2.0 - float(np.linalg.norm(felt)))
+
+
+def test_the_proved_load_factor_holds_at_every_instant_of_an_interval() -> None:
+    """North at 2 m/s within 0.5, east at rest, pushed east by 3 m/s2 and up to 1.5 more at either end."""
+    zero = Taylor(np.zeros((3, 1)), np.zeros(1))
+    north, push = (
+        Taylor(np.array([[2.0], [0.5], [0.0]]), zero.remainder),
+        Taylor(np.array([[3.0], [0.0], [1.5]]), zero.remainder),
+    )
+    state, moved = [zero, zero, zero, north, zero], (zero, zero, zero, zero, push)
+    for most in (0.2, 0.6):  # violated, and kept
+        proved, middle = _turning(state, moved, most, 9.8)
+        assert middle == pytest.approx(most - 3.0 / 9.8)
+        assert proved[0] <= most - 4.5 / 9.8  # at the ends
