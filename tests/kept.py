@@ -14,6 +14,7 @@ import os
 import pickle
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
@@ -96,5 +97,6 @@ def make_room() -> None:
     """Takes away what no run has used for a week."""
     folder().mkdir(parents=True, exist_ok=True)
     for file in folder().iterdir():
-        if time.time() - file.stat().st_mtime > WEEK_S:
-            file.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process takes it away, or finishes writing it, at the same time
+            if time.time() - file.stat().st_mtime > WEEK_S:
+                file.unlink()
