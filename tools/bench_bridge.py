@@ -1,21 +1,19 @@
 """How fast do emulated vehicles fly? Steps, filters and messages of 1, 6, 50 and 200 vehicles on one core.
 
-./tools/run python tools/bench_bridge.py [--vehicles 1 6 50 200] [--autopilot ardupilot] [--json FILE]
+./tools/run python tools/bench_bridge.py [--vehicles 1 6 50 200] [--autopilot px4] [--seconds 8] [--json FILE]
 
 Vehicles of the `field` preset fly a mission on board, each with its filter, and tell forty messages a second of flight,
 each from a port of its own. Nothing waits and nothing sleeps; seconds are those of the processor, so that whatever else
-runs on the machine takes no part. Each size has a process of its own, so that none finds warm what another left behind.
+runs on the machine takes no part: `--seconds` for each size, which has a process of its own, so that none finds warm
+what another left behind.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import socket
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +29,7 @@ from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
-from tools.bench.frame import apart, serve, show
+from tools.bench.frame import apart, finish, options, serve
 
 GOALS = {6: 40.0, 200: 1.0}  # times real time
 WARM_S = 20.0  # of flight, before anything is measured
@@ -142,20 +140,13 @@ def _place(ned_m: np.ndarray, origin: Origin) -> tuple[int, int]:
 def main() -> None:
     """Run, print, and write what was asked for."""
     serve(measure)
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vehicles", type=int, nargs="+", default=[1, 6, 50, 200])
-    parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default="ardupilot")
-    parser.add_argument("--seconds", type=float, default=8.0, help="of processor time for each measurement")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    rows = [apart(__file__, vehicles, options.autopilot, options.seconds) for vehicles in options.vehicles]
-    show(f"emulated vehicles on a mission, {options.autopilot}, one core", rows)
+    asked = options(__doc__, vehicles=[1, 6, 50, 200], autopilot=("ardupilot", "px4"), seconds=8.0, json=None)
+    rows = [apart(__file__, vehicles, asked.autopilot, asked.seconds) for vehicles in asked.vehicles]
+    finish(f"emulated vehicles on a mission, {asked.autopilot}, one core", rows, asked.json)
     for vehicles, goal in GOALS.items():
         for row in (r for r in rows if r["vehicles"] == vehicles):
             met = "met" if row["times_real_time"] >= goal else "MISSED"
             print(f"{vehicles} vehicles: {row['times_real_time']:.1f} times real time, asked {goal:g}: {met}")
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

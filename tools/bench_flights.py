@@ -6,12 +6,11 @@
 Each flight is `gcs.fly` in a process of its own: sensor noise, gusts and clocks by its seed, wind as in WIND. Position
 errors are of true against planned places at equal time, from T0 to the planned arrival; times are arrivals. The table
 has the mean over the flights, the 95th percentile and the worst. Missions fly as `--nav auto` does.
+`--together` flights fly at a time; each wants a core.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import gcs
-from tools.bench.frame import ROOT, apart, serve, show
+from tools.bench.frame import ROOT, apart, finish, options, serve
 
 WIND = {"simulation1": ("1@270", "0.3"), "simulation2": ("1@270", "0.3"), "field": ("3@270", "light")}
 MODES = ("stream", "mission", "follow")
@@ -107,18 +106,11 @@ def run(missions: list[str], modes: list[str], seeds: int, together: int) -> lis
 def main() -> None:
     """Fly what was asked for."""
     serve(fly_one)
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--mission", nargs="+", choices=list(WIND), default=list(WIND))
-    parser.add_argument("--mode", nargs="+", choices=MODES, default=list(MODES))
-    parser.add_argument("--together", type=int, default=2, help="flights at a time; each wants a core")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    records = run(options.mission, options.mode, options.seeds, options.together)
+    asked = options(__doc__, seeds=20, mission=list(WIND), mode=list(MODES), together=2, json=None)
+    records = run(asked.mission, asked.mode, asked.seeds, asked.together)
     rows = summary(records)
-    show("flights, each figure as mean / 95 % / worst", [row | {"ended": len(row["ended"])} for row in rows])
-    if options.json is not None:
-        options.json.write_text(json.dumps({"flights": records, "rows": rows}, indent=1) + "\n")
+    shown = [row | {"ended": len(row["ended"])} for row in rows]
+    finish("flights, each figure as mean / 95 % / worst", shown, asked.json, {"flights": records, "rows": rows})
 
 
 if __name__ == "__main__":

@@ -8,12 +8,8 @@ every solver calls a solution is then looked at between its nodes. Times are CPU
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from tools.bench import describe, race
+from tools.bench.frame import options
 from tools.bench.race import Contender, Goal, Record
 
 MESH = "first mesh"
@@ -26,15 +22,13 @@ OURS = (
 SAME_SHARE, SAME_S = 0.01, 1.0  # of the objective; of the times at points
 
 
-def main(
-    repetitions: Annotated[int, typer.Option(help="Runs of every contender; medians count.")] = 3,
-    json_path: Annotated[Path | None, typer.Option("--json", help="Write all numbers here.")] = None,
-) -> None:
+def main() -> None:
     """Measure, judge, print."""
+    asked = options(__doc__, repetitions=3, json=None)
     problem, mesh, guess = describe.route_problem()
     numbers = {MESH: describe.numbers(problem, mesh, guess)}
     entries = [(contender, MESH) for contender in (*OURS, *race.YAPSS, race.MAPTOR)]
-    race.hold(problem, numbers, entries, judge, repetitions, json_path)
+    race.hold(problem, numbers, entries, judge, asked.repetitions, asked.json)
 
 
 def judge(records: list[Record]) -> list[Goal]:
@@ -74,4 +68,4 @@ def points_off_s(ours: Record, theirs: Record) -> float:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    main()

@@ -1,40 +1,34 @@
 """Skein's planner beside its peers on one problem, in one run:  ./tools/run python tools/bench_planner.py [--quick]
 
 Simulation 1's leader alone from A to B, with the same objective, bounds, scaling, guess and tolerance for every
-contender. What every solver calls a solution is then looked at between its nodes by Skein's verifier.
+contender, `--repetitions` runs of each on every mesh; medians count. `--quick`: one run each, yapss as the only peer.
+What every solver calls a solution is then looked at between its nodes by Skein's verifier.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from tools.bench import describe, race
 from tools.bench.findings import cost
+from tools.bench.frame import options
 from tools.bench.race import Contender, Goal, Record
 
 UNIFORM, ENDS, OWN = "15 uniform x 4", "30 end-refined x 4", "own mesh"
 EQ_41, REFINED, SIX = "skein, Eq. 41", "skein, refined", "skein, six refined"
 
 
-def main(
-    repetitions: Annotated[int, typer.Option(help="Runs of every contender on every mesh; medians count.")] = 5,
-    quick: Annotated[bool, typer.Option("--quick", help="One run each, yapss as the only peer.")] = False,
-    json_path: Annotated[Path | None, typer.Option("--json", help="Write all numbers here.")] = None,
-) -> None:
+def main() -> None:
     """Measure, judge, print."""
+    asked = options(__doc__, repetitions=5, quick=False, json=None)
     problem = describe.leader_problem()
     meshes = {UNIFORM: describe.uniform(problem), ENDS: describe.refined_at_ends(problem)}
     numbers = {name: describe.numbers(problem, mesh) for name, mesh in meshes.items()}
     both = (
         Contender(EQ_41, "skein", ("leader", "lagrange")),
         Contender("skein, linear control", "skein", ("leader", "linear")),
-        *(race.YAPSS if quick else race.PEERS),
+        *(race.YAPSS if asked.quick else race.PEERS),
     )
     entries = [(contender, mesh) for mesh in meshes for contender in both]
     entries += [
@@ -42,12 +36,13 @@ def main(
         (Contender(REFINED, "skein", ("leader", "refined")), OWN),
         (Contender(SIX, "skein", ("six", "refined")), OWN),
     ]
-    reference = None if quick else converged(problem)
+    reference = None if asked.quick else converged(problem)
 
     def judged(records: list[Record]) -> list[Goal]:
         return judge(records, reference)
 
-    race.hold(problem, numbers | {OWN: numbers[UNIFORM]}, entries, judged, 1 if quick else repetitions, json_path)
+    repetitions = 1 if asked.quick else asked.repetitions
+    race.hold(problem, numbers | {OWN: numbers[UNIFORM]}, entries, judged, repetitions, asked.json)
 
 
 def converged(problem: Problem) -> float:
@@ -84,4 +79,4 @@ def judge(records: list[Record], reference: float | None) -> list[Goal]:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    main()

@@ -10,12 +10,9 @@ that whatever else the machine does slows both; seconds are the processor's.
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 import time
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import casadi
@@ -29,7 +26,7 @@ from gcs.plan.replanning.replanner import LEAST_S
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone
-from tools.bench.frame import ROOT, show
+from tools.bench.frame import ROOT, finish, options
 
 ASIDE_M, BELOW_M, SPEED_MPS = 20.0, 3.0, 0.2
 RADII_M = (10.0, 30.0)
@@ -130,15 +127,10 @@ def _attempt(replanner: gcs.Replanner, t_s: float, state: Array, zones: tuple[No
 
 def main() -> None:
     """Run the series and print the ratios."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--replans", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--missions", default="simulation1,field")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
+    asked = options(__doc__, replans=100, seed=1, missions="simulation1,field", json=None)
     written, rows = {}, []
-    for name in options.missions.split(","):
-        outcomes, cold, build_s, built = measure(name, options.replans, options.seed)
+    for name in asked.missions.split(","):
+        outcomes, cold, build_s, built = measure(name, asked.replans, asked.seed)
         for words, zones in (("no new zone", (False,)), ("a new zone", (True,)), ("all", (False, True))):
             chosen = [o for o in outcomes if o.zone in zones]
             counts = summary(chosen, statistics.median(cold))
@@ -147,9 +139,7 @@ def main() -> None:
             if outcome.kind != "verified":
                 print(f"{outcome.kind} at {outcome.t_s:.1f} s after {outcome.seconds:.2f} s: {outcome.words}")
         written[name] = {"cold_s": cold, "build_s": build_s, "built": built, "replans": [asdict(o) for o in outcomes]}
-    show(f"re-plans; wanted: a median of at most {GOAL:g} of the first plan", rows)
-    if options.json:
-        options.json.write_text(json.dumps(written, indent=1) + "\n")
+    finish(f"re-plans; wanted: a median of at most {GOAL:g} of the first plan", rows, asked.json, written)
 
 
 def summary(chosen: list[Outcome], first_s: float) -> dict[str, Any]:

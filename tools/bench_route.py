@@ -14,14 +14,11 @@ failure is an `Infeasible` that names a leg and a number, or it is reported as a
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
 import statistics
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,7 +30,7 @@ from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Boundary, NoFlyZone, RoutePoint, Scenario
-from tools.bench.frame import ROOT, apart, serve, show
+from tools.bench.frame import ROOT, apart, finish, options, serve
 from tools.bench.memory import peak_mb
 
 MISSION = ROOT / "missions" / "simulation1"
@@ -158,19 +155,9 @@ def at_random(count: int, seed: int, jobs: int) -> list[Row]:
 def main() -> None:
     """Plan the routes that the command line asks for, and print a row for each."""
     serve(planned)
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--points", type=int, nargs="+", default=[2, 5, 20, 50, 100])
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--random", type=int, default=0, help="plan so many random routes instead")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
+    args = options(__doc__, points=[2, 5, 20, 50, 100], repeat=3, random=0, seed=1, jobs=2, json=None)
     rows = at_random(args.random, args.seed, args.jobs) if args.random else growth(args.points, args.seed, args.repeat)
-    written = [asdict(row) for row in rows]
-    show("routes planned and verified, CPU seconds", written)
-    if args.json:
-        args.json.write_text(json.dumps(written, indent=1))
+    finish("routes planned and verified, CPU seconds", [asdict(row) for row in rows], args.json)
 
 
 if __name__ == "__main__":

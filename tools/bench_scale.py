@@ -10,16 +10,13 @@ reported apart; ratios are to the smallest formation. `--changes` adds a shrink,
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
-from pathlib import Path
 from typing import Any
 
 import gcs
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from tools.bench.frame import ROOT, apart, medians, serve, show
+from tools.bench.frame import ROOT, apart, finish, medians, options, serve
 from tools.bench.memory import peak_mb
 
 SPACING_M = 0.5
@@ -69,20 +66,14 @@ def measure(vehicles: int, changes: bool) -> dict[str, Any]:
 def main() -> None:
     """Run, print, and write what was asked for."""
     serve(measure)
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vehicles", type=int, nargs="+", default=[6, 50, 200, 1000])
-    parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--changes", action="store_true")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    runs = [apart(__file__, n, options.changes) for _ in range(options.repeat) for n in options.vehicles]
-    rows = [medians([run for run in runs if run["vehicles"] == vehicles]) for vehicles in options.vehicles]
-    show("the same flight for larger formations, medians", rows)
+    asked = options(__doc__, vehicles=[6, 50, 200, 1000], repeat=5, changes=False, json=None)
+    runs = [apart(__file__, n, asked.changes) for _ in range(asked.repeat) for n in asked.vehicles]
+    rows = [medians([run for run in runs if run["vehicles"] == vehicles]) for vehicles in asked.vehicles]
+    record = {"runs": runs, "medians": rows}
+    finish("the same flight for larger formations, medians", rows, asked.json, record)
     for key, goal in GOALS.items():
         ratio = rows[-1][key] / rows[0][key]
         print(f"{key}: {ratio:.2f} x, asked {goal:g} x: {'met' if ratio <= goal else 'MISSED'}")
-    if options.json:
-        options.json.write_text(json.dumps({"runs": runs, "medians": rows}, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ missions are read back.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import json
 import statistics
@@ -24,7 +23,6 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from gcs.autopilots.traits import Autopilot
@@ -33,7 +31,7 @@ from gcs.link.connection import Connection
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.mission.model import MissionItem
 from tests.air import Air, Weather, mission_of
-from tools.bench.frame import ROOT, free_port, show
+from tools.bench.frame import ROOT, finish, free_port, options, show
 
 ROUND_TRIPS_S = (0.0, 0.05, 0.2)
 LOSSES = (0.0, 0.05, 0.2, 0.4)
@@ -130,14 +128,9 @@ def ways(autopilot: Autopilot) -> tuple[Transfer, ...]:
 
 def main() -> None:
     """Run what was asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--uploads", type=int, default=200)
-    parser.add_argument("--items", type=int, default=100)
-    parser.add_argument("--race", nargs="*", default=[], metavar="ROUND_TRIP_S:LOSS[:DOUBLED]")
-    parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default=None)
-    parser.add_argument("--json", type=Path)
-    chosen = parser.parse_args()
-    autopilots = [Autopilot.named(chosen.autopilot)] if chosen.autopilot else list(Autopilot)
+    keys = [autopilot.key for autopilot in Autopilot]
+    chosen = options(__doc__, uploads=200, items=100, race=[], autopilot=keys, json=None)
+    autopilots = list(map(Autopilot.named, chosen.autopilot))
     cells = [
         cell(autopilot, Weather(round_trip_s, loss), chosen.uploads, chosen.items, transfer)
         for autopilot in autopilots
@@ -148,9 +141,7 @@ def main() -> None:
     ]
     show(f"{chosen.uploads} uploads of {chosen.items} items per cell, fake clock", cells)
     laps = [row for autopilot in autopilots for row in race(autopilot, chosen.race, chosen.items)]
-    show(f"{chosen.items} items over real sockets", laps)
-    if chosen.json is not None:
-        chosen.json.write_text(json.dumps({"cells": cells, "race": laps}, indent=2) + "\n")
+    finish(f"{chosen.items} items over real sockets", laps, chosen.json, {"cells": cells, "race": laps})
 
 
 if __name__ == "__main__":

@@ -4,12 +4,12 @@
 
 Fitted are two numbers each: on ArduPilot the lag and the drag of the vehicle, on PX4 (whose simulator's drag is known)
 what its integral gives back in descents and the error of home's height. Everything else is what the autopilot reported.
-Prints the parameters and the residuals for gcs/autopilots/navigation/calibration.py. A few minutes.
+Prints the parameters and the residuals for gcs/autopilots/navigation/calibration.py; with `--no-fit` those of the
+parameters as they are. A few minutes.
 """
 
 from __future__ import annotations
 
-import argparse
 import gzip
 import json
 from collections.abc import Callable, Sequence
@@ -24,8 +24,8 @@ from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
 from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders
 from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.physics.quadrotor import Array
+from tools.bench.frame import ROOT, options
 
-ROOT = Path(__file__).resolve().parent.parent
 RECORDINGS = ROOT / "tests" / "recorded" / "timed_legs"
 MISSIONS = ("a", "b", "c")
 _MS = 1e-3
@@ -150,14 +150,10 @@ def _worst(error: Array) -> float:
 
 def main() -> None:
     """Fit what is asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--recordings", type=Path, default=RECORDINGS)
-    parser.add_argument("--only", choices=[model.name for model in MODELS])
-    parser.add_argument("--no-fit", action="store_true", help="residuals of the parameters as they are")
-    arguments = parser.parse_args()
+    asked = options(__doc__, recordings=RECORDINGS, only=[model.name for model in MODELS], no_fit=False)
     for model in MODELS:
-        if arguments.only in (None, model.name):
-            report(model, arguments.recordings, refit=not arguments.no_fit)
+        if model.name in asked.only:
+            report(model, asked.recordings, refit=not asked.no_fit)
 
 
 if __name__ == "__main__":

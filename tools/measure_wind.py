@@ -2,13 +2,11 @@
 
 ./tools/run python tools/measure_wind.py [--seconds 60] [--seed 1]
 
-Both presets with RTK-grade receivers, four vehicles each: up to 6 m, a hover, then 60 m there and back as fast as
-their limits allow. Errors are those of true positions against the reference, the first 10 s of wind left out.
+Both presets with RTK-grade receivers, four vehicles each: up to 6 m, a hover of `--seconds`, then 60 m there and back
+as fast as their limits allow. Errors are of true positions against the reference, the first 10 s of wind left out.
 """
 
 from __future__ import annotations
-
-import argparse
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.body.presets import PRESETS
 from sim_bridge.dynamics.body.sensors import RTK
 from sim_bridge.dynamics.body.wind_field import parse_wind
-from tools.bench.frame import ROOT, show
+from tools.bench.frame import ROOT, options, show
 
 SCENARIO_OF = {"f150": "simulation1", "field": "field"}
 WINDS = {
@@ -92,13 +90,10 @@ def _follow(airframes: Airframes, pieces: list[Piece], seconds: float) -> NDArra
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=60.0, help="of hover")
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
+    asked = options(__doc__, seconds=60.0, seed=1)
     rows = [
         {"preset": name, "wind": wind or "none", "gusts": gusts or "none"}
-        | measure(name, wind, gusts, options.seconds, options.seed)
+        | measure(name, wind, gusts, asked.seconds, asked.seed)
         for name, winds in WINDS.items()
         for wind, gusts in winds
     ]

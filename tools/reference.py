@@ -8,17 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from gcs.files import atomic_write
+from gcs.flight.contingency.detection import DETECTED
+from gcs.flight.contingency.policy import ALL, MEANING, Row, State
+from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 from gcs.scenario.schema.json_schema import scenario_schema
 from tools.api_reference import api_reference
 from tools.commands_reference import commands_reference
 from tools.formats_reference import formats_reference
 from tools.markdown import table
-from tools.policy_table import policy_tables
 from tools.shape_drawings import shape_drawings
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 MADE = re.compile(r"(^<!-- made by tools/reference\.py [^\n]*-->\n).*?(^<!-- end -->$|\Z)", re.M | re.S)
 HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
+RULES = ("incident", "in state", "if", "new state", "order", "rule")
 Schema = dict[str, Any]
 
 
@@ -115,6 +118,18 @@ def _default(value: Schema, required: bool) -> str:
     if isinstance(default, str):
         return f'`"{default}"`'
     return "none" if default in ([], {}) or isinstance(default, dict) else f"`{default}`"
+
+
+def policy_tables() -> str:
+    """The contingency policy: its states, the incidents and the rules."""
+    states = table(("state", "the vehicle"), ((state, MEANING[state]) for state in State))
+    incidents = table(("incident", "detected by"), DETECTED.items())
+    return "\n".join([states, incidents, table(RULES, (_rule(row) for row in POLICY if row.rule != KEEPS))])
+
+
+def _rule(row: Row) -> tuple[str, ...]:
+    states = "any" if row.states == ALL else ", ".join(state for state in State if state in row.states)
+    return str(row.trigger), states, row.when.words, row.to or "", row.action or "", row.rule
 
 
 MAKERS: dict[str, Callable[[], str | tuple[str, ...]]] = {

@@ -28,19 +28,10 @@ from scipy.stats import linregress
 import gcs
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from tools.bench.frame import ROOT
+from tools.bench.frame import ROOT, options
 from tools.bench.memory import Sample, sample
 
 GCS = str(Path(sys.executable).with_name("gcs"))
-OPTIONS = {
-    "hours": 10.0,
-    "speedup": 1.0,
-    "vehicles": 6,
-    "leg": 7200.0,
-    "every": 60.0,
-    "port": 14650,
-    "autopilot": "ardupilot",
-}
 COLUMNS = ("leg", "wall_s", "flown_s", "process", "rss_mb", "files", "threads", "cpu_s", "log_mb")
 SETTLED_SHARE = 0.15  # of a leg: imports, upload and take-off
 LIMIT_MB_PER_H = 1.0  # of flight
@@ -233,14 +224,11 @@ def _judge(
 
 def main() -> None:
     """Read the options and fly."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("to", type=Path)
-    for name, default in OPTIONS.items():
-        parser.add_argument(f"--{name}", type=type(default), default=default)
-    options = parser.parse_args()
-    result = soak(options)
+    defaults = {"speedup": 1.0, "vehicles": 6, "leg": 7200.0, "every": 60.0, "port": 14650}
+    asked = options(__doc__, "to", hours=10.0, **defaults, autopilot=("ardupilot", "px4"))
+    result = soak(asked)
     print(json.dumps(result, indent=2))
-    raise SystemExit(1 if result["grows"] or result["flown_h"] < options.hours else 0)
+    raise SystemExit(1 if result["grows"] or result["flown_h"] < asked.hours else 0)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""What benchmarks share: a measurement in a process of its own, medians, a table, a port."""
+"""What benchmarks share: options, a measurement in a process of its own, medians, a table, a record, a port."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import socket
@@ -20,6 +21,27 @@ ROOT = Path(__file__).resolve().parents[2]
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 _HERE = "--measure-here"
 Row = dict[str, Any]
+
+
+def options(doc: str | None, *places: str, **defaults: Any) -> argparse.Namespace:
+    """The command line: paths that must be given, then options by name and default.
+
+    A list is some values, of text some of these; a tuple is one of these, else the first; False a switch; None a file.
+    """
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for place in places:
+        parser.add_argument(place, type=Path)
+    for name, default in defaults.items():
+        how: dict[str, Any] = {"type": Path if default is None else type(default), "default": default}
+        if default is False:
+            how = {"action": "store_true"}
+        elif isinstance(default, tuple):
+            how = {"choices": default, "default": default[0]}
+        elif isinstance(default, list):
+            kind = type(default[0]) if default else str
+            how |= {"nargs": "+", "type": kind, "choices": (default or None) if kind is str else None}
+        parser.add_argument(f"--{name.replace('_', '-')}", **how)
+    return parser.parse_args()
 
 
 def apart(file: str, *task: Any) -> Row:
@@ -54,6 +76,13 @@ def show(title: str, rows: Sequence[Row]) -> None:
     for row in rows:
         table.add_row(*map(_cell, row.values()))
     Console(width=190).print(table)  # also where there is no terminal
+
+
+def finish(title: str, rows: Sequence[Row], file: Path | None, record: Any = None) -> None:
+    """Print the rows, and write the record, or else the rows, to the file that was asked for."""
+    show(title, rows)
+    if file is not None:
+        file.write_text(json.dumps(rows if record is None else record, indent=1) + "\n", encoding="utf-8")
 
 
 def _cell(value: Any) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 
 from gcs.plan.ocp.problem import Problem
 from tools.bench.findings import Findings, look, trajectory
-from tools.bench.frame import ONE_THREAD, ROOT, show
+from tools.bench.frame import ONE_THREAD, ROOT, finish, show
 
 CACHE = ROOT / ".bench"
 LIMIT_S, INSTALL_LIMIT_S = 300.0, 900.0
@@ -128,10 +128,8 @@ def hold(
     goals = judge(records)
     verdicts = [asdict(goal) | {"met": goal.met} for goal in goals]
     show("goals", verdicts)
-    show("contenders, one thread each", [_row(record) for record in records])
-    if json_path:
-        written = {"goals": verdicts, "records": [_as_json(record) for record in records]}
-        json_path.write_text(json.dumps(written, indent=1) + "\n")
+    written = {"goals": verdicts, "records": [_as_json(record) for record in records]}
+    finish("contenders, one thread each", [_row(record) for record in records], json_path, written)
 
 
 def once(contender: Contender, problem: Path, answer: Path) -> dict[str, Any]:

@@ -104,7 +104,6 @@ def _flights(found: Any) -> Rows:
 BENCHMARKS: dict[str, tuple[str, str, tuple[Callable[[Any], Rows], ...]]] = {
     "planner": ("one vehicle's plan beside other solvers", "--repetitions 3", (_planner, _solvers)),
     "replan": ("plans that change in flight", "--replans 50", (_replan,)),
-    "maps": ("random maps", "--maps 30", ()),
     "scale": ("large formations, and the verifier", "--repeat 3", (_scale,)),
     "route": ("[drawn routes](planner.md)", "--points 2 5 20 50 100 --repeat 1", ()),
     "legs": ("[a drawn route beside other solvers](planner.md)", "--repetitions 3", ()),
