@@ -78,7 +78,9 @@ class CommandServer:
             MavCommand.GET_MESSAGE_INTERVAL: self._get_interval,
             MavCommand.REQUEST_MESSAGE: lambda r, t: self._request(_whole(r.params[0])),
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda r, t: self._request(MessageId.AUTOPILOT_VERSION),
-            MavCommand.GET_HOME_POSITION: lambda r, t: CommandAnswer(MavResult.ACCEPTED, self._home()),
+            MavCommand.GET_HOME_POSITION: lambda r, t: CommandAnswer(
+                MavResult.ACCEPTED, telemetry.build(MessageId.HOME_POSITION, MessageId.GPS_GLOBAL_ORIGIN)
+            ),
         }
 
     def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
@@ -189,12 +191,7 @@ class CommandServer:
             return CommandAnswer(self._replies.unknown_message)
         if not self._telemetry.has_newer(number):
             return CommandAnswer(self._replies.nothing_newer)
-        message = self._telemetry.build_requested(number)
-        return CommandAnswer(MavResult.ACCEPTED, [message] if message is not None else [])
-
-    def _home(self) -> list[Message]:
-        both = (MessageId.HOME_POSITION, MessageId.GPS_GLOBAL_ORIGIN)
-        return [m for m in map(self._telemetry.build, both) if m is not None]
+        return CommandAnswer(MavResult.ACCEPTED, self._telemetry.build_requested(number))
 
     def _format(self, message: Message, t_s: float) -> CommandAnswer:
         if self._autopilot.armed or self._task is not None:

@@ -29,7 +29,7 @@ from sim_bridge.protocol.missions.ftp_files import MissionFiles
 from sim_bridge.protocol.missions.store import MissionStore
 from sim_bridge.protocol.param_server import ParamServer
 from sim_bridge.protocol.position_targets import SETPOINTS, setpoint_in
-from sim_bridge.protocol.telemetry import Instruments, Sources, Telemetry, heartbeat
+from sim_bridge.protocol.telemetry import Instruments, Sources, Telemetry
 
 _COMPID = 1
 _NO_MESSAGES: tuple[Message, ...] = ()
@@ -139,8 +139,7 @@ class Conversation:
 
     def reminders(self) -> list[Message]:
         """Return what a station needs that is waited for: a new one finds the vehicle, a late one knows its time."""
-        built = (self._telemetry.build(number) for number in (MessageId.HEARTBEAT, MessageId.SYSTEM_TIME))
-        return [message for message in built if message is not None]
+        return self._telemetry.build(MessageId.HEARTBEAT, MessageId.SYSTEM_TIME)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message. Messages for other vehicles, unknown ones and badly signed ones get no answer."""
@@ -164,7 +163,7 @@ class Conversation:
             return self.commands.receive(message, self._instruments.t_s, now_s)
         if name == "MISSION_SET_CURRENT":
             self.autopilot.set_current(self._instruments.t_s, message.fields["seq"])
-            return [m for m in [self._telemetry.build(MessageId.MISSION_CURRENT)] if m is not None]
+            return self._telemetry.build(MessageId.MISSION_CURRENT)
         if name.startswith("MISSION_"):
             self._store.current_seq = self.autopilot.current_seq
             return self._store.receive(message, now_s) + self._params.changes()
@@ -222,11 +221,11 @@ class Conversation:
                 case Reached(seq):
                     messages.append(Message("MISSION_ITEM_REACHED", {"seq": seq}))
                 case ModeChanged() if replies.heartbeat_on_change:
-                    messages.append(heartbeat(self._telemetry.sources))
+                    messages += self._telemetry.build(MessageId.HEARTBEAT)
                 case Placed():
                     self._store.move_home(self._instruments.place(self.autopilot.path_generator.home_ned_m))
                     both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION) if replies.announces_home else ()
-                    messages += [m for m in map(self._telemetry.build, both) if m is not None]
+                    messages += self._telemetry.build(*both)
         self.autopilot.events[:] = too_early
         return messages if self._heard else [m for m in messages if m.name == "HEARTBEAT"]
 

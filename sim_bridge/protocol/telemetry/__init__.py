@@ -2,6 +2,5 @@
 
 from sim_bridge.protocol.telemetry.instruments import GeodeticPositions, Instruments, Sources
 from sim_bridge.protocol.telemetry.streams import Telemetry
-from sim_bridge.protocol.telemetry.vitals import heartbeat
 
-__all__ = ["GeodeticPositions", "Instruments", "Sources", "Telemetry", "heartbeat"]
+__all__ = ["GeodeticPositions", "Instruments", "Sources", "Telemetry"]

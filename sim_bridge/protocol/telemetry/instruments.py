@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.failsafe import Failsafe, Readings
@@ -159,4 +158,5 @@ class Sources:
         return self.autopilot.readiness.reached(milestone)
 
 
-Builder = Callable[[Sources], Message | None]  # None: no data yet
+Fields = dict[str, Any]  # of one message
+Builder = Callable[[Sources], Fields | None]  # None: no data yet

@@ -8,11 +8,10 @@ import zlib
 import numpy as np
 
 from gcs.frames import to_degE7
-from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId, SetpointMask, WireFrame
 from gcs.physics.quadrotor import Array
 from sim_bridge.personality import Intent, Milestone
-from sim_bridge.protocol.telemetry.instruments import Builder, Sources
+from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources
 
 _FULL = int(SetpointMask.IGNORE_YAW_RATE)
 _GROUND_LEVEL = 63  # mask of the setpoint of a vehicle on the ground
@@ -33,43 +32,37 @@ def quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]
     ]
 
 
-def _attitude(sources: Sources) -> Message:
+def _attitude(sources: Sources) -> Fields:
     roll, pitch, yaw, p, q, r = sources.instruments.estimate[6:].tolist()
-    return Message(
-        "ATTITUDE",
-        {
-            "time_boot_ms": sources.instruments.boot_ms,
-            "roll": roll,
-            "pitch": pitch,
-            "yaw": math.remainder(yaw, math.tau),
-            "rollspeed": p,
-            "pitchspeed": q,
-            "yawspeed": r,
-        },
-    )
+    return {
+        "time_boot_ms": sources.instruments.boot_ms,
+        "roll": roll,
+        "pitch": pitch,
+        "yaw": math.remainder(yaw, math.tau),
+        "rollspeed": p,
+        "pitchspeed": q,
+        "yawspeed": r,
+    }
 
 
-def _attitude_quaternion(sources: Sources) -> Message:
+def _attitude_quaternion(sources: Sources) -> Fields:
     roll, pitch, yaw, p, q, r = sources.instruments.estimate[6:].tolist()
     q1, q2, q3, q4 = quaternion(roll, pitch, yaw)
     fields = {"time_boot_ms": sources.instruments.boot_ms, "q1": q1, "q2": q2, "q3": q3, "q4": q4}
-    return Message("ATTITUDE_QUATERNION", {**fields, "rollspeed": p, "pitchspeed": q, "yawspeed": r})
+    return {**fields, "rollspeed": p, "pitchspeed": q, "yawspeed": r}
 
 
-def _local_position(sources: Sources) -> Message | None:
+def _local_position(sources: Sources) -> Fields | None:
     if not sources.reached(sources.personality.streams.local_from):
         return None
     instruments = sources.instruments
     state = instruments.estimate
     x, y, z = (state[:3] - instruments.pad_ned_m).tolist()
     vx, vy, vz = state[3:6].tolist()
-    return Message(
-        "LOCAL_POSITION_NED",
-        {"time_boot_ms": instruments.boot_ms, "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz},
-    )
+    return {"time_boot_ms": instruments.boot_ms, "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz}
 
 
-def _global_position(sources: Sources) -> Message | None:
+def _global_position(sources: Sources) -> Fields | None:
     if not sources.reached(sources.personality.streams.global_from):
         return None
     instruments = sources.instruments
@@ -80,122 +73,107 @@ def _global_position(sources: Sources) -> Message | None:
         fields = {"lat": to_degE7(place.lat_deg), "lon": to_degE7(place.lon_deg)}
         fields["alt"] = round(place.alt_amsl_m * 1000.0)
     vx, vy, vz = (state[3:6] * 100.0).tolist()
-    return Message(
-        "GLOBAL_POSITION_INT",
-        {
-            "time_boot_ms": instruments.boot_ms,
-            **fields,
-            "relative_alt": round((sources.autopilot.path_generator.home_ned_m[2] - state[2]) * 1000.0),
-            "vx": round(vx),
-            "vy": round(vy),
-            "vz": round(vz),
-            "hdg": round(math.degrees(state[8]) * 100.0) % 36000,
-        },
-    )
+    return {
+        "time_boot_ms": instruments.boot_ms,
+        **fields,
+        "relative_alt": round((sources.autopilot.path_generator.home_ned_m[2] - state[2]) * 1000.0),
+        "vx": round(vx),
+        "vy": round(vy),
+        "vz": round(vz),
+        "hdg": round(math.degrees(state[8]) * 100.0) % 36000,
+    }
 
 
-def _vfr_hud(sources: Sources) -> Message:
+def _vfr_hud(sources: Sources) -> Fields:
     instruments = sources.instruments
     state = instruments.estimate
     speed = math.hypot(state[3], state[4])
-    return Message(
-        "VFR_HUD",
-        {
-            "airspeed": speed if sources.personality.streams.reports_airspeed else math.nan,
-            "groundspeed": speed,
-            "heading": round(math.degrees(state[8])) % 360,
-            "throttle": round(100.0 * float(np.mean(_throttle(sources)))),
-            "alt": instruments.origin.alt_amsl_m - float(state[2]),
-            "climb": -float(state[5]),
-        },
-    )
+    return {
+        "airspeed": speed if sources.personality.streams.reports_airspeed else math.nan,
+        "groundspeed": speed,
+        "heading": round(math.degrees(state[8])) % 360,
+        "throttle": round(100.0 * float(np.mean(_throttle(sources)))),
+        "alt": instruments.origin.alt_amsl_m - float(state[2]),
+        "climb": -float(state[5]),
+    }
 
 
-def _altitude(sources: Sources) -> Message:
+def _altitude(sources: Sources) -> Fields:
     instruments = sources.instruments
     down_m = float(instruments.estimate[2])
     amsl_m = instruments.origin.alt_amsl_m - down_m
     relative_m = float(sources.autopilot.path_generator.home_ned_m[2]) - down_m
-    return Message(
-        "ALTITUDE",
-        {
-            "time_usec": instruments.boot_ms * 1000,
-            "altitude_monotonic": amsl_m,
-            "altitude_amsl": amsl_m,
-            "altitude_local": float(instruments.pad_ned_m[2]) - down_m,
-            "altitude_relative": relative_m,
-            "altitude_terrain": math.nan,
-            "bottom_clearance": math.nan,
-        },
-    )
+    return {
+        "time_usec": instruments.boot_ms * 1000,
+        "altitude_monotonic": amsl_m,
+        "altitude_amsl": amsl_m,
+        "altitude_local": float(instruments.pad_ned_m[2]) - down_m,
+        "altitude_relative": relative_m,
+        "altitude_terrain": math.nan,
+        "bottom_clearance": math.nan,
+    }
 
 
-def _local_target(sources: Sources) -> Message | None:
+def _local_target(sources: Sources) -> Fields | None:
     if sources.personality.streams.targets_in_guided_only and sources.autopilot.mode.intent is not Intent.GUIDED:
         return None
     mask, flat = _target(sources)
     x, y, z = (flat[0, :3] - sources.instruments.pad_ned_m).tolist()
     fields = {"time_boot_ms": sources.instruments.boot_ms, "coordinate_frame": int(WireFrame.LOCAL_NED)}
-    return Message("POSITION_TARGET_LOCAL_NED", {**fields, "type_mask": mask, "x": x, "y": y, "z": z, **_rates(flat)})
+    return {**fields, "type_mask": mask, "x": x, "y": y, "z": z, **_rates(flat)}
 
 
-def _global_target(sources: Sources) -> Message | None:
+def _global_target(sources: Sources) -> Fields | None:
     if not sources.autopilot.flying:
         return None
     mask, flat = _target(sources)
     place = sources.instruments.place(flat[0, :3])
     fields = {"time_boot_ms": sources.instruments.boot_ms, "coordinate_frame": int(WireFrame.GLOBAL_INT)}
     where = {"lat_int": to_degE7(place.lat_deg), "lon_int": to_degE7(place.lon_deg), "alt": place.alt_amsl_m}
-    return Message("POSITION_TARGET_GLOBAL_INT", {**fields, "type_mask": mask, **where, **_rates(flat)})
+    return {**fields, "type_mask": mask, **where, **_rates(flat)}
 
 
-def _attitude_target(sources: Sources) -> Message:
+def _attitude_target(sources: Sources) -> Fields:
     """The attitude and thrust for the wanted acceleration in still air."""
     _, flat = _target(sources)
     yaw = float(flat[0, 3])
     north, east, down = flat[2, :3].tolist()
     ahead, right = north * math.cos(yaw) + east * math.sin(yaw), east * math.cos(yaw) - north * math.sin(yaw)
     pull = max(9.8 - down, 1.0)
-    return Message(
-        "ATTITUDE_TARGET",
-        {
-            "time_boot_ms": sources.instruments.boot_ms,
-            "type_mask": 0,
-            "q": quaternion(math.atan2(right, pull), -math.atan2(ahead, pull), math.remainder(yaw, math.tau)),
-            "body_roll_rate": 0.0,
-            "body_pitch_rate": 0.0,
-            "body_yaw_rate": float(flat[1, 3]),
-            "thrust": float(np.mean(_throttle(sources))),
-        },
-    )
+    return {
+        "time_boot_ms": sources.instruments.boot_ms,
+        "type_mask": 0,
+        "q": quaternion(math.atan2(right, pull), -math.atan2(ahead, pull), math.remainder(yaw, math.tau)),
+        "body_roll_rate": 0.0,
+        "body_pitch_rate": 0.0,
+        "body_yaw_rate": float(flat[1, 3]),
+        "thrust": float(np.mean(_throttle(sources))),
+    }
 
 
-def _nav_output(sources: Sources) -> Message:
+def _nav_output(sources: Sources) -> Fields:
     _, flat = _target(sources)
     state = sources.instruments.estimate
     north, east = (flat[0, :2] - state[:2]).tolist()
     course = round(math.degrees(math.atan2(flat[1, 1], flat[1, 0])))
-    return Message(
-        "NAV_CONTROLLER_OUTPUT",
-        {
-            "nav_roll": math.degrees(state[6]),
-            "nav_pitch": math.degrees(state[7]),
-            "nav_bearing": course,
-            "target_bearing": round(math.degrees(math.atan2(east, north))),
-            "wp_dist": min(round(math.hypot(north, east)), 0xFFFF),
-            "alt_error": float(state[2] - flat[0, 2]),
-            "aspd_error": 0.0,
-            "xtrack_error": 0.0,
-        },
-    )
+    return {
+        "nav_roll": math.degrees(state[6]),
+        "nav_pitch": math.degrees(state[7]),
+        "nav_bearing": course,
+        "target_bearing": round(math.degrees(math.atan2(east, north))),
+        "wp_dist": min(round(math.hypot(north, east)), 0xFFFF),
+        "alt_error": float(state[2] - flat[0, 2]),
+        "aspd_error": 0.0,
+        "xtrack_error": 0.0,
+    }
 
 
-def _servo_output(sources: Sources) -> Message:
+def _servo_output(sources: Sources) -> Fields:
     off = not sources.autopilot.armed
     pwm = [_PWM_OFF] * 4 if off else [round(_PWM_IDLE + _PWM_RANGE * share) for share in _throttle(sources).tolist()]
     fields = {"time_usec": sources.instruments.boot_ms * 1000 & 0xFFFFFFFF, "port": 0}
     fields |= {f"servo{n}_raw": value for n, value in enumerate(pwm + [_PWM_OFF] * 4, start=1)}
-    return Message("SERVO_OUTPUT_RAW", fields)
+    return fields
 
 
 def _target(sources: Sources) -> tuple[int, Array]:
@@ -216,83 +194,71 @@ def _throttle(sources: Sources) -> Array:
     return np.asarray(airframes.rotors_radps[sources.instruments.row] / airframes.rotor_max_radps)
 
 
-def _mission_current(sources: Sources) -> Message:
+def _mission_current(sources: Sources) -> Fields:
     progress = sources.autopilot.mode_actions.progress
     state, mode = progress.state(sources.autopilot.mode.intent, flying=sources.autopilot.flying)
-    return Message(
-        "MISSION_CURRENT",
-        {"seq": progress.seq, "total": progress.counted, "mission_state": int(state), "mission_mode": mode},
-    )
+    return {"seq": progress.seq, "total": progress.counted, "mission_state": int(state), "mission_mode": mode}
 
 
-def _system_time(sources: Sources) -> Message:
+def _system_time(sources: Sources) -> Fields:
     known = sources.reached(Milestone.FIXED)
     unix_us = sources.instruments.unix_us if known else 0
-    return Message("SYSTEM_TIME", {"time_unix_usec": unix_us, "time_boot_ms": sources.instruments.boot_ms})
+    return {"time_unix_usec": unix_us, "time_boot_ms": sources.instruments.boot_ms}
 
 
-def _home_position(sources: Sources) -> Message | None:
+def _home_position(sources: Sources) -> Fields | None:
     if not sources.reached(Milestone.PLACED):
         return None
     instruments, home_ned_m = sources.instruments, sources.autopilot.path_generator.home_ned_m
     place = instruments.place(home_ned_m)
     x, y, z = (home_ned_m - instruments.pad_ned_m).tolist()
     yaw_rad = float(instruments.estimate[8])
-    return Message(
-        "HOME_POSITION",
-        {
-            "latitude": to_degE7(place.lat_deg),
-            "longitude": to_degE7(place.lon_deg),
-            "altitude": round(place.alt_amsl_m * 1000.0),
-            "x": x,
-            "y": y,
-            "z": z,
-            "q": quaternion(0.0, 0.0, yaw_rad) if sources.personality.streams.home_has_attitude else [math.nan] * 4,
-            "approach_x": 0.0,
-            "approach_y": 0.0,
-            "approach_z": 0.0,
-            "time_usec": instruments.boot_ms * 1000,
-        },
-    )
+    return {
+        "latitude": to_degE7(place.lat_deg),
+        "longitude": to_degE7(place.lon_deg),
+        "altitude": round(place.alt_amsl_m * 1000.0),
+        "x": x,
+        "y": y,
+        "z": z,
+        "q": quaternion(0.0, 0.0, yaw_rad) if sources.personality.streams.home_has_attitude else [math.nan] * 4,
+        "approach_x": 0.0,
+        "approach_y": 0.0,
+        "approach_z": 0.0,
+        "time_usec": instruments.boot_ms * 1000,
+    }
 
 
-def _global_origin(sources: Sources) -> Message | None:
+def _global_origin(sources: Sources) -> Fields | None:
     if not sources.reached(Milestone.PLACED):
         return None
     place = sources.instruments.place(sources.instruments.pad_ned_m)
-    return Message(
-        "GPS_GLOBAL_ORIGIN",
-        {
-            "latitude": to_degE7(place.lat_deg),
-            "longitude": to_degE7(place.lon_deg),
-            "altitude": round(place.alt_amsl_m * 1000.0),
-            "time_usec": sources.instruments.boot_ms * 1000,
-        },
-    )
+    return {
+        "latitude": to_degE7(place.lat_deg),
+        "longitude": to_degE7(place.lon_deg),
+        "altitude": round(place.alt_amsl_m * 1000.0),
+        "time_usec": sources.instruments.boot_ms * 1000,
+    }
 
 
-def _autopilot_version(sources: Sources) -> Message:
+def _autopilot_version(sources: Sources) -> Fields:
     identity, uid = sources.personality.identity, sources.instruments.uid
-    return Message(
-        "AUTOPILOT_VERSION",
-        {
-            "capabilities": int(identity.capabilities),
-            "flight_sw_version": identity.version,
-            "middleware_sw_version": 0,
-            "os_sw_version": 0,
-            "board_version": 0,
-            "flight_custom_version": list(b"skein\0\0\0"),
-            "middleware_custom_version": [0] * 8,
-            "os_custom_version": [0] * 8,
-            "vendor_id": 0,
-            "product_id": 0,
-            "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if identity.sends_uid else 0,
-            "uid2": list(uid.ljust(_UID_BYTES, b"\0")),
-        },
-    )
+    return {
+        "capabilities": int(identity.capabilities),
+        "flight_sw_version": identity.version,
+        "middleware_sw_version": 0,
+        "os_sw_version": 0,
+        "board_version": 0,
+        "flight_custom_version": list(b"skein\0\0\0"),
+        "middleware_custom_version": [0] * 8,
+        "os_custom_version": [0] * 8,
+        "vendor_id": 0,
+        "product_id": 0,
+        "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if identity.sends_uid else 0,
+        "uid2": list(uid.ljust(_UID_BYTES, b"\0")),
+    }
 
 
-BUILDERS: dict[int, Builder] = {
+BUILDERS: dict[MessageId, Builder] = {
     MessageId.ATTITUDE: _attitude,
     MessageId.ATTITUDE_QUATERNION: _attitude_quaternion,
     MessageId.LOCAL_POSITION_NED: _local_position,

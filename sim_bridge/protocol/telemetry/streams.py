@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 from gcs.link.wire.message import Message
+from gcs.mavlink import MessageId
 from sim_bridge.protocol.telemetry import motion, vitals
 from sim_bridge.protocol.telemetry.instruments import Builder, Sources
 
 _LONGEST_US = 2**31 - 1  # the largest interval that MESSAGE_INTERVAL can hold
-_BUILDERS: dict[int, Builder] = {**vitals.BUILDERS, **motion.BUILDERS}
+_BUILDERS: dict[MessageId, Builder] = {**vitals.BUILDERS, **motion.BUILDERS}
+_NAMES: dict[int, str] = {number: number.name for number in _BUILDERS}
 _SAME_S = 1e-6
 _FAST_S = 0.2
 _LATER_S = 1e12  # after any flight
@@ -22,7 +24,7 @@ class Telemetry:
     def __init__(self, sources: Sources) -> None:
         self.sources = sources
         self._streams = sources.personality.streams
-        self._known = {number: build for number, build in _BUILDERS.items() if number not in self._streams.unsent}
+        self._known: dict[int, Builder] = {n: build for n, build in _BUILDERS.items() if n not in self._streams.unsent}
         self._interval_s: dict[int, float] = {number: 1.0 / hz for number, hz in self._streams.unasked_hz.items()}
         self._due_s: dict[int, float] = {}
         self._next_s = -math.inf
@@ -38,7 +40,7 @@ class Telemetry:
         for number, due_s in self._due_s.items():
             if due_s <= t_s + _SAME_S:
                 self._due_s[number] = max(due_s + self._given_s(self._interval_s[number]), t_s)
-                message = self._known[number](self.sources) if number not in self._streams.mute else None
+                message = self._message(number) if number not in self._streams.mute else None
                 if message is not None:
                     messages.append(message)
                     if number in self._streams.contents_s:
@@ -46,21 +48,24 @@ class Telemetry:
         self._next_s = min(self._due_s.values(), default=_LATER_S)
         return messages
 
-    def build(self, number: int) -> Message | None:
-        """Return message `number` as of now; None if it is unknown or has no data yet."""
-        builder = self._known.get(number)
-        return builder(self.sources) if builder is not None else None
+    def _message(self, number: int) -> Message | None:
+        fields = self._known[number](self.sources) if number in self._known else None
+        return None if fields is None else Message(_NAMES[number], fields)
+
+    def build(self, *numbers: int) -> list[Message]:
+        """Return these messages as of now, without those that are unknown or have no data yet."""
+        return [message for message in map(self._message, numbers) if message is not None]
 
     def has_newer(self, number: int) -> bool:
         """Whether a message has other contents than the last one of it that was sent."""
         return number not in self._streams.contents_s or self._contents(number) != self._sent_contents.get(number)
 
-    def build_requested(self, number: int) -> Message | None:
-        """Return message `number` as of now, and count it as sent."""
-        message = self.build(number)
-        if message is not None and number in self._streams.contents_s:
+    def build_requested(self, number: int) -> list[Message]:
+        """Return message `number` as of now, if it has data, and count it as sent."""
+        built = self.build(number)
+        if built and number in self._streams.contents_s:
             self._sent_contents[number] = self._contents(number)
-        return message
+        return built
 
     def knows(self, number: int) -> bool:
         """Whether the vehicle can send message `number`."""

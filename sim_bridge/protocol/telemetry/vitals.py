@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from gcs.frames import to_degE7
-from gcs.link.wire.message import Message
 from gcs.mavlink import PREARM_CHECK, MavState, MavType, MessageId, ModeFlag
 from sim_bridge.personality import Intent, Milestone
-from sim_bridge.protocol.telemetry.instruments import Builder, Sources
+from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources
 
 _UNKNOWN = 0xFFFF
 _RTK_FIXED, _FIX_3D = 6, 3
@@ -18,25 +17,21 @@ _LARGEST_INT16 = 0x7FFF
 _CHANNELS, _NO_RSSI = 18, 255  # of RC_CHANNELS
 
 
-def heartbeat(sources: Sources) -> Message:
-    """Return HEARTBEAT."""
+def _heartbeat(sources: Sources) -> Fields:
     autopilot, personality = sources.autopilot, sources.personality
     flags = int(autopilot.mode.flags)
     if autopilot.mode.intent is Intent.GUIDED and autopilot.setpoints.ever:
         flags |= personality.modes.streamed
     if autopilot.armed:
         flags |= ModeFlag.ARMED
-    return Message(
-        "HEARTBEAT",
-        {
-            "type": int(MavType.QUADROTOR),
-            "autopilot": int(personality.identity.autopilot),
-            "base_mode": flags,
-            "custom_mode": autopilot.mode.number,
-            "system_status": int(_status(sources)),
-            "mavlink_version": 3,
-        },
-    )
+    return {
+        "type": int(MavType.QUADROTOR),
+        "autopilot": int(personality.identity.autopilot),
+        "base_mode": flags,
+        "custom_mode": autopilot.mode.number,
+        "system_status": int(_status(sources)),
+        "mavlink_version": 3,
+    }
 
 
 def _status(sources: Sources) -> MavState:
@@ -52,7 +47,7 @@ def _status(sources: Sources) -> MavState:
     return MavState.STANDBY if autopilot.can_arm(sources.instruments.t_s) else MavState.UNINIT
 
 
-def _sys_status(sources: Sources) -> Message:
+def _sys_status(sources: Sources) -> Fields:
     health, instruments = sources.personality.health, sources.instruments
     present, enabled, healthy = health.present, health.enabled, health.healthy
     if not sources.reached(Milestone.FIXED):
@@ -63,19 +58,16 @@ def _sys_status(sources: Sources) -> Message:
         healthy |= PREARM_CHECK
     volt, ampere, share, _ = instruments.battery
     counts = ("drop_rate_comm", "errors_comm", "errors_count1", "errors_count2", "errors_count3", "errors_count4")
-    return Message(
-        "SYS_STATUS",
-        {
-            "onboard_control_sensors_present": present,
-            "onboard_control_sensors_enabled": enabled,
-            "onboard_control_sensors_health": healthy,
-            "load": 0,
-            "voltage_battery": min(round(volt * 1000.0), _UNKNOWN),
-            "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
-            "battery_remaining": _percent(share),
-            **dict.fromkeys(counts, 0),
-        },
-    )
+    return {
+        "onboard_control_sensors_present": present,
+        "onboard_control_sensors_enabled": enabled,
+        "onboard_control_sensors_health": healthy,
+        "load": 0,
+        "voltage_battery": min(round(volt * 1000.0), _UNKNOWN),
+        "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
+        "battery_remaining": _percent(share),
+        **dict.fromkeys(counts, 0),
+    }
 
 
 def _percent(share: float) -> int:
@@ -83,58 +75,49 @@ def _percent(share: float) -> int:
     return math.ceil(round(share * 100.0, 6))
 
 
-def _battery_status(sources: Sources) -> Message:
+def _battery_status(sources: Sources) -> Fields:
     volt, ampere, share, used_Ah = sources.instruments.battery
-    return Message(
-        "BATTERY_STATUS",
-        {
-            "id": 0,
-            "battery_function": 1,  # all
-            "type": 1,  # lithium polymer
-            "temperature": _LARGEST_INT16,  # unknown
-            "voltages": [min(round(volt * 1000.0), _UNKNOWN)] + [_UNKNOWN] * 9,
-            "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
-            "current_consumed": round(used_Ah * 1000.0),
-            "energy_consumed": round(sources.instruments.used_J / 100.0),
-            "battery_remaining": _percent(share),
-            "charge_state": 1,
-        },
-    )
+    return {
+        "id": 0,
+        "battery_function": 1,  # all
+        "type": 1,  # lithium polymer
+        "temperature": _LARGEST_INT16,  # unknown
+        "voltages": [min(round(volt * 1000.0), _UNKNOWN)] + [_UNKNOWN] * 9,
+        "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
+        "current_consumed": round(used_Ah * 1000.0),
+        "energy_consumed": round(sources.instruments.used_J / 100.0),
+        "battery_remaining": _percent(share),
+        "charge_state": 1,
+    }
 
 
-def _ekf_status(sources: Sources) -> Message:
+def _ekf_status(sources: Sources) -> Fields:
     ratios, row = sources.instruments.airframes.innovation, sources.instruments.row
-    return Message(
-        "EKF_STATUS_REPORT",
-        {
-            "flags": _filter_flags(sources),
-            "velocity_variance": float(ratios.velocity[row]),
-            "pos_horiz_variance": float(ratios.position_horizontal[row]),
-            "pos_vert_variance": float(ratios.position_vertical[row]),
-            "compass_variance": float(ratios.compass[row]),
-            "terrain_alt_variance": 0.0,
-        },
-    )
+    return {
+        "flags": _filter_flags(sources),
+        "velocity_variance": float(ratios.velocity[row]),
+        "pos_horiz_variance": float(ratios.position_horizontal[row]),
+        "pos_vert_variance": float(ratios.position_vertical[row]),
+        "compass_variance": float(ratios.compass[row]),
+        "terrain_alt_variance": 0.0,
+    }
 
 
-def _estimator_status(sources: Sources) -> Message:
+def _estimator_status(sources: Sources) -> Fields:
     instruments = sources.instruments
     ratios, accuracy, row = instruments.airframes.innovation, instruments.airframes.accuracy, instruments.row
-    return Message(
-        "ESTIMATOR_STATUS",
-        {
-            "time_usec": instruments.boot_ms * 1000,
-            "flags": _filter_flags(sources),
-            "vel_ratio": float(ratios.velocity[row]),
-            "pos_horiz_ratio": float(ratios.position_horizontal[row]),
-            "pos_vert_ratio": float(ratios.position_vertical[row]),
-            "mag_ratio": float(ratios.compass[row]),
-            "hagl_ratio": 0.0,
-            "tas_ratio": math.nan,
-            "pos_horiz_accuracy": float(accuracy.position_horizontal_m[row]),
-            "pos_vert_accuracy": float(accuracy.position_vertical_m[row]),
-        },
-    )
+    return {
+        "time_usec": instruments.boot_ms * 1000,
+        "flags": _filter_flags(sources),
+        "vel_ratio": float(ratios.velocity[row]),
+        "pos_horiz_ratio": float(ratios.position_horizontal[row]),
+        "pos_vert_ratio": float(ratios.position_vertical[row]),
+        "mag_ratio": float(ratios.compass[row]),
+        "hagl_ratio": 0.0,
+        "tas_ratio": math.nan,
+        "pos_horiz_accuracy": float(accuracy.position_horizontal_m[row]),
+        "pos_vert_accuracy": float(accuracy.position_vertical_m[row]),
+    }
 
 
 def _filter_flags(sources: Sources) -> int:
@@ -142,7 +125,7 @@ def _filter_flags(sources: Sources) -> int:
     return health.ready if sources.autopilot.ready and sources.instruments.healthy else health.before_ready
 
 
-def _gps_raw(sources: Sources) -> Message:
+def _gps_raw(sources: Sources) -> Fields:
     instruments = sources.instruments
     fields = {"time_usec": 0, "fix_type": 0, "lat": 0, "lon": 0, "alt": 0}
     fields |= {"eph": _UNKNOWN, "epv": _UNKNOWN, "vel": 0, "cog": 0, "satellites_visible": 0}
@@ -167,39 +150,36 @@ def _gps_raw(sources: Sources) -> Message:
             "v_acc": round(1000.0 * (grade.gnss_vertical_m + grade.gnss_vertical_drift_m.sigma)),
             "vel_acc": round(1000.0 * grade.gnss_horizontal_mps),
         }
-    return Message("GPS_RAW_INT", fields)
+    return fields
 
 
-def _extended_state(sources: Sources) -> Message:
+def _extended_state(sources: Sources) -> Fields:
     state, kind = int(sources.autopilot.landed_state), sources.personality.identity.vtol_state
-    return Message("EXTENDED_SYS_STATE", {"vtol_state": kind, "landed_state": state})
+    return {"vtol_state": kind, "landed_state": state}
 
 
-def _fence_status(sources: Sources) -> Message:
+def _fence_status(sources: Sources) -> Fields:
     failsafe = sources.failsafe
-    return Message(
-        "FENCE_STATUS",
-        {
-            "breach_status": int(failsafe.breach != 0),
-            "breach_count": failsafe.breaches & _UNKNOWN,
-            "breach_type": int(failsafe.breach),
-            "breach_time": round(failsafe.breached_s * 1000.0),
-        },
-    )
+    return {
+        "breach_status": int(failsafe.breach != 0),
+        "breach_count": failsafe.breaches & _UNKNOWN,
+        "breach_type": int(failsafe.breach),
+        "breach_time": round(failsafe.breached_s * 1000.0),
+    }
 
 
-def _rc_channels(sources: Sources) -> Message | None:
+def _rc_channels(sources: Sources) -> Fields | None:
     channels_us = sources.autopilot.channels_us
     if not channels_us:
         return None
     padded = [*channels_us, *[_UNKNOWN] * _CHANNELS][:_CHANNELS]
     values = {f"chan{n}_raw": us for n, us in enumerate(padded, start=1)}
     head = {"time_boot_ms": sources.instruments.boot_ms, "chancount": len(channels_us), "rssi": _NO_RSSI}
-    return Message("RC_CHANNELS", head | values)
+    return head | values
 
 
-BUILDERS: dict[int, Builder] = {
-    MessageId.HEARTBEAT: heartbeat,
+BUILDERS: dict[MessageId, Builder] = {
+    MessageId.HEARTBEAT: _heartbeat,
     MessageId.SYS_STATUS: _sys_status,
     MessageId.GPS_RAW_INT: _gps_raw,
     MessageId.BATTERY_STATUS: _battery_status,
