@@ -86,8 +86,15 @@ class Fault:
 
 
 _CHANCE = (Value("chance", 0.0, 1.0),)
-_FAR_M = 1e5
 _LONG_S = 3600.0
+
+
+def _ned(unit: str, most: float) -> tuple[Value, ...]:
+    """North, which must be given, east and down, each at most so large."""
+    north, *others = (f"{axis}_{unit}" for axis in ("north", "east", "down"))
+    return Value(north, -most, most), *(Value(name, -most, most, 0.0) for name in others)
+
+
 SENSORS = ("gyro", "accelerometer", "compass", "barometer", "gnss")
 
 LOSS = FaultKind("loss", 1, "frames are lost", _CHANCE, directed=True)
@@ -106,12 +113,7 @@ DIE = FaultKind("die", 7, "motors stop for good, and the vehicle sends nothing m
 REJECT_MISSION = FaultKind("reject-mission", 8, "every upload is refused at its first item")
 REBOOT = FaultKind("reboot", 9, "the autopilot restarts and keeps its stored data, as real ones do", at_once=True)
 GNSS_OUTAGE = FaultKind("gnss-outage", 10, "there is no fix")
-GNSS_JUMP = FaultKind(
-    "gnss-jump",
-    11,
-    "fixes are offset",
-    (Value("north_m", -_FAR_M, _FAR_M), Value("east_m", -_FAR_M, _FAR_M, 0.0), Value("down_m", -_FAR_M, _FAR_M, 0.0)),
-)
+GNSS_JUMP = FaultKind("gnss-jump", 11, "fixes are offset", _ned("m", 1e5))
 MOTOR = FaultKind(
     "motor",
     12,
@@ -123,27 +125,8 @@ STUCK = FaultKind(
     "stuck", 14, "a sensor repeats its last sample", (Value("sensor", 0.0, len(SENSORS) - 1.0, words=SENSORS),)
 )
 SLOW = FaultKind("slow", 15, "the ground speed is limited to this", (Value("speed_mps", 0.01, 1000.0),))
-_STRONGEST_MPS, _HARDEST_MPS2 = 30.0, 30.0
-WIND = FaultKind(
-    "wind",
-    16,
-    "this wind is added around the vehicle",
-    (
-        Value("north_mps", -_STRONGEST_MPS, _STRONGEST_MPS),
-        Value("east_mps", -_STRONGEST_MPS, _STRONGEST_MPS, 0.0),
-        Value("down_mps", -_STRONGEST_MPS, _STRONGEST_MPS, 0.0),
-    ),
-)
-PUSH = FaultKind(
-    "push",
-    17,
-    "this acceleration acts on the vehicle, evenly over its mass",
-    (
-        Value("north_mps2", -_HARDEST_MPS2, _HARDEST_MPS2),
-        Value("east_mps2", -_HARDEST_MPS2, _HARDEST_MPS2, 0.0),
-        Value("down_mps2", -_HARDEST_MPS2, _HARDEST_MPS2, 0.0),
-    ),
-)
+WIND = FaultKind("wind", 16, "this wind is added around the vehicle", _ned("mps", 30.0))
+PUSH = FaultKind("push", 17, "this acceleration acts on the vehicle, evenly over its mass", _ned("mps2", 30.0))
 WRONG_CRC = FaultKind("wrong-crc", 18, "CalcFileCRC32 of MAVLink FTP answers another checksum")
 REFUSE = FaultKind("refuse-commands", 19, "every command is refused")
 IGNORE = FaultKind("ignore-commands", 20, "no command is carried out or acknowledged")
@@ -214,7 +197,7 @@ def parse_fault(text: str) -> tuple[int | None, Fault]:
     kind = _BY_NAME.get(found["kind"])
     if kind is None:
         raise UsageError(
-            f"fault {text!r}: the kind {found['kind']!r} is unknown. Known kinds are {_names()}.", hint=_HINT
+            f"fault {text!r}: the kind {found['kind']!r} is unknown. Known kinds are {', '.join(_BY_NAME)}.", hint=_HINT
         )
     try:
         values = [_number(part, kind.values[i : i + 1]) for i, part in enumerate(_parts(found["values"]))]
@@ -244,10 +227,6 @@ def _when(text: str | None) -> When:
     moment = Since(since) if colon else Since.TAKEOFF
     first, dots, last = rest.partition("..")
     return When(float(first or 0.0), float(last) if dots and last else math.inf, moment)
-
-
-def _names() -> str:
-    return ", ".join(kind.name for kind in KINDS)
 
 
 def read_fault_file(path: Path) -> list[str]:

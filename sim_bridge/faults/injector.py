@@ -128,11 +128,12 @@ class FaultInjector:
             return
         active = row_faults.schedule.active
         vehicle = self._vehicles[row]
-        vehicle.rejects_missions = any(fault.kind is f.REJECT_MISSION for fault in active)
-        vehicle.wrong_checksums = any(fault.kind is f.WRONG_CRC for fault in active)
-        vehicle.commands.refuses = any(fault.kind is f.REFUSE for fault in active)
+        kinds = {fault.kind for fault in active}
+        vehicle.store.rejects = f.REJECT_MISSION in kinds
+        if vehicle.files is not None:
+            vehicle.files.wrong_checksums = f.WRONG_CRC in kinds
+        vehicle.commands.refuses, vehicle.commands.ignores = f.REFUSE in kinds, f.IGNORE in kinds
         vehicle.gnss_ahead_s = sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP)
-        vehicle.commands.ignores = any(fault.kind is f.IGNORE for fault in active)
         if row in self.radios:
             radio = self.radios[row]
             radio.up.impairment = _impairment(active, LinkDirection.UP)

@@ -1,10 +1,13 @@
-"""The columns of a personality: all that differs between autopilots is a value here, never an `if` elsewhere."""
+"""The columns of a personality: all that differs between autopilots is a value here, never an `if` elsewhere.
+
+The row of an autopilot leaves out what it does not do: that is False, 0 or nothing here.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -120,15 +123,15 @@ class Param(NamedTuple):
     unit: float = 1.0  # of the parameter, in the unit of the setting
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identity:
     """What the vehicle reports about its autopilot."""
 
     autopilot: Autopilot
     version: int  # AUTOPILOT_VERSION.flight_sw_version: major, minor, patch, type
     capabilities: int
-    sends_uid: bool  # AUTOPILOT_VERSION.uid is not 0; uid2 is always sent
-    vtol_state: int  # of EXTENDED_SYS_STATE, for a vehicle that is not a VTOL
+    sends_uid: bool = False  # AUTOPILOT_VERSION.uid is not 0; uid2 is always sent
+    vtol_state: int = 0  # of EXTENDED_SYS_STATE, for a vehicle that is not a VTOL
 
 
 @dataclass(frozen=True)
@@ -163,60 +166,62 @@ class Personality:
         return replace(self, boot=replace(self.boot, pace=1.0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmingTraits:
     """Arming and disarming."""
 
-    idle_disarm_s: float
+    idle_disarm_s: float = 10.0
     spool_up_s: float  # from arming until motors can lift
-    has_sticks: bool  # a centred RC is present: modes that need it can be armed in
-    status_shows_armable: bool  # system_status and the PREARM bit depend on the present mode
+    has_sticks: bool = False  # a centred RC is present: modes that need it can be armed in
+    status_shows_armable: bool = False  # system_status and the PREARM bit depend on the present mode
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FlightTraits:
     """Take-off, landing, missions and return."""
 
-    brakes_mps2: float | None  # above LAND_LOW_M, until it descends at LAND_MPS; None: from LAND_HIGH_M to LAND_LOW_M
-    crawl_below_m: float  # above home: below this height it descends at CRAWL_MPS
+    brakes_mps2: float | None = (
+        None  # from LAND_LOW_M up, until it descends at LAND_MPS; None: LAND_HIGH_M to LAND_LOW_M
+    )
+    crawl_below_m: float = 0.0  # above home: below this height it descends at CRAWL_MPS
     landed_after_s: float  # duration of ground contact before it counts as landed
     disarm_after_s: float  # from the landing until it disarms
-    takeoff_share: float  # take-off speed as a share of the climb speed
-    liftoff_pause_s: float  # just above the ground, before a take-off climbs
-    takeoff_above_sea: bool  # the altitude of NAV_TAKEOFF is AMSL, not above home
-    takeoff_in_guided: bool  # NAV_TAKEOFF needs an armed vehicle in a guided mode; else take-off is a mode
-    mission_start_arms: bool  # MISSION_START also arms
-    return_cone: bool  # close to home the return altitude is limited to the distance from home
+    takeoff_share: float = 0.8  # take-off speed as a share of the climb speed
+    liftoff_pause_s: float = 0.0  # just above the ground, before a take-off climbs
+    takeoff_above_sea: bool = False  # the altitude of NAV_TAKEOFF is AMSL, not above home
+    takeoff_in_guided: bool = False  # NAV_TAKEOFF needs an armed vehicle in a guided mode; else take-off is a mode
+    mission_start_arms: bool = False  # MISSION_START also arms
+    return_cone: bool = False  # close to home the return altitude is limited to the distance from home
     reposition_in: Intent  # the mode for DO_REPOSITION
-    sinks_without_sticks: bool  # in manual modes it descends where it is
+    sinks_without_sticks: bool = False  # in manual modes it descends where it is
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StreamingTraits:
     """Setpoint streams."""
 
-    from_ground: bool  # a setpoint above the ground starts the take-off of an armed vehicle
-    proof_s: float  # duration of a stream before a guided mode accepts it; 0: none required
-    extrapolates_s: float | None  # duration of extrapolation of the last setpoint; None: STREAM_TIMEOUT_S
-    comes_back: bool  # ... then it overshoots, and comes back to where it was at the end of that time
+    from_ground: bool = False  # a setpoint above the ground starts the take-off of an armed vehicle
+    proof_s: float = 0.0  # duration of a stream before a guided mode accepts it; 0: none required
+    extrapolates_s: float | None = None  # duration of extrapolation of the last setpoint; None: STREAM_TIMEOUT_S
+    comes_back: bool = False  # ... then it overshoots, and comes back to where it was at the end of that time
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReportTraits:
     """MISSION_CURRENT and MISSION_ITEM_REACHED."""
 
-    repeats: int  # how often MISSION_ITEM_REACHED is repeated ...
-    repeat_s: float  # ... at this interval
-    reports_landing: bool  # NAV_LAND is reported as reached when the descent begins
-    starts_over: bool  # after landing the first item is current again
-    empty_total: int  # MISSION_CURRENT.total without a mission
-    counts_home: bool
-    mode_elsewhere: int  # MISSION_CURRENT.mission_mode outside missions
-    counts_manoeuvres: bool  # a take-off or landing by command counts as a completed mission
-    item_names: Mapping[int, str]
+    repeats: int = 0  # how often MISSION_ITEM_REACHED is repeated ...
+    repeat_s: float = 1.0  # ... at this interval
+    reports_landing: bool = False  # NAV_LAND is reported as reached when the descent begins
+    starts_over: bool = False  # after landing the first item is current again
+    empty_total: int = 0  # MISSION_CURRENT.total without a mission
+    counts_home: bool = False
+    mode_elsewhere: int = 0  # MISSION_CURRENT.mission_mode outside missions
+    counts_manoeuvres: bool = False  # a take-off or landing by command counts as a completed mission
+    item_names: Mapping[int, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReplyTraits:
     """COMMAND_ACK, and the messages with it."""
 
@@ -225,37 +230,37 @@ class ReplyTraits:
     unknown_stream: MavResult
     unknown_message: MavResult
     nothing_newer: MavResult  # a request for a message whose contents were sent already
-    unsupported: frozenset[int]  # commands that only the other autopilots support
-    formats: bool  # supports STORAGE_FORMAT, which takes time
+    unsupported: frozenset[int] = frozenset()  # commands that only the other autopilots support
+    formats: bool = False  # supports STORAGE_FORMAT, which takes time
     mode_acks: int  # number of acknowledgements of a mode change
-    message_first: bool  # a requested message comes before the acknowledgement
+    message_first: bool = False  # a requested message comes before the acknowledgement
     set_mode_command: int  # the command in the acknowledgement of SET_MODE
-    heartbeat_on_change: bool  # sends HEARTBEAT at once after a mode change
-    announces_home: bool  # sends origin and home when they change
-    any_component: bool  # answers messages for other components of the vehicle
-    waits_for_contact: bool  # sends only HEARTBEAT and telemetry until a ground station has sent a message
-    numbered_texts: bool  # every STATUSTEXT has an id, not only those in chunks
+    heartbeat_on_change: bool = False  # sends HEARTBEAT at once after a mode change
+    announces_home: bool = False  # sends origin and home when they change
+    any_component: bool = False  # answers messages for other components of the vehicle
+    waits_for_contact: bool = False  # sends only HEARTBEAT and telemetry until a ground station has sent a message
+    numbered_texts: bool = False  # every STATUSTEXT has an id, not only those in chunks
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StreamTraits:
     """The default message rates, and the rates that can be set."""
 
     unasked_hz: Mapping[int, float]  # by message number
-    default_hz: float  # the rate of interval 0; 0: none
-    fixed: frozenset[int]  # messages whose rate cannot be changed
+    default_hz: float = 0.0  # the rate of interval 0; 0: none
+    fixed: frozenset[int] = frozenset()  # messages whose rate cannot be changed
     unsent: frozenset[int]  # messages that this autopilot does not have
-    mute: frozenset[int]  # messages it never sends although it accepts a rate for them
-    groups: Mapping[int, frozenset[int]]  # the groups of REQUEST_DATA_STREAM
-    # How often the contents of a message change, s: a request is denied while they are those of the last message.
-    contents_s: Mapping[int, float]
+    mute: frozenset[int] = frozenset()  # messages it never sends although it accepts a rate for them
+    groups: Mapping[int, frozenset[int]] = field(default_factory=dict)  # the groups of REQUEST_DATA_STREAM
+    # How often the contents of a message change, s: a request is denied while they are those last sent; else it is not.
+    contents_s: Mapping[int, float] = field(default_factory=dict)
     fast_share: float  # the real share of a requested rate above 5 Hz
     local_from: Milestone  # first milestone with LOCAL_POSITION_NED
     global_from: Milestone  # first milestone with GLOBAL_POSITION_INT; without a position before PLACED
-    targets_in_guided_only: bool  # POSITION_TARGET_LOCAL_NED
-    home_has_attitude: bool  # HOME_POSITION.q is not NaN
-    reports_rtk: bool  # the fix type of GPS_RAW_INT shows an RTK receiver
-    reports_airspeed: bool  # VFR_HUD.airspeed is the ground speed; else NaN
+    targets_in_guided_only: bool = False  # POSITION_TARGET_LOCAL_NED
+    home_has_attitude: bool = False  # HOME_POSITION.q is not NaN
+    reports_rtk: bool = False  # the fix type of GPS_RAW_INT shows an RTK receiver
+    reports_airspeed: bool = False  # VFR_HUD.airspeed is the ground speed; else NaN
 
 
 @dataclass(frozen=True)
@@ -270,25 +275,25 @@ class HealthTraits:
     ready: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ParamTraits:
     """The parameter protocol."""
 
     sysid: str  # the parameter that holds the system id
-    any_case: bool  # names match in any case, and are returned as requested
-    sends_index: bool  # the reply to a request by name, or to a set, has the index; else 65535
-    bytes_in_float: bool  # integers are sent as the bytes of the float; else as numbers
-    converts: bool  # a value set with another type is converted; else it has no effect
-    takes_nan: bool
+    any_case: bool = False  # names match in any case, and are returned as requested
+    sends_index: bool = False  # the reply to a request by name, or to a set, has the index; else 65535
+    bytes_in_float: bool = False  # integers are sent as the bytes of the float; else as numbers
+    converts: bool = False  # a value set with another type is converted; else it has no effect
+    takes_nan: bool = False
     capacity: str  # the parameter that holds the capacity of the battery, mAh
-    hash_name: str  # sent before a list, to check a cached copy; "" if there is none
+    hash_name: str = ""  # sent before a list, to check a cached copy; "" if there is none
     banner: tuple[str, ...] = ()  # STATUSTEXTs sent with a list
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LinkTraits:
     """TIMESYNC and signing."""
 
     clock_step_ns: int  # resolution of its clock
     timesync_period_s: float  # of its own TIMESYNC requests; inf for never
-    signs: bool  # obeys SETUP_SIGNING
+    signs: bool = False  # obeys SETUP_SIGNING

@@ -39,7 +39,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class Conversation:
-    """Sans-I/O: messages in, messages out."""
+    """Sans-I/O: messages in, messages out. `commands`, `store` and `files` have faults of their own."""
 
     def __init__(
         self, sysid: int, autopilot: EmulatedAutopilot, instruments: Instruments, personality: Personality
@@ -53,44 +53,20 @@ class Conversation:
         self._texts = StatusTextSender(personality.replies.numbered_texts)
         self.commands = CommandServer(autopilot, self._telemetry)
         self._params = ParamServer(personality, sysid, instruments.capacity_mAh)
-        self._store = MissionStore(
+        self.store = MissionStore(
             self.station,
             personality.missions,
             instruments.place(autopilot.path_generator.home_ned_m),
             self._on_stored,
             self._queue_text,
         )
-        self._files = FileServer(MissionFiles(self._store)) if personality.missions.as_files else None
+        self.files = FileServer(MissionFiles(self.store)) if personality.missions.as_files else None
         self._clock = TimesyncResponder(personality.link, self.station)
         self._signing_state = SigningState(personality.link)
-        self._dead = False
+        self.dead = False  # the fault `die` has acted
         self._heard = not personality.replies.waits_for_contact
         self.on_from_s = -math.inf  # until then the vehicle is off: it neither receives nor sends
         self._apply_params()
-
-    @property
-    def dead(self) -> bool:
-        """Whether the fault `die` has acted."""
-        return self._dead
-
-    @property
-    def rejects_missions(self) -> bool:
-        """A fault: every item of an upload is refused."""
-        return self._store.rejects
-
-    @rejects_missions.setter
-    def rejects_missions(self, rejects: bool) -> None:
-        self._store.rejects = rejects
-
-    @property
-    def wrong_checksums(self) -> bool:
-        """A fault: the checksum of a file is answered wrong."""
-        return self._files is not None and self._files.wrong_checksums
-
-    @wrong_checksums.setter
-    def wrong_checksums(self, wrong: bool) -> None:
-        if self._files is not None:
-            self._files.wrong_checksums = wrong
 
     @property
     def gnss_ahead_s(self) -> float:
@@ -104,15 +80,15 @@ class Conversation:
 
     def die(self) -> None:
         """Act on a fault: the motors stop for good, and the vehicle sends nothing more."""
-        self._dead = True
+        self.dead = True
         self.autopilot.fall()
 
     def remember(self, earlier: Conversation) -> None:
         """Take over what survives a restart. Modes, message rates and an unfinished upload do not."""
         self._params.remember(earlier._params)
-        self._store.remember(earlier._store)
+        self.store.remember(earlier.store)
         self._signing_state.remember(earlier._signing_state)
-        self._dead = earlier._dead
+        self.dead = earlier.dead
         self._apply_params()
 
     def sign(self, key: bytes, ticks: int, now_s: float) -> None:
@@ -135,7 +111,7 @@ class Conversation:
     @property
     def speaks(self) -> bool:
         """Whether the vehicle is on, and sends."""
-        return self._heard and not self._dead and self._instruments.t_s >= self.on_from_s
+        return self._heard and not self.dead and self._instruments.t_s >= self.on_from_s
 
     def reminders(self) -> list[Message]:
         """Return what a station needs that is waited for: a new one finds the vehicle, a late one knows its time."""
@@ -144,7 +120,7 @@ class Conversation:
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message. Messages for other vehicles, unknown ones and badly signed ones get no answer."""
         any_component = self._personality.replies.any_component
-        if self._dead or not message.is_for(Station(self.station.sysid, 0 if any_component else _COMPID)):
+        if self.dead or not message.is_for(Station(self.station.sysid, 0 if any_component else _COMPID)):
             return []
         if self._instruments.t_s < self.on_from_s:
             return []
@@ -165,11 +141,11 @@ class Conversation:
             self.autopilot.set_current(self._instruments.t_s, message.fields["seq"])
             return self._telemetry.build(MessageId.MISSION_CURRENT)
         if name.startswith("MISSION_"):
-            self._store.current_seq = self.autopilot.current_seq
-            return self._store.receive(message, now_s) + self._params.changes()
-        if name == FTP and self._files is not None:
-            self._store.current_seq = self.autopilot.current_seq
-            return self._files.receive(message, now_s) + self._params.changes()
+            self.store.current_seq = self.autopilot.current_seq
+            return self.store.receive(message, now_s) + self._params.changes()
+        if name == FTP and self.files is not None:
+            self.store.current_seq = self.autopilot.current_seq
+            return self.files.receive(message, now_s) + self._params.changes()
         if name.startswith("PARAM_"):
             return self._answer_param(message)
         if name == "TIMESYNC":
@@ -195,7 +171,7 @@ class Conversation:
             return _NO_MESSAGES
         autopilot = self.autopilot
         autopilot.step(t_s, landed, self._instruments.healthy)
-        if self._dead:
+        if self.dead:
             autopilot.events.clear()
             return _NO_MESSAGES
         messages: list[Message] = self._telemetry.due(t_s)
@@ -203,8 +179,8 @@ class Conversation:
             self._failsafe.step(t_s, now_s, self._instruments.readings)
         if self.commands.busy:
             messages += self.commands.step(t_s)
-        if self._store.waits:
-            messages += self._store.tick(now_s)
+        if self.store.waits:
+            messages += self.store.tick(now_s)
         if autopilot.events:
             messages += self._drain_events()
         return messages + self._params.changes() + self._clock.due(self._boot_ns)
@@ -223,7 +199,7 @@ class Conversation:
                 case ModeChanged() if replies.heartbeat_on_change:
                     messages += self._telemetry.build(MessageId.HEARTBEAT)
                 case Placed():
-                    self._store.move_home(self._instruments.place(self.autopilot.path_generator.home_ned_m))
+                    self.store.move_home(self._instruments.place(self.autopilot.path_generator.home_ned_m))
                     both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION) if replies.announces_home else ()
                     messages += self._telemetry.build(*both)
         self.autopilot.events[:] = too_early
@@ -241,12 +217,12 @@ class Conversation:
         if kind == MissionType.FENCE:
             self._failsafe.fence(shapes(items, self._instruments.origin))
         if kind == MissionType.RALLY:
-            self.autopilot.mode_actions.rally(places(self._store.usable_rally(tuple(items)), self._instruments.origin))
+            self.autopilot.mode_actions.rally(places(self.store.usable_rally(tuple(items)), self._instruments.origin))
         if kind == MissionType.MISSION:  # PX4 accepts missions that cannot be flown
             self.autopilot.set_mission(items if flyable(items) else ())
         total = self._personality.missions.storage[kind].total
         if total:
-            self._params.change(total, self._store.total(kind))
+            self._params.change(total, self.store.total(kind))
 
     def _answer_param(self, message: Message) -> list[Message]:
         if message.name == "PARAM_REQUEST_LIST":

@@ -37,7 +37,7 @@ class Hovering:
             assert flight._start is not None
             self.provisional_s = flight._start.unix_s
             if self.refusing is not None:
-                world.vehicles[world.sysids.index(self.refusing)].rejects_missions = True
+                world.vehicles[world.sysids.index(self.refusing)].store.rejects = True
         if flight.step is Step.FLY and self.from_s is None:
             self.from_s = flight.time.now_s()
 
@@ -65,7 +65,7 @@ def all_wait_until(flown: Flown, unix_s: float) -> bool:
     """Whether the mission of every vehicle, as it truly is on board, waits for this second, and was verified so."""
     missions = build_missions(flown.plan, firmware=Autopilot.ARDUPILOT)
     wanted = [starting_at(mission, round(unix_s)).items[1].params for mission in missions]
-    stores = [vehicle._store for vehicle in flown.world.vehicles]
+    stores = [vehicle.store for vehicle in flown.world.vehicles]
     held = flown.flight.held
     assert held is not None
     assert held.digests == {load.sysid: load.digest(flown.plan.hash) for load in flown.flight.loads}

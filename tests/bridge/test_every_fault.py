@@ -56,7 +56,7 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "delay=0.5,0.25": impairment(delay_s=0.5, jitter_s=0.25),
     "silent": impairment(loss=1.0),
     "die": lambda fleet, row: fleet.vehicles[row].dead and bool(fleet.airframes.landed[row]),
-    "reject-mission": lambda fleet, row: fleet.vehicles[row].rejects_missions,
+    "reject-mission": lambda fleet, row: fleet.vehicles[row].store.rejects,
     "reboot": lambda fleet, row: fleet.vehicles[row].on_from_s > 0.0 and bool(fleet.airframes.landed[row]),
     "gnss-outage": lambda fleet, row: bool(fleet.airframes.coasting[row]) and not fleet.airframes.gnss_fix[row],
     "gnss-jump=6,-5,2": lambda fleet, row: bool(np.abs(off_m(fleet, row) - [6.0, -5.0, 2.0]).max() < 0.5),
@@ -69,7 +69,7 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "wind=0,4,-1": lambda fleet, row: fleet.airframes.wind_ned_mps[row].tolist() == [0.0, 4.0, -1.0],
     "refuse-commands": lambda fleet, row: fleet.vehicles[row].commands.refuses,
     "ignore-commands": lambda fleet, row: fleet.vehicles[row].commands.ignores,
-    "wrong-crc": lambda fleet, row: fleet.vehicles[row].wrong_checksums,
+    "wrong-crc": lambda fleet, row: fleet.vehicles[row].files.wrong_checksums,
     "clock-jump=20": lambda fleet, row: fleet.vehicles[row].gnss_ahead_s == 20.0,
     "push=0,5": lambda fleet, row: bool(fleet.airframes.truth[row, 4] > 0.5),
 }

@@ -51,7 +51,7 @@ async def upload(
 
 
 def held(fleet: Fleet, sysid: int) -> bool:
-    shelf = fleet._world.vehicles[sysid - 1]._store
+    shelf = fleet._world.vehicles[sysid - 1].store
     return compare_missions(ITEMS[1:], shelf.items()[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
@@ -95,7 +95,7 @@ def test_item_by_item_where_that_is_asked_for(make_fleet: MakeFleet) -> None:
 
 def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: MakeFleet) -> None:
     fleet, link = emulated(make_fleet)
-    fleet._world.vehicles[0]._files = None
+    fleet._world.vehicles[0].files = None
 
     async def scene() -> None:
         machines, _ = await upload(link, Transfer.AUTO, IMPATIENT)
@@ -120,7 +120,7 @@ def test_px4_is_not_asked_and_does_not_take_them(make_fleet: MakeFleet) -> None:
 
 def test_a_refused_file_is_told_or_gone_around(make_fleet: MakeFleet) -> None:
     fleet, link = emulated(make_fleet)
-    files = fleet._world.vehicles[0]._files
+    files = fleet._world.vehicles[0].files
     assert files is not None
     honest = files._opened
     protected = _nak(FtpPayload(0, 0, FtpOpcode.CREATE_FILE), FtpError.FILE_PROTECTED)

@@ -90,7 +90,7 @@ def upload(wire: Wire, fleet: World, sysid: int, items: Sequence[MissionItem]) -
 
 def held(fleet: World) -> list[tuple[tuple[MissionItem, ...], ...]]:
     """Everything that vehicles hold, home apart, which moves with them."""
-    shelves = [vehicle._store for vehicle in fleet.vehicles]
+    shelves = [vehicle.store for vehicle in fleet.vehicles]
     return [tuple(shelf.items(kind)[kind == MissionType.MISSION :] for kind in HELD) for shelf in shelves]
 
 

@@ -220,7 +220,7 @@ def test_missions_are_refused_as_soon_as_vehicles_say_that_they_cannot_wait(
     said = capsys.readouterr().err
     assert "a mission cannot wait until a time of day on vehicle 1 (PX4), vehicle 2 (PX4)" in said
     assert "next: fly with --mode stream" in said
-    assert all(vehicle._store.items(0) == () for vehicle in fleet._world.vehicles)
+    assert all(vehicle.store.items(0) == () for vehicle in fleet._world.vehicles)
 
 
 def test_another_fleet_than_the_scenarios_is_refused_before_anything_is_sent(
@@ -233,4 +233,4 @@ def test_another_fleet_than_the_scenarios_is_refused_before_anything_is_sent(
     said = capsys.readouterr().err
     assert code == PeerError.exit_code
     assert "vehicle 2 runs ArduCopter, the scenario says PX4" in said
-    assert all(vehicle._store.items(0) == () for vehicle in fleet._world.vehicles)
+    assert all(vehicle.store.items(0) == () for vehicle in fleet._world.vehicles)

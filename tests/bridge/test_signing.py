@@ -52,7 +52,7 @@ def what_it_is(fleet: Fleet) -> tuple[object, ...]:
         vehicle._params["RTL_ALT"],
         pilot.mode.name,
         pilot.armed,
-        vehicle._store.items(),
+        vehicle.store.items(),
         vehicle._signing_state._signing._key,
     )
 

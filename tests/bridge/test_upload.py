@@ -50,7 +50,7 @@ def loads_for(plan: Plan, autopilot: str, *, timed: bool = False) -> tuple[Vehic
 
 
 def held_by(fleet: Fleet, sysid: int, kind: MissionType = MissionType.MISSION) -> tuple[object, ...]:
-    shelf = fleet._world.vehicles[sysid - 1]._store
+    shelf = fleet._world.vehicles[sysid - 1].store
     first = int(kind is MissionType.MISSION and shelf._traits.home_is_item_0)
     return shelf.items(kind)[first:]
 

@@ -173,9 +173,6 @@ _FAILSAFES = FailsafeSettings(
 
 _STREAMS = StreamTraits(
     unasked_hz={MessageId.HEARTBEAT: 1.0},
-    default_hz=0.0,
-    fixed=frozenset(),
-    mute=frozenset(),
     unsent=frozenset({MessageId.ATTITUDE_TARGET, MessageId.ALTITUDE, MessageId.ESTIMATOR_STATUS}),
     groups={
         2: frozenset(
@@ -194,12 +191,10 @@ _STREAMS = StreamTraits(
         11: frozenset({MessageId.VFR_HUD}),
         12: frozenset({MessageId.SYSTEM_TIME, MessageId.BATTERY_STATUS, MessageId.EKF_STATUS_REPORT}),
     },
-    contents_s={},  # every request is accepted
     fast_share=0.87,
     local_from=Milestone.LOCATED,
     global_from=Milestone.RUNNING,
     targets_in_guided_only=True,
-    home_has_attitude=False,
     reports_rtk=True,
     reports_airspeed=True,
 )
@@ -222,36 +217,21 @@ ARDUPILOT = Personality(
         | Capability.MAVLINK2
         | Capability.FENCE
         | Capability.RALLY,
-        sends_uid=False,
         vtol_state=3,
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_shows_armable=False),
+    arming=ArmingTraits(spool_up_s=2.9, has_sticks=True),
     flight=FlightTraits(
         brakes_mps2=1.0,
-        crawl_below_m=0.0,
         landed_after_s=1.75,
         disarm_after_s=0.3,
-        takeoff_share=0.8,
-        liftoff_pause_s=0.0,
-        takeoff_above_sea=False,
         takeoff_in_guided=True,
-        mission_start_arms=False,
-        return_cone=False,
         reposition_in=Intent.GUIDED,
-        sinks_without_sticks=False,
     ),
-    streaming=StreamingTraits(from_ground=False, proof_s=0.0, extrapolates_s=None, comes_back=True),
+    streaming=StreamingTraits(comes_back=True),
     reports=ReportTraits(
-        repeats=0,
-        repeat_s=1.0,
-        reports_landing=False,
         starts_over=True,
-        empty_total=0,
-        counts_home=False,
-        mode_elsewhere=0,
-        counts_manoeuvres=False,
         item_names={
             MavCommand.NAV_WAYPOINT: "WP",
             MavCommand.NAV_RETURN_TO_LAUNCH: "RTL",
@@ -267,16 +247,13 @@ ARDUPILOT = Personality(
         unknown_stream=MavResult.DENIED,
         unknown_message=MavResult.FAILED,
         nothing_newer=MavResult.ACCEPTED,
-        unsupported=frozenset(),
         formats=True,
         mode_acks=1,
-        message_first=False,
         set_mode_command=11,  # the message number of SET_MODE
         heartbeat_on_change=True,
         announces_home=True,
         any_component=True,
         waits_for_contact=True,
-        numbered_texts=False,
     ),
     streams=_STREAMS,
     health=HealthTraits(

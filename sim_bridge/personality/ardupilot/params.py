@@ -13,12 +13,8 @@ _INT8, _INT16, _INT32, _REAL32 = map(int, (Kind.INT8, Kind.INT16, Kind.INT32, Ki
 PARAM_TRAITS = ParamTraits(
     sysid="SYSID_THISMAV",
     any_case=True,
-    sends_index=False,
-    bytes_in_float=False,
     converts=True,
-    takes_nan=False,
     capacity="BATT_CAPACITY",
-    hash_name="",
     banner=("ArduCopter V4.5.6", "Frame: QUAD/X"),
 )
 LINK = LinkTraits(clock_step_ns=1_000, timesync_period_s=10.0, signs=True)

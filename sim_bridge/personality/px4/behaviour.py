@@ -159,7 +159,6 @@ _STREAMS = StreamTraits(
     fixed=frozenset({MessageId.MISSION_CURRENT}),
     mute=frozenset({MessageId.NAV_CONTROLLER_OUTPUT}),
     unsent=frozenset({MessageId.EKF_STATUS_REPORT, MessageId.FENCE_STATUS}),
-    groups={},
     # Of ten requests in a row ESTIMATOR_STATUS and SYS_STATUS answered five, GLOBAL_POSITION_INT four, GPS_RAW_INT and
     # LOCAL_POSITION_NED one: the others found what had just been streamed or answered.
     contents_s={
@@ -172,10 +171,7 @@ _STREAMS = StreamTraits(
     fast_share=1.0,
     local_from=Milestone.RUNNING,
     global_from=Milestone.LOCATED,
-    targets_in_guided_only=False,
     home_has_attitude=True,
-    reports_rtk=False,
-    reports_airspeed=False,
 )
 
 PX4 = Personality(
@@ -193,36 +189,29 @@ PX4 = Personality(
         | Capability.FENCE
         | Capability.RALLY,
         sends_uid=True,
-        vtol_state=0,
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_shows_armable=True),
+    arming=ArmingTraits(spool_up_s=1.5, status_shows_armable=True),
     flight=FlightTraits(
-        brakes_mps2=None,
         crawl_below_m=1.0,
         landed_after_s=3.3,
         disarm_after_s=2.0,
-        takeoff_share=0.8,
         liftoff_pause_s=2.3,
         takeoff_above_sea=True,
-        takeoff_in_guided=False,
         mission_start_arms=True,
         return_cone=True,
         reposition_in=Intent.HOLD,
         sinks_without_sticks=True,
     ),
-    streaming=StreamingTraits(from_ground=True, proof_s=1.0, extrapolates_s=0.2, comes_back=False),
+    streaming=StreamingTraits(from_ground=True, proof_s=1.0, extrapolates_s=0.2),
     reports=ReportTraits(
         repeats=10,
-        repeat_s=1.0,
         reports_landing=True,
-        starts_over=False,
         empty_total=0xFFFF,
         counts_home=True,
         mode_elsewhere=2,
         counts_manoeuvres=True,
-        item_names={},
     ),
     replies=ReplyTraits(
         refused=MavResult.TEMPORARILY_REJECTED,
@@ -231,14 +220,9 @@ PX4 = Personality(
         unknown_message=MavResult.DENIED,
         nothing_newer=MavResult.DENIED,
         unsupported=frozenset({MavCommand.DO_SET_MISSION_CURRENT}),
-        formats=False,
         mode_acks=2,
         message_first=True,
         set_mode_command=MavCommand.DO_SET_MODE,
-        heartbeat_on_change=False,
-        announces_home=False,
-        any_component=False,
-        waits_for_contact=False,
         numbered_texts=True,
     ),
     streams=_STREAMS,

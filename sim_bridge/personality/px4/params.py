@@ -12,15 +12,13 @@ _INT32, _REAL32 = map(int, (Kind.INT32, Kind.REAL32))
 
 PARAM_TRAITS = ParamTraits(
     sysid="MAV_SYS_ID",
-    any_case=False,
     sends_index=True,
     bytes_in_float=True,
-    converts=False,
     takes_nan=True,
     capacity="BAT1_CAPACITY",
     hash_name="_HASH_CHECK",
 )
-LINK = LinkTraits(clock_step_ns=4_000_000, timesync_period_s=float("inf"), signs=False)
+LINK = LinkTraits(clock_step_ns=4_000_000, timesync_period_s=float("inf"))
 
 PARAMS = (
     Param("ASPD_SCALE_1", 1.0, _REAL32),

@@ -25,28 +25,7 @@ _FORGET_S = 30.0
 _BACKLOG_BYTES = 1 << 18  # of a TCP connection
 
 
-class Line:
-    """One place where bytes arrive and leave. Its files are watched for input."""
-
-    place: PeerAddress
-
-    def receive(self, file: int) -> Iterator[tuple[bytes, Address]]:
-        """Return the bytes that wait at one of its files, and their senders. Never waits, never raises."""
-        raise NotImplementedError
-
-    def heard(self, source: Address, now_s: float) -> None:
-        """Record that `source` sent a whole frame: it is a ground station, and receives telemetry from now on."""
-
-    def send(self, frames: Sequence[bytes], now_s: float) -> None:
-        """Send frames to all ground stations."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """Close all files."""
-        raise NotImplementedError
-
-
-class UdpLine(Line):
+class UdpLine:
     """A port of vehicles that call a ground station, or wait for one, and answer every station that sends frames.
 
     A station that has been silent for _FORGET_S gets no more frames, except the one that is called. On this machine
@@ -72,7 +51,7 @@ class UdpLine(Line):
         return self._port.read()
 
     def heard(self, source: Address, now_s: float) -> None:
-        """Send to this address from now on."""
+        """Record that `source` sent a whole frame: it is a ground station, and receives telemetry from now on."""
         if source in self._stations:
             self._stations[source] = max(self._stations[source], now_s)
         elif len(self._stations) < _MOST_STATIONS:
@@ -94,7 +73,7 @@ class UdpLine(Line):
         self._port.close()
 
 
-class TcpLine(Line):
+class TcpLine:
     """A server for any number of ground stations. Each receives telemetry from the start."""
 
     def __init__(self, spec: EndpointSpec, row: int, watch: selectors.BaseSelector) -> None:
@@ -152,7 +131,7 @@ class TcpLine(Line):
         self._watch.register(sock.fileno(), selectors.EVENT_READ, self)
 
 
-class PtyLine(Line):
+class PtyLine:
     """A terminal that any program can open like the device of a telemetry radio. Every baud rate works.
 
     As on a real line, the sender does not know if a program listens.
@@ -201,6 +180,9 @@ class PtyLine(Line):
         os.close(self._theirs)
         if self._link is not None:
             self._link.unlink(missing_ok=True)
+
+
+Line = UdpLine | TcpLine | PtyLine  # `receive` never waits and never raises
 
 
 def datagrams(frames: Sequence[bytes]) -> Iterator[bytes]:

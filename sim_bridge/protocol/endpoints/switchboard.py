@@ -66,8 +66,9 @@ class Switchboard:
                 yield Arrival(number, data, source)
 
     def heard(self, line: int, source: Address, now_s: float) -> None:
-        """Record that `source` sent a whole frame."""
-        self._lines[line].heard(source, now_s)
+        """Record that `source` sent a whole frame; only a UDP port has to know."""
+        if isinstance(known := self._lines[line], UdpLine):
+            known.heard(source, now_s)
 
     def put(self, row: int, frames: Sequence[bytes]) -> None:
         """Queue frames of one vehicle on all its lines, for the next `flush`."""

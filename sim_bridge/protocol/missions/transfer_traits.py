@@ -58,7 +58,7 @@ class StorageTraits:
     autocontinue: bool | None = None  # None: as uploaded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MissionTraits:
     """Mission transfers. Times in seconds."""
 
@@ -66,35 +66,37 @@ class MissionTraits:
     retry_s: float  # until a missing item is requested again
     timeout_s: float  # without any item
     timed_out: MissionAnswer  # {name} is that of the mission type
-    int_requests: bool  # requests with MISSION_REQUEST_INT
-    home_is_item_0: bool
-    as_files: bool  # also transfers them by MAVLink FTP
-    file_leftovers: bool  # a file's items without a position have that of the item before them
-    one_at_a_time: bool  # one transfer in total, downloads included; else one upload per mission type
-    restarts: bool  # a second MISSION_COUNT restarts the upload; else only the first request is repeated
-    any_item_resets_timeout: bool  # an item out of sequence restarts the timeout too
-    single_precision: bool  # the degrees of a MISSION_ITEM become integers in single precision
-    follows_float: bool  # after a MISSION_ITEM it requests MISSION_ITEM; else it sends a warning
-    stateless_reads: bool  # items can be read without a MISSION_REQUEST_LIST first
-    cancellable: bool  # a MISSION_ACK of the ground station can end the transfer
-    clears_all: bool  # mission type 255 clears all types
-    partial_writes: bool  # MISSION_WRITE_PARTIAL_LIST replaces single items; else it gets no answer
-    first_is_current: bool  # item 0 reads back as `current` before the first flight
+    int_requests: bool = False  # requests with MISSION_REQUEST_INT
+    home_is_item_0: bool = False
+    as_files: bool = False  # also transfers them by MAVLink FTP
+    file_leftovers: bool = False  # a file's items without a position have that of the item before them
+    one_at_a_time: bool = False  # one transfer in total, downloads included; else one upload per mission type
+    restarts: bool = False  # a second MISSION_COUNT restarts the upload; else only the first request is repeated
+    any_item_resets_timeout: bool = False  # an item out of sequence restarts the timeout too
+    single_precision: bool = False  # the degrees of a MISSION_ITEM become integers in single precision
+    follows_float: bool = False  # after a MISSION_ITEM it requests MISSION_ITEM; else it sends a warning
+    stateless_reads: bool = False  # items can be read without a MISSION_REQUEST_LIST first
+    cancellable: bool = False  # a MISSION_ACK of the ground station can end the transfer
+    clears_all: bool = False  # mission type 255 clears all types
+    partial_writes: bool = False  # MISSION_WRITE_PARTIAL_LIST replaces single items; else it gets no answer
+    first_is_current: bool = False  # item 0 reads back as `current` before the first flight
     second_station: MissionAnswer
-    busy: MissionAnswer  # to the same ground station, during a transfer
+    busy: MissionAnswer = SILENCE  # to the same ground station, during a transfer
     no_space: MissionAnswer  # {capacity} is the number of items that fit
-    wrong_sequence: MissionAnswer
+    wrong_sequence: MissionAnswer = SILENCE
     unrequested_item: MissionAnswer
     unknown_item: MissionAnswer  # a requested item that does not exist
-    refused_item: MissionAnswer  # after a MISSION_ACK with the reason
-    float_item: MissionAnswer
+    refused_item: MissionAnswer = SILENCE  # after a MISSION_ACK with the reason
+    float_item: MissionAnswer = SILENCE
     read_while_busy: MissionAnswer
     unknown_type: MissionAnswer  # in a MISSION_COUNT
-    unknown_type_read: MissionAnswer | None  # None: MISSION_COUNT 0
+    unknown_type_read: MissionAnswer | None = None  # None: MISSION_COUNT 0
     bad_shape: MissionAnswer
-    bad_range: MissionAnswer  # of a partial write
-    home_outside: MissionAnswer  # sent some time after a fence was stored that is invalid or does not contain home
-    home_outside_after_s: float
+    bad_range: MissionAnswer = SILENCE  # of a partial write
+    home_outside: MissionAnswer = (
+        SILENCE  # sent some time after a fence was stored that is invalid or does not contain home
+    )
+    home_outside_after_s: float = 0.0
     rally_frames: frozenset[int] | None = None  # of points that it returns to; None: of any
     rally_refused: MissionAnswer = SILENCE  # sent again and again while there are points of other frames
     rally_refused_every_s: float = 2.0
