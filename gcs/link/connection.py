@@ -73,14 +73,14 @@ class Connection:
         only = None if vehicles is None else [self.systems.get(sysid, sysid) for sysid in vehicles]
         async with (
             copies_to(self.also_to, self.links) as copy,
-            LinkedFleet.open(
+            LinkedFleet(
                 self.links,
                 on_frame=_also(copy, only, on_frame) if self.also_to else on_frame,
                 signing=signing_with(self.key, asyncio.get_running_loop().time()),
                 transfer=Transfer(self.transfer),
                 only=only,
                 on_notice=on_notice,
-            ) as fleet,
+            ).open() as fleet,
         ):
             yield fleet
 

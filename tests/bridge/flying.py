@@ -198,7 +198,7 @@ async def _fly(
     async with AsyncExitStack() as stack:
         record = None if folder is None else stack.enter_context(FlightRecord(folder, print, lambda: None))
         on_frame = None if record is None else record.write_frame
-        fleet = await stack.enter_async_context(LinkedFleet.open(f"udpin:127.0.0.1:{port}", on_frame=on_frame))
+        fleet = await stack.enter_async_context(LinkedFleet(f"udpin:127.0.0.1:{port}", on_frame=on_frame).open())
         sessions = await fleet.vehicles(plan.sysids, 20.0)
         events: list[Event] = []
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)

@@ -117,7 +117,7 @@ def test_six_vehicles_on_one_port_are_found_and_loaded_at_once():
     async def scene():
         vehicles = [Vehicle(n, Autopilot.ARDUPILOT if n % 2 else Autopilot.PX4) for n in range(1, 7)]
         frames = []
-        async with flying(*vehicles), LinkedFleet.open(SPEC, on_frame=lambda *a: frames.append(a)) as fleet:
+        async with flying(*vehicles), LinkedFleet(SPEC, on_frame=lambda *a: frames.append(a)).open() as fleet:
             sessions = await fleet.vehicles(range(1, 7), 5.0)
             await asyncio.gather(*(s.upload_mission(mission(s.sysid)) for s in sessions.values()))
             assert all(s.armed and s.custom_mode == 4 for s in sessions.values())
@@ -136,7 +136,7 @@ def test_a_vehicle_that_stores_something_else_is_found_out():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.spoil = lambda items: (*items[:2], items[1], *items[3:])
-        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet(SPEC).open() as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             with pytest.raises(PeerError, match="item 2: latitude"):
                 await session.upload_mission(mission(1))
@@ -148,7 +148,7 @@ def test_a_refused_item_is_named():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.check = lambda seq, _: MissionResult.UNSUPPORTED if seq == 3 else MissionResult.ACCEPTED
-        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet(SPEC).open() as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             with pytest.raises(MissionRefused, match="item 3"):
                 await session.upload_mission(mission(1))
@@ -161,7 +161,7 @@ def test_a_lost_ack_is_made_good_by_reading_back():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.swallow_ack = True
-        async with flying(vehicle), LinkedFleet.open(SPEC, timers=QUICK) as fleet:
+        async with flying(vehicle), LinkedFleet(SPEC, timers=QUICK).open() as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             await session.upload_mission(mission(1))
         assert vehicle.stored == ITEMS
@@ -173,7 +173,7 @@ def test_commands_refusals_and_silence():
     async def scene():
         vehicle = Vehicle(3)
         quick = CommandTimers(reply_s=0.1, retries=1)
-        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet(SPEC).open() as fleet:
             session = (await fleet.vehicles({3}, 5.0))[3]
             current = await session.request_message(MessageId.MISSION_CURRENT)
             assert current.fields["seq"] == 7
@@ -191,7 +191,7 @@ def test_commands_refusals_and_silence():
 
 def test_two_vehicles_with_one_id_are_refused():
     async def scene():
-        async with flying(Vehicle(2), Vehicle(2)), LinkedFleet.open(SPEC) as fleet:
+        async with flying(Vehicle(2), Vehicle(2)), LinkedFleet(SPEC).open() as fleet:
             with pytest.raises(DuplicateSystemId, match="system id 2"):
                 await fleet.vehicles({2, 3}, 5.0)
 
@@ -202,7 +202,7 @@ def test_another_component_at_another_address_is_no_second_vehicle():
     async def scene():
         vehicle, companion = Vehicle(2), Vehicle(2)
         companion.codec = Codec(2, 191)
-        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet(SPEC).open() as fleet:
             session = (await fleet.vehicles({2}, 5.0))[2]
             async with flying(companion):
                 await asyncio.sleep(0.2)
@@ -215,7 +215,7 @@ def test_another_component_at_another_address_is_no_second_vehicle():
 def test_a_vehicle_that_falls_silent_ends_the_upload():
     async def scene():
         vehicle = Vehicle(1)
-        async with flying(vehicle), LinkedFleet.open(SPEC, timers=QUICK) as fleet:
+        async with flying(vehicle), LinkedFleet(SPEC, timers=QUICK).open() as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             vehicle.mute = True
             with pytest.raises(PeerTimeout, match="first mission item"):

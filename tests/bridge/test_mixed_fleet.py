@@ -188,7 +188,7 @@ def test_the_commands(
     assert (code, [line for lines in told["differences"].values() for line in lines]) == (0, [])
 
     async def boards() -> None:
-        async with LinkedFleet.open(link) as ground:
+        async with LinkedFleet(link).open() as ground:
             sessions = await ground.vehicles(mixed.sysids, 10.0)
             loads = build_loads(mixed, NUMBERS, timed=False)
             for load in loads:

@@ -100,7 +100,7 @@ def fly(plan: Plan, raising: Raising, *, hooks: FlightHooks | None = None) -> Fl
 
 
 async def _fly(plan: Plan, port: int, found: Flight, hooks: FlightHooks | None) -> None:
-    async with LinkedFleet.open(f"udpin:127.0.0.1:{port}") as fleet:
+    async with LinkedFleet(f"udpin:127.0.0.1:{port}").open() as fleet:
         sessions = await fleet.vehicles(plan.sysids, 20.0)
         for session in sessions.values():
             session.subscribe(lambda _: setattr(found, "armed", found.armed or any(s.armed for s in sessions.values())))

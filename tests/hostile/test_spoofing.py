@@ -95,7 +95,7 @@ def test_a_false_heartbeat_before_the_vehicle_is_heard_gives_way_to_the_vehicle(
     port, told = free_port(), list[LinkNotice]()
 
     async def scene() -> None:
-        async with LinkedFleet.open(f"udpin:127.0.0.1:{port}", only=(1, 2, 3), on_notice=told.append) as fleet:
+        async with LinkedFleet(f"udpin:127.0.0.1:{port}", only=(1, 2, 3), on_notice=told.append).open() as fleet:
             with Attacker(port) as stranger:
                 stranger.heartbeat(1, mode=LAND, autopilot=PX4)
                 finding = asyncio.ensure_future(fleet.vehicles((1, 2, 3), 30.0))
@@ -118,7 +118,7 @@ def test_a_vehicle_that_restarts_at_another_port_proves_who_it_is(vehicles: Make
     world, port = vehicles("ardupilot")
 
     async def scene() -> None:
-        async with LinkedFleet.open(f"udpin:127.0.0.1:{port}", only=(1, 2, 3), on_notice=told.append) as fleet:
+        async with LinkedFleet(f"udpin:127.0.0.1:{port}", only=(1, 2, 3), on_notice=told.append).open() as fleet:
             session = (await fleet.vehicles((1, 2, 3), 30.0))[1]
             fleet.freeze()
             before = fleet.where(1)

@@ -13,25 +13,39 @@ from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequen
 from contextlib import asynccontextmanager, suppress
 from enum import Enum
 from functools import partial
+from typing import Self
 
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.endpoints.base import Endpoint
 from gcs.link.endpoints.endpoint import make_endpoint
 from gcs.link.endpoints.ip_address import Address
+from gcs.link.microservices.command import CommandSender
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.routing.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words
 from gcs.link.routing.strangers import LinkNotice, Strangers
-from gcs.link.session.station_messages import STATION_HEARTBEAT, identity_request, is_vehicle_heartbeat
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.link.wire.signing import Signing
+from gcs.mavlink import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 
 _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1
 _AUTOPILOT_COMPONENT = 1
 _IDENTITY_REQUESTS = 30  # once a second, to vehicles that do not report an id
+
+_HEARTBEAT = Message(
+    "HEARTBEAT",
+    {
+        "type": int(MavType.GCS),
+        "autopilot": NO_AUTOPILOT,
+        "base_mode": 0,
+        "custom_mode": 0,
+        "system_status": int(MavState.ACTIVE),
+        "mavlink_version": 3,
+    },
+)
 
 
 class FrameDirection(Enum):
@@ -46,11 +60,11 @@ NoticeHook = Callable[[LinkNotice], None]
 
 
 class LinkedFleet:
-    """The ground station's side of its links. Use it as `async with LinkedFleet.open(spec) as fleet`."""
+    """The ground station's side of its links. Use it as `async with LinkedFleet(spec).open() as fleet`."""
 
     def __init__(
         self,
-        endpoints: Sequence[Endpoint],
+        links: str | Sequence[str | Endpoint],
         *,
         me: Station = GROUND,
         on_frame: FrameHook | None = None,
@@ -60,11 +74,19 @@ class LinkedFleet:
         only: Collection[int] | None = None,
         on_notice: NoticeHook | None = None,
     ) -> None:
+        """`links` by their names (see `parse_link_spec`), or as endpoints.
+
+        `on_frame(direction, frame)` gets every accepted frame and every frame sent; `timers` replace those of the
+        vehicles' autopilots, `transfer` chooses how missions are sent. With `signing` that is on, frames are signed,
+        and unsigned ones are refused. `only` are the systems of a flight: no other gets a session. `on_notice` gets
+        texts for the operator. Raises `UsageError`.
+        """
         self.me = me
         self.sessions: dict[int, VehicleSession] = {}  # by MAVLink system id
         self.refused_frames = 0  # without a valid signature
         self.strangers = Strangers()
-        self._endpoints = tuple(endpoints)
+        named = [links] if isinstance(links, str) else links
+        self._endpoints = tuple(make_endpoint(link) if isinstance(link, str) else link for link in named)
         self._codec = Codec(*me)
         self._routing = RoutingTable()
         self._only = None if only is None else frozenset(only)
@@ -80,51 +102,22 @@ class LinkedFleet:
         self._found = asyncio.Event()
         self._loop = asyncio.get_running_loop()
 
-    @classmethod
     @asynccontextmanager
-    async def open(
-        cls,
-        specs: str | Sequence[str],
-        *,
-        me: Station = GROUND,
-        on_frame: FrameHook | None = None,
-        timers: ProtocolTimers | None = None,
-        signing: Signing | None = None,
-        transfer: Transfer = Transfer.AUTO,
-        only: Collection[int] | None = None,
-        on_notice: NoticeHook | None = None,
-    ) -> AsyncIterator[LinkedFleet]:
-        """Open the endpoints that `specs` name (see `parse_link_spec`) and send a heartbeat at 1 Hz.
-
-        `on_frame(direction, frame)` gets every accepted frame and every frame sent; `timers` replace those of the
-        vehicles' autopilots, `transfer` chooses how missions are sent. With `signing` that is on, frames are signed,
-        and unsigned ones are refused. `only` are the systems of a flight: no other gets a session. `on_notice` gets
-        texts for the operator. Raises `UsageError`, `LinkError`.
-        """
-        endpoints = [make_endpoint(spec) for spec in ([specs] if isinstance(specs, str) else specs)]
-        fleet = cls(
-            endpoints,
-            me=me,
-            on_frame=on_frame,
-            timers=timers,
-            signing=signing,
-            transfer=transfer,
-            only=only,
-            on_notice=on_notice,
-        )
+    async def open(self) -> AsyncIterator[Self]:
+        """Open the links and send a heartbeat at 1 Hz. Raises `LinkError`."""
         heartbeats: asyncio.Task[None] | None = None
         try:
-            for link, endpoint in enumerate(endpoints):
-                await endpoint.open(partial(fleet._receive, link))
-            heartbeats = asyncio.ensure_future(fleet._send_heartbeats())
-            yield fleet
+            for link, endpoint in enumerate(self._endpoints):
+                await endpoint.open(partial(self._receive, link))
+            heartbeats = asyncio.ensure_future(self._send_heartbeats())
+            yield self
         finally:
             if heartbeats is not None:
                 heartbeats.cancel()
                 with suppress(asyncio.CancelledError):
                     await heartbeats
-            fleet._tell_of_strangers(math.inf)
-            for endpoint in endpoints:
+            self._tell_of_strangers(math.inf)
+            for endpoint in self._endpoints:
                 endpoint.close()
 
     @property
@@ -254,7 +247,7 @@ class LinkedFleet:
         system = message.sysid
         session = self.sessions.get(system)
         is_new = session is None or not session.heard
-        is_vehicle = is_new and is_vehicle_heartbeat(message)
+        is_vehicle = is_new and _is_vehicle(message)
         if self._only is not None and system not in self._only:
             if is_vehicle:
                 self.strangers.note(system, source, now_s)
@@ -275,7 +268,7 @@ class LinkedFleet:
         if self._routing.moves:
             session = self._after_moves(session)
         if session is None:
-            if is_vehicle or is_vehicle_heartbeat(message):
+            if is_vehicle or _is_vehicle(message):
                 self._add_vehicle(message)
             return
         session.quality.receive(message.raw)
@@ -358,14 +351,14 @@ class LinkedFleet:
         """Send a heartbeat to all, and ask those for their id whose address is in doubt. Return whether there are."""
         known = self._routing.addresses()
         for target in known:
-            self._send(STATION_HEARTBEAT, target.link, target.address)
+            self._send(_HEARTBEAT, target.link, target.address)
         for link in {*range(len(self._endpoints))} - {target.link for target in known}:
             if self._endpoints[link].spec.mode.speaks_first:
-                self._send(STATION_HEARTBEAT, link, None)
+                self._send(_HEARTBEAT, link, None)
         asked = self._routing.unidentified(now_s)
         for system, targets in asked.items():
             for target in targets:
-                self._send(identity_request(self.sessions[system].station), target.link, target.address)
+                self._send(_identity_request(self.sessions[system].station), target.link, target.address)
         self._request_identities(asked)
         self._tell_of_strangers(now_s)
         for session in self.sessions.values():
@@ -379,4 +372,19 @@ class LinkedFleet:
         self._identity_requests += 1
         for system, session in self.sessions.items():
             if system not in asked and not self._routing.is_identified(system):
-                session.send(identity_request(session.station))
+                session.send(_identity_request(session.station))
+
+
+def _identity_request(station: Station) -> Message:
+    """Return the request of AUTOPILOT_VERSION, which has the id of a vehicle."""
+    (message,) = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), station).start(0.0)
+    return message
+
+
+def _is_vehicle(message: Message) -> bool:
+    """Whether this is the HEARTBEAT of an autopilot."""
+    return (
+        message.name == "HEARTBEAT"
+        and message.fields["type"] != MavType.GCS
+        and message.fields["autopilot"] != NO_AUTOPILOT
+    )
