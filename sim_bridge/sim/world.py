@@ -11,19 +11,22 @@ A step is 20 ms of simulated time. `speedup` sets how fast steps follow one anot
 from __future__ import annotations
 
 import math
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from gcs.errors import GcsError
 from gcs.link.wire.signing_keys import signing_ticks
+from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.autopilot.guidance.piece import PieceBatch
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.faults.fault_spec import Fault
 from sim_bridge.faults.injector import FaultInjector
@@ -32,7 +35,6 @@ from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec, Pee
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
 from sim_bridge.protocol.traffic import Traffic
 from sim_bridge.sim.lockstep import ON_GROUND_TIMEOUT_S, Lockstep, Pace
-from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 WAITING_RATE = 10.0
@@ -150,7 +152,7 @@ class World:
                 self.traffic.send(row, messages, t_s)
             self._batch.put(row, vehicle.autopilot.piece)
         self._board.flush(now_s)
-        if self.truth is not None and self._steps % PERIOD_STEPS == 0:
+        if self.truth is not None:
             autopilots = [vehicle.autopilot for vehicle in vehicles]
             self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in autopilots])
         motors_on = np.array([vehicle.autopilot.flying for vehicle in vehicles])
@@ -202,3 +204,63 @@ class World:
     def _listen(self, timeout_s: float) -> None:
         if not self.traffic.listen(timeout_s, self.t_s):
             self._stopped = True
+
+
+class TruthRecord:
+    """Collects the true states of every step, for the assessment of a flight. Vehicles never see them.
+
+    The file (.npz): `t_s` (N,) simulated; `t_unix_s` (N,) the same instants in the vehicles' GNSS time; `state`
+    (V, N, 12) in common local NED; `control` (V, N, 4); `armed`, `flying` (V, N); `mode` (V, N); `sysid` (V,);
+    `boot_offset_s` (V,), added to `t_s` for each vehicle's own clock.
+    """
+
+    def __init__(self, sysids: tuple[int, ...], boot_offset_s: list[float], epoch_unix_s: float) -> None:
+        self._sysids = sysids
+        self._boot_offset_s = boot_offset_s
+        self._epoch_unix_s = epoch_unix_s
+        self._t_s: list[float] = []
+        self._states: list[Array] = []
+        self._controls: list[Array] = []
+        self._flags: list[list[tuple[bool, bool, int]]] = []
+
+    def add(self, t_s: float, airframes: Airframes, flags: list[tuple[bool, bool, int]]) -> None:
+        """Record one time; `flags` are (armed, flying, mode) of every vehicle."""
+        self._t_s.append(t_s)
+        self._states.append(airframes.truth.copy())
+        self._controls.append(airframes.control.copy())
+        self._flags.append(flags)
+
+    @property
+    def t_s(self) -> Array:
+        """Simulated times (N,)."""
+        return np.array(self._t_s)
+
+    @property
+    def state(self) -> Array:
+        """True states (V, N, 12)."""
+        return self._by_vehicle(self._states, 12)
+
+    def save(self, path: Path) -> None:
+        """Write the file atomically, replacing an earlier one. Raises `GcsError`."""
+        t_s = self.t_s
+        flags = np.array(self._flags, dtype=np.int64).reshape(len(t_s), len(self._sysids), 3)
+        arrays: dict[str, Any] = {
+            "t_s": t_s,
+            "t_unix_s": t_s + self._epoch_unix_s,
+            "state": self.state,
+            "control": self._by_vehicle(self._controls, 4),
+            "armed": flags[:, :, 0].astype(bool).T,
+            "flying": flags[:, :, 1].astype(bool).T,
+            "mode": flags[:, :, 2].T,
+            "sysid": np.array(self._sysids),
+            "boot_offset_s": np.array(self._boot_offset_s),
+        }
+        try:
+            with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
+                np.savez(file, **arrays)
+            Path(file.name).replace(path)
+        except OSError as error:
+            raise GcsError(f"the true states cannot be written to {path}: {error.strerror}.") from error
+
+    def _by_vehicle(self, rows: list[Array], width: int) -> Array:
+        return np.array(rows).reshape(len(rows), len(self._sysids), width).swapaxes(0, 1)

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import LinkError, UsageError
-from sim_bridge.protocol.endpoints import lines
+from sim_bridge.protocol.endpoints import switchboard
 from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec, is_loopback, parse_link
-from sim_bridge.protocol.endpoints.lines import DATAGRAM_BYTES, datagrams
-from sim_bridge.protocol.endpoints.switchboard import Arrival, Switchboard
+from sim_bridge.protocol.endpoints.switchboard import DATAGRAM_BYTES, Arrival, Switchboard, datagrams
 
 SYSIDS = (1, 2, 7)
 PATIENCE_S = 60.0
@@ -175,7 +174,7 @@ def test_the_ground_that_is_called_is_never_given_up():
 
 
 def test_a_ground_on_another_machine_is_the_only_one_that_is_heard(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(lines, "is_loopback", lambda host: False)
+    monkeypatch.setattr(switchboard, "is_loopback", lambda host: False)
     with (
         udp() as ground,
         udp() as stranger,

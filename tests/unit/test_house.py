@@ -74,7 +74,6 @@ SAME_SENSE = {
     "__main__.py": "`python -m` of the package",
     "behaviour.py": "the same table for each autopilot",
     "missions.py": "the same table for each autopilot",
-    "params.py": "the same table for each autopilot",
     "export.py": "the command calls the function",
     "plan.py": "the command makes the value",
 }
