@@ -10,18 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from sim_bridge.dynamics.body.airframes import Airframes
-from sim_bridge.dynamics.body.failures import (
-    Failure,
-    GnssJump,
-    GnssOutage,
-    LowBattery,
-    MotorLoss,
-    Push,
-    Sensor,
-    Slow,
-    StuckSensor,
-    WindStep,
-)
+from sim_bridge.dynamics.body.failures import Failure, Sensor
 from sim_bridge.faults import fault_spec as f
 from sim_bridge.faults.fault_spec import Fault, FaultKind, LinkDirection, Since
 from sim_bridge.faults.lossy_link import NO_IMPAIRMENT, LinkImpairment, LossyLink
@@ -49,14 +38,14 @@ _IMPAIRMENT_OF: dict[FaultKind, Callable[[LinkImpairment, Sequence[float]], Link
 }
 
 _FAILURE_OF: dict[FaultKind, Callable[[float, Sequence[float]], Failure]] = {
-    f.GNSS_OUTAGE: lambda t_s, v: GnssOutage(from_s=t_s),
-    f.GNSS_JUMP: lambda t_s, v: GnssJump(from_s=t_s, offset_ned_m=(v[0], v[1], v[2])),
-    f.MOTOR: lambda t_s, v: MotorLoss(from_s=t_s, motor=round(v[0]), share=v[1]),
-    f.BATTERY: lambda t_s, v: LowBattery(from_s=t_s, remaining=v[0]),
-    f.STUCK: lambda t_s, v: StuckSensor(from_s=t_s, sensor=Sensor(round(v[0]))),
-    f.SLOW: lambda t_s, v: Slow(from_s=t_s, speed_mps=v[0]),
-    f.WIND: lambda t_s, v: WindStep(from_s=t_s, wind_ned_mps=(v[0], v[1], v[2])),
-    f.PUSH: lambda t_s, v: Push(from_s=t_s, push_ned_mps2=(v[0], v[1], v[2])),
+    f.GNSS_OUTAGE: lambda t_s, v: Failure(from_s=t_s, gnss_lost=True),
+    f.GNSS_JUMP: lambda t_s, v: Failure(from_s=t_s, offset_ned_m=(v[0], v[1], v[2])),
+    f.MOTOR: lambda t_s, v: Failure(from_s=t_s, motor=round(v[0]), share=v[1]),
+    f.BATTERY: lambda t_s, v: Failure(from_s=t_s, remaining=v[0]),
+    f.STUCK: lambda t_s, v: Failure(from_s=t_s, sensor=Sensor(round(v[0]))),
+    f.SLOW: lambda t_s, v: Failure(from_s=t_s, speed_mps=v[0]),
+    f.WIND: lambda t_s, v: Failure(from_s=t_s, wind_ned_mps=(v[0], v[1], v[2])),
+    f.PUSH: lambda t_s, v: Failure(from_s=t_s, push_ned_mps2=(v[0], v[1], v[2])),
 }
 
 

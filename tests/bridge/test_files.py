@@ -43,9 +43,9 @@ async def upload(
 ) -> tuple[list[object], Counter[int]]:
     """Both vehicles get ITEMS; what ended well, and frames in and out by message number."""
     seen: Counter[int] = Counter()
-    async with Ground.open(
+    async with Ground(
         link, on_frame=lambda _, frame: seen.update([frame[7]]), timers=timers, transfer=transfer
-    ) as ground:
+    ).open() as ground:
         sessions = await ground.vehicles(SYSIDS, 10.0)
         return list(await asyncio.gather(*(session.upload_items(ITEMS) for session in sessions.values()))), seen
 

@@ -47,7 +47,7 @@ def test_every_kind_of_link_alone_and_repeated(make_fleet: Callable[..., Fleet],
     async def scene() -> None:
         specs = sorted({spec_of(fleet, sysid, ours) for sysid in fleet.sysids})
         assert len(specs) == (1 if one_port else 3)
-        async with Ground.open(specs) as ground:
+        async with Ground(specs).open() as ground:
             sessions = await ground.vehicles(fleet.sysids, 10.0)
             for sysid, session in sessions.items():
                 told = await session.request_message(MessageId.AUTOPILOT_VERSION)
@@ -62,7 +62,7 @@ def test_vehicles_that_call_an_ipv6_address_are_found_there(make_fleet: Callable
     make_fleet(vehicles=2, links=(f"udpout:[::1]:{port}",))
 
     async def scene() -> None:
-        async with Ground.open(f"udpin:[::1]:{port}") as ground:
+        async with Ground(f"udpin:[::1]:{port}").open() as ground:
             for session in (await ground.vehicles([1, 2], 10.0)).values():
                 await session.request_message(MessageId.AUTOPILOT_VERSION)
             assert ground.where(1).startswith("udpin:[::1]:")
@@ -76,7 +76,7 @@ def test_a_vehicle_on_two_links_is_one_vehicle(make_fleet: Callable[..., Fleet])
 
     async def scene() -> None:
         both = [spec_of(fleet, 1, "udpout:{}", 0), spec_of(fleet, 1, "tcp:{}", 1)]
-        async with Ground.open(both) as ground:
+        async with Ground(both).open() as ground:
             (session,) = (await ground.vehicles([1], 10.0)).values()
             await asyncio.sleep(2.5)  # longer than two addresses have to prove that they are one vehicle
             ground.check()
@@ -89,7 +89,7 @@ def test_two_vehicles_with_one_id_on_two_links_are_refused(make_fleet: Callable[
     one, other = make_fleet(vehicles=1, seed=1), make_fleet(vehicles=1, seed=2)
 
     async def scene() -> None:
-        async with Ground.open([spec_of(one, 1, "udpout:{}"), spec_of(other, 1, "udpout:{}")]) as ground:
+        async with Ground([spec_of(one, 1, "udpout:{}"), spec_of(other, 1, "udpout:{}")]).open() as ground:
             with pytest.raises(DuplicateSystemId, match="two vehicles claim system id 1"):
                 await ground.vehicles([1], 10.0)
                 await asyncio.sleep(1.0)  # one was heard before the other
@@ -102,7 +102,7 @@ def test_vehicles_may_be_called_something_else_on_the_link(make_fleet: Callable[
     fleet = make_fleet(vehicles=3, one_port=True)
 
     async def scene() -> None:
-        async with Ground.open(spec_of(fleet, 1, "udpout:{}")) as ground:
+        async with Ground(spec_of(fleet, 1, "udpout:{}")).open() as ground:
             sessions = await ground.vehicles([1, 2], 10.0, systems={1: 3, 2: 1})
             assert {sysid: s.station.sysid for sysid, s in sessions.items()} == {1: 3, 2: 1}
             assert [s.sysid for s in sessions.values()] == [1, 2]
@@ -122,7 +122,7 @@ def test_answers_to_another_station_are_not_for_us() -> None:
     async def scene() -> None:
         codec, vehicle = Codec(1, 1), UdpEndpoint(f"udpout:127.0.0.1:{port}")
         beat = {"type": 2, "autopilot": 3, "base_mode": 0, "custom_mode": 0, "system_status": 3, "mavlink_version": 3}
-        async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
+        async with Ground(f"udpin:127.0.0.1:{port}").open() as ground:
             await vehicle.open(lambda data, address: None)
             vehicle.send(codec.encode(Message("HEARTBEAT", beat)))
             session = (await ground.vehicles([1], 5.0))[1]
@@ -142,14 +142,14 @@ def test_what_cannot_be_opened_is_said() -> None:
     async def scene() -> None:
         port = free_port()
         with pytest.raises(LinkError, match=f"no TCP connection to 127.0.0.1:{port}"):
-            async with Ground.open(f"tcp:127.0.0.1:{port}"):
+            async with Ground(f"tcp:127.0.0.1:{port}").open():
                 pass
         with pytest.raises(LinkError, match="serial line /dev/nothing-there cannot be opened at 57600 baud: No such"):
-            async with Ground.open("/dev/nothing-there"):
+            async with Ground("/dev/nothing-there").open():
                 pass
         assert parse_link_spec("/dev/nothing-there").port == 57600
         with pytest.raises(LinkError) as caught:
-            async with Ground.open("serial:/dev/nothing-there:fast"):
+            async with Ground("serial:/dev/nothing-there:fast").open():
                 pass
         assert "the baud rate is the number after the last colon" in caught.value.hint
 
@@ -168,7 +168,7 @@ def test_a_connection_that_breaks_is_made_again() -> None:
 
         server = await asyncio.start_server(served, "127.0.0.1", 0)
         port = server.sockets[0].getsockname()[1]
-        async with server, Ground.open(f"tcp:127.0.0.1:{port}") as ground:
+        async with server, Ground(f"tcp:127.0.0.1:{port}").open() as ground:
             session = (await ground.vehicles([1], 5.0))[1]
             assert session.custom_mode == 1
             writers[0].close()

@@ -61,7 +61,7 @@ def test_fleets_call_a_ground_station_where_it_listens(make_fleet) -> None:
     fleet = make_fleet(vehicles=2, links=[f"udpout:127.0.0.1:{port}", "pty"])
 
     async def listen() -> None:
-        async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
+        async with Ground(f"udpin:127.0.0.1:{port}").open() as ground:
             await ground.vehicles([1, 2], 10.0)
 
     asyncio.run(listen())

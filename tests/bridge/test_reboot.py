@@ -45,7 +45,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
     options = WorldOptions(links=(call(port),), speedup=5.0, personality=by_name(autopilot))
 
     async def talk() -> None:
-        async with Ground.open(f"udpin:127.0.0.1:{port}", timers=TIMERS) as ground:
+        async with Ground(f"udpin:127.0.0.1:{port}", timers=TIMERS).open() as ground:
             session = (await ground.vehicles([SYSID], 20.0))[SYSID]
             await session.upload_mission(mission(simulation1, old))
             name, value, kind = PARAM[autopilot]

@@ -70,7 +70,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     if ground is not None:
                         record.write_frame(direction, frame)
 
-                async with GroundFleet.open(f"udpout:{vehicles.places[1][0].address}", on_frame=note) as ground:
+                async with GroundFleet(f"udpout:{vehicles.places[1][0].address}", on_frame=note).open() as ground:
                     sessions = await ground.vehicles((1, 2), 20.0)
                     for session in sessions.values():
                         for number, period_s in ((33.0, 0.1), (32.0, 0.1), (2.0, 1.0)):

@@ -76,7 +76,7 @@ async def signed_session(fleet: Fleet, ground: Ground) -> VehicleSession:
 def opened(fleet: Fleet, key: bytes | None, **options: object):
     host, port = fleet.address(1)
     signing = signing_with(key, asyncio.get_running_loop().time())
-    return Ground.open(f"udpout:{host}:{port}", signing=signing, **options)
+    return Ground(f"udpout:{host}:{port}", signing=signing, **options).open()
 
 
 @pytest.fixture

@@ -194,7 +194,7 @@ def test_missions_are_stored_as_sent_and_flown_on_board():
 
     async def fly() -> None:
         wanted = missions(scenario)
-        async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
+        async with Ground(f"udpin:127.0.0.1:{port}").open() as ground:
             vehicles = await ground.vehicles(wanted, 20.0)
             for sysid, vehicle in vehicles.items():
                 await vehicle.upload_mission(wanted[sysid])  # reads back and compares
@@ -297,7 +297,7 @@ def test_the_reject_fault_reaches_the_ground_as_a_refusal(simulation1):
     port = free_port()
 
     async def try_it() -> None:
-        async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
+        async with Ground(f"udpin:127.0.0.1:{port}").open() as ground:
             vehicles = await ground.vehicles([2], 20.0)
             with pytest.raises(MissionRefused):
                 await vehicles[2].upload_mission(missions(simulation1)[2])

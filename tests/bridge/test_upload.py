@@ -69,7 +69,7 @@ def test_everything_for_everybody_at_once_and_parameters_back(
     loads, name = loads_for(hop, autopilot), STORED[autopilot]
 
     async def scene() -> None:
-        async with Ground.open(link) as ground:
+        async with Ground(link).open() as ground:
             sessions = await ground.vehicles(hop.sysids, 10.0)
             before = {sysid: parameter(fleet, sysid, name) for sysid in sessions}
             held = await upload_fleet(sessions, loads, hop.hash)
@@ -108,7 +108,7 @@ def test_one_refusal_ends_it_for_all_and_everything_is_taken_back(
     bad = replace(loads[2], mission=replace(loads[2].mission, items=tuple(items)))
 
     async def scene() -> None:
-        async with Ground.open(link) as ground:
+        async with Ground(link).open() as ground:
             sessions = await ground.vehicles(hop.sysids, 10.0)
             with pytest.raises(UploadFailed) as caught:
                 await upload_fleet(sessions, (*loads[:2], bad), hop.hash)
@@ -136,7 +136,7 @@ def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
     loads = missions_only(load.mission for load in loads_for(hop, "ardupilot"))
 
     async def scene() -> None:
-        async with Ground.open(link) as ground:
+        async with Ground(link).open() as ground:
             sessions = await ground.vehicles(hop.sysids, 10.0)
             fleet.fault("2:die@start:0")
             with pytest.raises(UploadFailed, match="because of vehicle 2: vehicle 2 stopped answering") as caught:
@@ -157,7 +157,7 @@ def test_an_armed_vehicle_and_an_unknown_parameter_stop_it_before_anything_is_se
     strange = replace(loads[0], parameters=(("NO_SUCH_THING", 1),))
 
     async def scene() -> None:
-        async with Ground.open(link) as ground:
+        async with Ground(link).open() as ground:
             sessions = await ground.vehicles(hop.sysids, 10.0)
             with pytest.raises(PeerError, match="vehicle 1 does not answer for parameter NO_SUCH_THING"):
                 await upload_fleet(sessions, (strange, *loads[1:]), hop.hash)

@@ -42,7 +42,7 @@ def missions(scenario) -> dict[int, VehicleMission]:
 
 
 async def upload_all(port: int, wanted: dict[int, VehicleMission]) -> None:
-    async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
+    async with Ground(f"udpin:127.0.0.1:{port}").open() as ground:
         vehicles = await ground.vehicles(wanted, 20.0)
         await asyncio.gather(*(vehicles[sysid].upload_mission(wanted[sysid]) for sysid in wanted))
 

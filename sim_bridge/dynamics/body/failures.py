@@ -1,7 +1,7 @@
 """Failures of a vehicle's body over simulated time: motors, sensors, battery, speed, wind and pushes.
 
-    airframes.faults[row].add(GnssOutage(from_s=30.0, until_s=45.0))
-    airframes.faults[row].add(MotorLoss(from_s=airframes.t_s, motor=2, share=0.3))
+    airframes.faults[row].add(Failure(from_s=30.0, until_s=45.0, gnss_lost=True))
+    airframes.faults[row].add(Failure(from_s=airframes.t_s, motor=2, share=0.3))
     airframes.faults[row].clear()
 
 `from_s` and `until_s` count simulated seconds from the construction of the fleet. A `from_s` in the past acts from
@@ -33,67 +33,24 @@ class Sensor(IntEnum):
     GNSS = 4
 
 
+_NONE = (0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failure:
-    """A failure from `from_s` until `until_s`, in simulated time. `fault_spec.make_fault` checks its values."""
+    """What fails from `from_s` until `until_s`, in simulated time. `fault_spec.make_fault` checks the values."""
 
     from_s: float
     until_s: float = math.inf
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GnssOutage(Failure):
-    """No GNSS fix."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GnssJump(Failure):
-    """Every fix is offset, as with multipath."""
-
-    offset_ned_m: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StuckSensor(Failure):
-    """A sensor repeats its last sample."""
-
-    sensor: Sensor
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotorLoss(Failure):
-    """A motor (1 to 4, numbered as in Eq. 2) loses this share of its thrust; at 1 it stands still."""
-
-    motor: int
+    gnss_lost: bool = False  # there is no fix
+    offset_ned_m: tuple[float, float, float] = _NONE  # of every fix, as with multipath
+    sensor: Sensor | None = None  # repeats its last sample
+    motor: int = 0  # 1 to 4, numbered as in Eq. 2: loses this `share` of its thrust; at 1 it stands still
     share: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LowBattery(Failure):
-    """At `from_s` the battery has at most this share of its charge left; `until_s` has no effect."""
-
-    remaining: float = 0.15
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Slow(Failure):
-    """The ground speed is limited to this, whatever is commanded."""
-
-    speed_mps: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WindStep(Failure):
-    """This wind is added to that of the fleet."""
-
-    wind_ned_mps: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Push(Failure):
-    """This acceleration acts on the vehicle, evenly over its mass, so its accelerometer senses it as it senses drag."""
-
-    push_ned_mps2: tuple[float, float, float]
+    remaining: float = 1.0  # at `from_s` the battery has at most this share of its charge left, whatever `until_s` is
+    speed_mps: float = math.inf  # the ground speed is limited to this, whatever is commanded
+    wind_ned_mps: tuple[float, float, float] = _NONE  # added to that of the fleet
+    push_ned_mps2: tuple[float, float, float] = _NONE  # evenly over its mass: the accelerometer senses it like drag
 
 
 class Schedule:
@@ -157,7 +114,7 @@ class Failures:
 
     def __init__(self, vehicles: int) -> None:
         self._schedules = [Schedule(self) for _ in range(vehicles)]
-        self._struck: dict[int, LowBattery] = {}  # by id(): each drains a battery once
+        self._struck: dict[int, Failure] = {}  # by id(): each drains a battery once
         self.due_s = math.inf
 
     def __getitem__(self, row: int) -> Schedule:
@@ -178,21 +135,15 @@ class Failures:
 
     def _add(self, effects: Effects, row: int, failure: Failure) -> None:
         effects.sound = False
-        match failure:
-            case GnssOutage():
-                effects.gnss_lost[row] = True
-            case GnssJump(offset_ned_m=offset):
-                effects.gnss_offset_ned_m[row] += offset
-            case StuckSensor(sensor=sensor):
-                effects.stuck[row, sensor] = True
-            case MotorLoss(motor=motor, share=share):
-                effects.motor_strength[row, motor - 1] *= 1.0 - share
-            case Slow(speed_mps=speed):
-                effects.speed_max_mps[row] = min(effects.speed_max_mps[row], speed)
-            case WindStep(wind_ned_mps=wind):
-                effects.wind_ned_mps[row] += wind
-            case Push(push_ned_mps2=push):
-                effects.push_ned_mps2[row] += push
-            case LowBattery(remaining=remaining) if id(failure) not in self._struck:
-                self._struck[id(failure)] = failure
-                effects.drained[row] = min(effects.drained.get(row, 1.0), remaining)
+        effects.gnss_lost[row] |= failure.gnss_lost
+        effects.gnss_offset_ned_m[row] += failure.offset_ned_m
+        if failure.sensor is not None:
+            effects.stuck[row, failure.sensor] = True
+        if failure.motor:
+            effects.motor_strength[row, failure.motor - 1] *= 1.0 - failure.share
+        effects.speed_max_mps[row] = min(effects.speed_max_mps[row], failure.speed_mps)
+        effects.wind_ned_mps[row] += failure.wind_ned_mps
+        effects.push_ned_mps2[row] += failure.push_ned_mps2
+        if failure.remaining < 1.0 and id(failure) not in self._struck:
+            self._struck[id(failure)] = failure
+            effects.drained[row] = min(effects.drained.get(row, 1.0), failure.remaining)

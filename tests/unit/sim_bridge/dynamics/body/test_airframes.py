@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.dynamics.body.airframes import Airframes
-from sim_bridge.dynamics.body.failures import GnssJump, GnssOutage, LowBattery, MotorLoss, Sensor, Slow, StuckSensor
+from sim_bridge.dynamics.body.failures import Failure, Sensor
 from sim_bridge.dynamics.body.sensors import GNSS, RTK
 from sim_bridge.dynamics.body.wind_field import parse_wind
 from sim_bridge.dynamics.control.reference import hold
@@ -115,12 +115,12 @@ def eventful_flight(seed):
     airframes = stand(FIELD, FIELD_LIMITS, GNSS, pads, seed, parse_wind("3@200", "light"))
     now = airframes.t_s
     for breakdown in (
-        GnssOutage(from_s=now + 5.0, until_s=now + 8.0),
-        GnssJump(from_s=now + 9.0, until_s=now + 10.0, offset_ned_m=(2.0, 0.0, -1.0)),
-        StuckSensor(from_s=now + 6.0, until_s=now + 9.0, sensor=Sensor.COMPASS),
-        MotorLoss(from_s=now + 7.0, motor=4, share=0.2),
-        LowBattery(from_s=now + 2.0, remaining=0.2),
-        Slow(from_s=now + 4.0, speed_mps=0.5),
+        Failure(from_s=now + 5.0, until_s=now + 8.0, gnss_lost=True),
+        Failure(from_s=now + 9.0, until_s=now + 10.0, offset_ned_m=(2.0, 0.0, -1.0)),
+        Failure(from_s=now + 6.0, until_s=now + 9.0, sensor=Sensor.COMPASS),
+        Failure(from_s=now + 7.0, motor=4, share=0.2),
+        Failure(from_s=now + 2.0, remaining=0.2),
+        Failure(from_s=now + 4.0, speed_mps=0.5),
     ):
         airframes.faults[1].add(breakdown)
     flight = fly(airframes, course(yaw_swing_rad=0.2).part(0.0, 12.0), airframes.estimate[:, :3].copy())
@@ -168,7 +168,7 @@ def test_places_are_held_in_wind(q, limits, wind, gusts, rms_m):
 def test_who_has_no_fix_on_the_pad_waits_for_one_alone():
     pads = 3.0 * PADS_NED_M[:2]
     airframes = Airframes(F150, flat_ground, pads, np.zeros(2), RTK, seed=1)
-    airframes.faults[1].add(GnssOutage(from_s=0.0, until_s=5.0))
+    airframes.faults[1].add(Failure(from_s=0.0, until_s=5.0, gnss_lost=True))
     climb, ready_s = course(yaw_swing_rad=0.0), [np.inf, np.inf]
     for k in range(steps(20.0)):
         airframes.step(climb.at(max(k - steps(8.0), 0), pads), np.array([True, True]))

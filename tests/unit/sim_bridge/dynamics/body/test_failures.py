@@ -5,18 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.dynamics.body.failures import (
-    Failures,
-    GnssJump,
-    GnssOutage,
-    LowBattery,
-    MotorLoss,
-    Push,
-    Sensor,
-    Slow,
-    StuckSensor,
-    WindStep,
-)
+from sim_bridge.dynamics.body.failures import Failure, Failures, Sensor
 from sim_bridge.dynamics.body.sensors import RTK
 from sim_bridge.dynamics.control.reference import Reference, hold
 from tests.unit.sim_bridge.flights import F150, F150_LIMITS, FIELD, FIELD_LIMITS, YAW_RAD, course, fly, stand, steps
@@ -42,16 +31,16 @@ def go_on(airframes, reference, seconds):
 def test_schedules_begin_end_and_add_up():
     faults = Failures(3)
     assert faults.due_s == np.inf and len(faults) == 3
-    faults[0].add(GnssOutage(from_s=2.0, until_s=4.0))
-    faults[0].add(MotorLoss(from_s=3.0, motor=2, share=0.5))
-    faults[0].add(MotorLoss(from_s=3.5, motor=2, share=0.5))
-    faults[1].add(StuckSensor(from_s=3.0, sensor=Sensor.COMPASS))
-    faults[2].add(GnssJump(from_s=0.0, offset_ned_m=(1.0, 0.0, 0.0)))
-    faults[2].add(GnssJump(from_s=3.0, offset_ned_m=(0.0, 2.0, 0.0)))
-    faults[2].add(Slow(from_s=3.0, speed_mps=2.0))
-    faults[1].add(WindStep(from_s=3.0, wind_ned_mps=(3.0, 0.0, 0.0)))
-    faults[1].add(WindStep(from_s=3.0, wind_ned_mps=(1.0, -2.0, 0.0)))
-    faults[0].add(Push(from_s=3.0, push_ned_mps2=(0.0, 0.0, 1.5)))
+    faults[0].add(Failure(from_s=2.0, until_s=4.0, gnss_lost=True))
+    faults[0].add(Failure(from_s=3.0, motor=2, share=0.5))
+    faults[0].add(Failure(from_s=3.5, motor=2, share=0.5))
+    faults[1].add(Failure(from_s=3.0, sensor=Sensor.COMPASS))
+    faults[2].add(Failure(from_s=0.0, offset_ned_m=(1.0, 0.0, 0.0)))
+    faults[2].add(Failure(from_s=3.0, offset_ned_m=(0.0, 2.0, 0.0)))
+    faults[2].add(Failure(from_s=3.0, speed_mps=2.0))
+    faults[1].add(Failure(from_s=3.0, wind_ned_mps=(3.0, 0.0, 0.0)))
+    faults[1].add(Failure(from_s=3.0, wind_ned_mps=(1.0, -2.0, 0.0)))
+    faults[0].add(Failure(from_s=3.0, push_ned_mps2=(0.0, 0.0, 1.5)))
     assert faults.due_s == -np.inf
     early = faults.effects(1.0)
     assert faults.due_s == 2.0 and not early.sound and not early.gnss_lost.any()
@@ -71,7 +60,7 @@ def test_schedules_begin_end_and_add_up():
 
 def test_a_battery_is_drained_once_by_each_fault():
     faults = Failures(1)
-    low = LowBattery(from_s=1.0, remaining=0.3)
+    low = Failure(from_s=1.0, remaining=0.3)
     faults[0].add(low)
     assert faults.effects(0.5).drained == {}
     assert faults.effects(1.0).drained == {0: 0.3}
@@ -79,7 +68,7 @@ def test_a_battery_is_drained_once_by_each_fault():
     faults[0].clear()
     faults[0].add(low)
     assert faults.effects(2.0).drained == {}
-    faults[0].add(LowBattery(from_s=0.0, remaining=0.1))
+    faults[0].add(Failure(from_s=0.0, remaining=0.1))
     assert faults.effects(2.0).drained == {0: 0.1}
 
 
@@ -87,7 +76,7 @@ def test_a_battery_is_drained_once_by_each_fault():
 def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, limits, share):
     airframes, there = hovering(q, limits)
     sound, same = hovering(q, limits)
-    airframes.faults[0].add(MotorLoss(from_s=airframes.t_s, motor=3, share=share))
+    airframes.faults[0].add(Failure(from_s=airframes.t_s, motor=3, share=share))
     truth, healthy = go_on(airframes, there, 20.0), go_on(sound, same, 20.0)
     off_m = np.linalg.norm(truth[:, :, :3] - there.position_ned_m, axis=-1)
     assert off_m[:, 0].max() < 1.5
@@ -100,7 +89,7 @@ def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, li
 def test_a_push_moves_its_vehicle_its_sensors_feel_it_and_it_comes_back():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
     start_s = airframes.t_s
-    airframes.faults[0].add(Push(from_s=start_s, until_s=start_s + 1.0, push_ned_mps2=(0.0, 6.0, 0.0)))
+    airframes.faults[0].add(Failure(from_s=start_s, until_s=start_s + 1.0, push_ned_mps2=(0.0, 6.0, 0.0)))
     truth = go_on(airframes, there, 15.0)
     off_m = truth[:, :, :3] - there.position_ned_m
     assert off_m[:, 0, 1].max() > 1.0
@@ -111,7 +100,7 @@ def test_a_push_moves_its_vehicle_its_sensors_feel_it_and_it_comes_back():
 
 def test_a_step_of_wind_is_leant_against():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    airframes.faults[0].add(WindStep(from_s=airframes.t_s, wind_ned_mps=(-6.0, 0.0, 0.0)))
+    airframes.faults[0].add(Failure(from_s=airframes.t_s, wind_ned_mps=(-6.0, 0.0, 0.0)))
     truth = go_on(airframes, there, 15.0)
     assert airframes.wind_ned_mps.tolist() == [[-6.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     off_m = truth[:, :, :3] - there.position_ned_m
@@ -123,7 +112,7 @@ def test_a_step_of_wind_is_leant_against():
 
 def test_a_motor_that_stands_brings_its_vehicle_down_and_no_other():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    airframes.faults[0].add(MotorLoss(from_s=airframes.t_s, motor=1))
+    airframes.faults[0].add(Failure(from_s=airframes.t_s, motor=1))
     truth = go_on(airframes, there, 12.0)
     assert airframes.landed.tolist() == [True, False]
     assert np.isfinite(truth).all()
@@ -132,7 +121,7 @@ def test_a_motor_that_stands_brings_its_vehicle_down_and_no_other():
 
 def test_an_empty_battery_stops_the_motors():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    airframes.faults[1].add(LowBattery(from_s=airframes.t_s, remaining=0.0))
+    airframes.faults[1].add(Failure(from_s=airframes.t_s, remaining=0.0))
     go_on(airframes, there, 3.0)
     assert airframes.landed.tolist() == [False, True]
     assert airframes.battery.remaining[1] == 0.0
@@ -142,7 +131,7 @@ def test_an_empty_battery_stops_the_motors():
 def test_a_slow_vehicle_falls_behind_and_catches_up():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
     start_s = airframes.t_s
-    airframes.faults[0].add(Slow(from_s=start_s, until_s=start_s + 12.0, speed_mps=1.5))
+    airframes.faults[0].add(Failure(from_s=start_s, until_s=start_s + 12.0, speed_mps=1.5))
     zero = np.zeros((2, 3))
 
     def moving(seconds):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.dynamics.body.failures import GnssJump, GnssOutage, Sensor, StuckSensor
+from sim_bridge.dynamics.body.failures import Failure, Sensor
 from sim_bridge.dynamics.body.integrator import Turn
 from sim_bridge.dynamics.body.sensors import BARO_PERIOD_S, GNSS, INERTIAL_PERIOD_S, RTK, Sensors
 from sim_bridge.dynamics.control.reference import hold
@@ -136,7 +136,7 @@ def go_on(airframes, reference, seconds):
 
 def test_it_coasts_through_an_outage_and_is_as_wrong_as_it_says():
     airframes, there = hovering_fleet()
-    airframes.faults[0].add(GnssOutage(from_s=airframes.t_s, until_s=airframes.t_s + 10.0))
+    airframes.faults[0].add(Failure(from_s=airframes.t_s, until_s=airframes.t_s + 10.0, gnss_lost=True))
     go_on(airframes, there, 9.9)
     assert airframes.gnss_fix.tolist() == [False, True]
     assert airframes.coasting.tolist() == [True, False]
@@ -152,7 +152,7 @@ def test_it_coasts_through_an_outage_and_is_as_wrong_as_it_says():
 def test_a_fix_that_jumps_for_a_moment_moves_nobody():
     airframes, there = hovering_fleet()
     now = airframes.t_s
-    airframes.faults[1].add(GnssJump(from_s=now, until_s=now + 0.8 * GATE_TIMEOUT_S, offset_ned_m=(5.0, 0.0, -3.0)))
+    airframes.faults[1].add(Failure(from_s=now, until_s=now + 0.8 * GATE_TIMEOUT_S, offset_ned_m=(5.0, 0.0, -3.0)))
     go_on(airframes, there, COASTING_AFTER_S + 0.5)
     assert airframes.coasting.tolist() == [False, True]
     assert airframes.innovation.position_horizontal[1] > 10.0
@@ -162,7 +162,7 @@ def test_a_fix_that_jumps_for_a_moment_moves_nobody():
 
 def test_a_fix_that_jumps_for_good_is_followed_in_the_end():
     airframes, there = hovering_fleet()
-    airframes.faults[1].add(GnssJump(from_s=airframes.t_s, offset_ned_m=(2.0, 0.0, 0.0)))
+    airframes.faults[1].add(Failure(from_s=airframes.t_s, offset_ned_m=(2.0, 0.0, 0.0)))
     go_on(airframes, there, GATE_TIMEOUT_S + 10.0)
     off = (airframes.truth - airframes.estimate)[:, 0]
     np.testing.assert_allclose(off, [0.0, -2.0], atol=0.05)
@@ -172,7 +172,7 @@ def test_a_fix_that_jumps_for_good_is_followed_in_the_end():
 @pytest.mark.parametrize("sensor", [Sensor.BAROMETER, Sensor.COMPASS, Sensor.GNSS])
 def test_an_aid_that_sticks_is_left_out_when_the_vehicle_moves(sensor):
     airframes, there = hovering_fleet()
-    airframes.faults[0].add(StuckSensor(from_s=airframes.t_s, sensor=sensor))
+    airframes.faults[0].add(Failure(from_s=airframes.t_s, sensor=sensor))
     away = hold(there.position_ned_m + np.array([0.5, 0.0, -4.0]), there.yaw_ned_rad + 1.0)
     worst = 0.0
     for _ in range(16):
