@@ -15,7 +15,6 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import casadi
 import numpy as np
 
 import gcs
@@ -74,8 +73,8 @@ def _may_begin(plan: Plan, t_s: float, state: Array, zones: tuple[NoFlyZone, ...
     return all(float(value.min()) >= 0.0 for value in margins)
 
 
-def measure(name: str, count: int, seed: int) -> tuple[list[Outcome], list[float], float, int]:
-    """Re-plan one mission; outcomes, times of the first plan, the time to build, and solvers built afterwards."""
+def measure(name: str, count: int, seed: int) -> tuple[list[Outcome], list[float], float]:
+    """Re-plan one mission; outcomes, times of the first plan, and the time to build."""
     scenario = gcs.load_scenario(ROOT / "missions" / name)
     cold: list[float] = []
 
@@ -91,23 +90,12 @@ def measure(name: str, count: int, seed: int) -> tuple[list[Outcome], list[float
     build_s = time.process_time() - began
     rng = np.random.default_rng(seed)
     outcomes: list[Outcome] = []
-    built = 0
-    solvers: Any = casadi
-    nlpsol = solvers.nlpsol
-
-    def counting(*arguments: Any) -> Any:
-        nonlocal built
-        built += 1
-        return nlpsol(*arguments)
-
     for number in range(count):
         t_s, state, zones = disturbed(plan, rng, zone=number % 2 == 1)
-        solvers.nlpsol = counting
         outcomes.append(_attempt(replanner, t_s, state, zones))
-        solvers.nlpsol = nlpsol
         if number % EVERY == EVERY - 1:
             make()
-    return outcomes, cold, build_s, built
+    return outcomes, cold, build_s
 
 
 def _attempt(replanner: gcs.Replanner, t_s: float, state: Array, zones: tuple[NoFlyZone, ...]) -> Outcome:
@@ -130,15 +118,15 @@ def main() -> None:
     asked = options(__doc__, replans=100, seed=1, missions="simulation1,field", json=None)
     written, rows = {}, []
     for name in asked.missions.split(","):
-        outcomes, cold, build_s, built = measure(name, asked.replans, asked.seed)
+        outcomes, cold, build_s = measure(name, asked.replans, asked.seed)
         for words, zones in (("no new zone", (False,)), ("a new zone", (True,)), ("all", (False, True))):
             chosen = [o for o in outcomes if o.zone in zones]
             counts = summary(chosen, statistics.median(cold))
-            rows.append({"mission": name, "zone": words, "built later": built, **counts})
+            rows.append({"mission": name, "zone": words, **counts})
         for outcome in outcomes:
             if outcome.kind != "verified":
                 print(f"{outcome.kind} at {outcome.t_s:.1f} s after {outcome.seconds:.2f} s: {outcome.words}")
-        written[name] = {"cold_s": cold, "build_s": build_s, "built": built, "replans": [asdict(o) for o in outcomes]}
+        written[name] = {"cold_s": cold, "build_s": build_s, "replans": [asdict(o) for o in outcomes]}
     finish(f"re-plans; wanted: a median of at most {GOAL:g} of the first plan", rows, asked.json, written)
 
 

@@ -19,17 +19,17 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from scipy.stats import linregress
 
 import gcs
+from gcs.link.wire.frame_scanner import frame_length
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
 from tools.bench.frame import ROOT, options
-from tools.bench.memory import Sample, sample
+from tools.bench.memory import sample
 
 GCS = str(Path(sys.executable).with_name("gcs"))
 COLUMNS = ("leg", "wall_s", "flown_s", "process", "rss_mb", "files", "threads", "cpu_s", "log_mb")
@@ -37,7 +37,6 @@ SETTLED_SHARE = 0.15  # of a leg: imports, upload and take-off
 LIMIT_MB_PER_H = 1.0  # of flight
 LAND_S = 600.0
 _FAILED_LEGS_MAX = 5  # a busy machine may end one
-_MAVLINK1 = 0xFE
 
 
 def long_scenario(vehicles: int, leg_s: float) -> Scenario:
@@ -96,7 +95,7 @@ class LogSpan:
             file.seek(self._at)
             data, at = file.read(), 0
         while at + 11 <= len(data):
-            after = at + 8 + _frame_bytes(data[at + 8 : at + 11])
+            after = at + 8 + frame_length(data, at + 8)
             if after > len(data):
                 break
             self._last_us = int.from_bytes(data[at : at + 8])
@@ -104,12 +103,6 @@ class LogSpan:
             at = after
         self._at += at
         return (self._last_us - self._first_us) / 1e6
-
-
-def _frame_bytes(head: bytes) -> int:
-    if head[0] == _MAVLINK1:
-        return 8 + head[1]
-    return 12 + head[1] + (13 if head[2] & 1 else 0)  # signed
 
 
 class Leg:
@@ -144,7 +137,7 @@ class Leg:
         logs = sorted(self.folder.rglob("*.tlog"))
         return self._span.seconds(logs[0]) if logs else 0.0
 
-    def samples(self) -> dict[str, Sample]:
+    def samples(self) -> dict[str, dict[str, float]]:
         """Both processes as they stand, by name; one that has ended is missing."""
         found = {}
         for name, process in (("gcs", self.ground), ("sim-bridge", self.bridge)):
@@ -195,7 +188,7 @@ def soak(options: argparse.Namespace) -> dict[str, Any]:
                     flown_s = before_s + leg_s
                     times = {"leg": leg, "wall_s": round(time.monotonic() - began_s, 1), "flown_s": round(leg_s, 1)}
                     for name, seen in flight.samples().items():
-                        rows.append(times | {"process": name, **asdict(seen), "log_mb": round(flight.log_mb(), 3)})
+                        rows.append(times | {"process": name, **seen, "log_mb": round(flight.log_mb(), 3)})
                         table.writerow(rows[-1])
                     file.flush()
                     _judge(to, options, rows, ended)

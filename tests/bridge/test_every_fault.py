@@ -58,7 +58,9 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "die": lambda fleet, row: fleet.vehicles[row].dead and bool(fleet.airframes.landed[row]),
     "reject-mission": lambda fleet, row: fleet.vehicles[row].store.rejects,
     "reboot": lambda fleet, row: fleet.vehicles[row].on_from_s > 0.0 and bool(fleet.airframes.landed[row]),
-    "gnss-outage": lambda fleet, row: bool(fleet.airframes.coasting[row]) and not fleet.airframes.gnss_fix[row],
+    "gnss-outage": lambda fleet, row: (
+        bool(fleet.airframes.estimator.coasting[row]) and not fleet.airframes.gnss_fix[row]
+    ),
     "gnss-jump=6,-5,2": lambda fleet, row: bool(np.abs(off_m(fleet, row) - [6.0, -5.0, 2.0]).max() < 0.5),
     "motor=3,0.2": lambda fleet, row: bool(
         fleet.airframes.rotors_radps[row, 2] > 1.05 * fleet.airframes.rotors_radps[row].min()

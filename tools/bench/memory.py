@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -19,23 +18,13 @@ def peak_mb() -> float:
     return _of(_status("self"), "VmHWM") / 1024
 
 
-@dataclass(frozen=True)
-class Sample:
-    """One look at a process."""
-
-    rss_mb: float
-    files: int
-    threads: int
-    cpu_s: float
-
-
-def sample(pid: int) -> Sample:
-    """Look at a process. Raises OSError when it is gone."""
+def sample(pid: int) -> dict[str, float]:
+    """Look at a process: its memory, open files, threads and processor time. Raises OSError when it is gone."""
     folder, status = Path("/proc") / str(pid), _status(str(pid))
     times = (folder / "stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
     cpu_s = (int(times[11]) + int(times[12])) / _TICKS_PER_S
     files = len(list((folder / "fd").iterdir()))
-    return Sample(_of(status, "VmRSS") / 1024, files, _of(status, "Threads"), cpu_s)
+    return {"rss_mb": _of(status, "VmRSS") / 1024, "files": files, "threads": _of(status, "Threads"), "cpu_s": cpu_s}
 
 
 def _status(process: str) -> str:

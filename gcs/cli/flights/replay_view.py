@@ -18,8 +18,7 @@ from gcs.cli.console import Screen
 from gcs.flight.progress import Event
 from gcs.flight.recording.load_recording import LoadedRecording
 from gcs.flight.recording.recording import SILENCE_S, Recording, VehicleTrack, nearest_m
-from gcs.link.endpoints.base import Endpoint
-from gcs.link.endpoints.endpoint import make_endpoint
+from gcs.link.endpoints.endpoint import Endpoint, make_endpoint
 
 _TICK_S, _SENDING_S = 0.1, 0.005
 _LINE_EVERY_S = 5.0  # wall-clock time

@@ -1,4 +1,4 @@
-"""The interface of all endpoints, and the names of links on the command line.
+"""The names of links on the command line.
 
 A name is `udpin:HOST:PORT` (listen for vehicles), `udpout:HOST:PORT` (call a peer), `tcp:HOST:PORT` or
 `serial:DEVICE:BAUD`. An IPv6 host stands in brackets: `udpin:[::1]:14550`.
@@ -11,7 +11,6 @@ import string
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
 
 from gcs.errors import UsageError
 from gcs.link.endpoints.ip_address import Address, host_port, lacks_brackets, split_host_port
@@ -54,27 +53,6 @@ class LinkSpec:
 
     def __str__(self) -> str:
         return f"{self.mode.value}:{host_port(self.host, self.port)}"
-
-
-class Endpoint(Protocol):
-    """Sends and receives datagrams or a byte stream. `receive` is called in the event loop."""
-
-    @property
-    def local_address(self) -> Address:
-        """The address it receives on, once open."""
-
-    @property
-    def spec(self) -> LinkSpec:
-        """The name it was made from."""
-
-    async def open(self, receive: Receive) -> None:
-        """Start to receive. Raises `LinkError` if the address is not available."""
-
-    def send(self, data: bytes, address: Address | None = None) -> None:
-        """Send one frame to `address` (None: the default peer). Never blocks; the frame may be lost."""
-
-    def close(self) -> None:
-        """Release the address. A second call has no effect."""
 
 
 def parse_link_spec(text: str) -> LinkSpec:

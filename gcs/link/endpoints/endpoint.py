@@ -10,7 +10,7 @@ from contextlib import suppress
 import serial
 
 from gcs.errors import LinkError, ProtocolMisuse
-from gcs.link.endpoints.base import DEFAULT_BAUD, Endpoint, LinkMode, LinkSpec, Receive, parse_link_spec
+from gcs.link.endpoints.base import DEFAULT_BAUD, LinkMode, LinkSpec, Receive, parse_link_spec
 from gcs.link.endpoints.ip_address import Address, caller_host, host_port, plain_address, resolve_udp
 from gcs.link.endpoints.ports import BUFFER_BYTES, ByteStream, UdpPort
 
@@ -18,12 +18,6 @@ _CONNECT_S = 5.0
 _REOPEN_S = 1.0
 _TCP_QUEUE_BYTES = 1 << 18
 _SERIAL_QUEUE_BYTES = 1 << 14  # some seconds of a slow radio
-
-
-def make_endpoint(spec: LinkSpec | str) -> Endpoint:
-    """Return the endpoint of a spec, not open yet. Raises `UsageError` for text that names no link."""
-    spec = parse_link_spec(spec) if isinstance(spec, str) else spec
-    return StreamEndpoint(spec) if spec.mode in (LinkMode.TCP, LinkMode.SERIAL) else UdpEndpoint(spec)
 
 
 class UdpEndpoint:
@@ -175,6 +169,15 @@ class StreamEndpoint:
             self._loop.remove_writer(stream.file)
             with suppress(OSError):
                 stream.close()
+
+
+Endpoint = UdpEndpoint | StreamEndpoint
+
+
+def make_endpoint(spec: LinkSpec | str) -> Endpoint:
+    """Return the endpoint of a spec, not open yet. Raises `UsageError` for text that names no link."""
+    spec = parse_link_spec(spec) if isinstance(spec, str) else spec
+    return StreamEndpoint(spec) if spec.mode in (LinkMode.TCP, LinkMode.SERIAL) else UdpEndpoint(spec)
 
 
 async def _connection(spec: LinkSpec) -> socket.socket:

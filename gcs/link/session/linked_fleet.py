@@ -17,8 +17,7 @@ from typing import Self
 
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
-from gcs.link.endpoints.base import Endpoint
-from gcs.link.endpoints.endpoint import make_endpoint
+from gcs.link.endpoints.endpoint import Endpoint, make_endpoint
 from gcs.link.endpoints.ip_address import Address
 from gcs.link.microservices.command import CommandSender
 from gcs.link.mission_protocol.strategy import Transfer

@@ -18,7 +18,7 @@ from sim_bridge.dynamics.body.wind_field import CALM, GUST_PERIOD_S, Wind, WindF
 from sim_bridge.dynamics.control.controller import Controller
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits, motor_limits
 from sim_bridge.dynamics.control.reference import Reference
-from sim_bridge.dynamics.estimation.estimator import Accuracy, Estimator, Ratios
+from sim_bridge.dynamics.estimation.estimator import Estimator
 
 CONTROL_PERIOD_S = INERTIAL_PERIOD_S
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
@@ -109,21 +109,6 @@ class Airframes:
     def landed(self) -> Mask:
         """Vehicles (V,) in contact with the ground."""
         return self._plant.landed
-
-    @property
-    def innovation(self) -> Ratios:
-        """Innovation test ratios of the filters; above 1 the measurement was rejected."""
-        return self.estimator.ratios
-
-    @property
-    def accuracy(self) -> Accuracy:
-        """Standard deviations of position and heading, as estimated by the filters."""
-        return self.estimator.accuracy
-
-    @property
-    def coasting(self) -> Mask:
-        """Vehicles (V,) without accepted GNSS for longer than 1 s: missing or rejected."""
-        return self.estimator.coasting
 
     @property
     def gnss_ned(self) -> Array:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gcs.frames import Origin, ned_to_geodetic
+from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.failsafe import Failsafe, Readings
@@ -41,6 +41,12 @@ class GeodeticPositions:
     def _all(self, t_s: float, ned_m: Array) -> _Places:
         columns = ned_to_geodetic(ned_m, self._origin)
         return _Places(t_s, [Origin(*place) for place in np.stack(columns, axis=-1).tolist()])
+
+
+def on_earth(place: Origin, *names: str) -> Fields:
+    """Return latitude, longitude and altitude in the units of the wire, under these names."""
+    values = to_degE7(place.lat_deg), to_degE7(place.lon_deg), round(place.alt_amsl_m * 1000.0)
+    return dict(zip(names, values, strict=True))
 
 
 class _Places(NamedTuple):

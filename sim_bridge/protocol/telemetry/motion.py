@@ -11,7 +11,7 @@ from gcs.frames import to_degE7
 from gcs.mavlink import MessageId, SetpointMask, WireFrame
 from gcs.physics.quadrotor import Array
 from sim_bridge.personality import Intent, Milestone
-from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources
+from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources, on_earth
 
 _FULL = int(SetpointMask.IGNORE_YAW_RATE)
 _GROUND_LEVEL = 63  # mask of the setpoint of a vehicle on the ground
@@ -67,19 +67,13 @@ def _global_position(sources: Sources) -> Fields | None:
         return None
     instruments = sources.instruments
     state = instruments.estimate
-    fields = {"lat": 0, "lon": 0, "alt": 0}
-    if sources.reached(Milestone.PLACED):
-        place = instruments.here
-        fields = {"lat": to_degE7(place.lat_deg), "lon": to_degE7(place.lon_deg)}
-        fields["alt"] = round(place.alt_amsl_m * 1000.0)
-    vx, vy, vz = (state[3:6] * 100.0).tolist()
+    names = ("lat", "lon", "alt")
+    placed = sources.reached(Milestone.PLACED)
     return {
         "time_boot_ms": instruments.boot_ms,
-        **fields,
+        **(on_earth(instruments.here, *names) if placed else dict.fromkeys(names, 0)),
         "relative_alt": round((sources.autopilot.path_generator.home_ned_m[2] - state[2]) * 1000.0),
-        "vx": round(vx),
-        "vy": round(vy),
-        "vz": round(vz),
+        **dict(zip(("vx", "vy", "vz"), map(round, (state[3:6] * 100.0).tolist()), strict=True)),
         "hdg": round(math.degrees(state[8]) * 100.0) % 36000,
     }
 
@@ -210,20 +204,12 @@ def _home_position(sources: Sources) -> Fields | None:
     if not sources.reached(Milestone.PLACED):
         return None
     instruments, home_ned_m = sources.instruments, sources.autopilot.path_generator.home_ned_m
-    place = instruments.place(home_ned_m)
-    x, y, z = (home_ned_m - instruments.pad_ned_m).tolist()
     yaw_rad = float(instruments.estimate[8])
     return {
-        "latitude": to_degE7(place.lat_deg),
-        "longitude": to_degE7(place.lon_deg),
-        "altitude": round(place.alt_amsl_m * 1000.0),
-        "x": x,
-        "y": y,
-        "z": z,
+        **on_earth(instruments.place(home_ned_m), "latitude", "longitude", "altitude"),
+        **dict(zip("xyz", (home_ned_m - instruments.pad_ned_m).tolist(), strict=True)),
         "q": quaternion(0.0, 0.0, yaw_rad) if sources.personality.streams.home_has_attitude else [math.nan] * 4,
-        "approach_x": 0.0,
-        "approach_y": 0.0,
-        "approach_z": 0.0,
+        **dict.fromkeys(("approach_x", "approach_y", "approach_z"), 0.0),
         "time_usec": instruments.boot_ms * 1000,
     }
 
@@ -231,13 +217,9 @@ def _home_position(sources: Sources) -> Fields | None:
 def _global_origin(sources: Sources) -> Fields | None:
     if not sources.reached(Milestone.PLACED):
         return None
-    place = sources.instruments.place(sources.instruments.pad_ned_m)
-    return {
-        "latitude": to_degE7(place.lat_deg),
-        "longitude": to_degE7(place.lon_deg),
-        "altitude": round(place.alt_amsl_m * 1000.0),
-        "time_usec": sources.instruments.boot_ms * 1000,
-    }
+    instruments = sources.instruments
+    place = on_earth(instruments.place(instruments.pad_ned_m), "latitude", "longitude", "altitude")
+    return {**place, "time_usec": instruments.boot_ms * 1000}
 
 
 def _autopilot_version(sources: Sources) -> Fields:
@@ -245,14 +227,10 @@ def _autopilot_version(sources: Sources) -> Fields:
     return {
         "capabilities": int(identity.capabilities),
         "flight_sw_version": identity.version,
-        "middleware_sw_version": 0,
-        "os_sw_version": 0,
-        "board_version": 0,
+        **dict.fromkeys(("middleware_sw_version", "os_sw_version", "board_version", "vendor_id", "product_id"), 0),
         "flight_custom_version": list(b"skein\0\0\0"),
         "middleware_custom_version": [0] * 8,
         "os_custom_version": [0] * 8,
-        "vendor_id": 0,
-        "product_id": 0,
         "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if identity.sends_uid else 0,
         "uid2": list(uid.ljust(_UID_BYTES, b"\0")),
     }

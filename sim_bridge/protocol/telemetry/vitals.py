@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from gcs.frames import to_degE7
 from gcs.mavlink import PREARM_CHECK, MavState, MavType, MessageId, ModeFlag
 from sim_bridge.personality import Intent, Milestone
-from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources
+from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources, on_earth
 
 _UNKNOWN = 0xFFFF
 _RTK_FIXED, _FIX_3D = 6, 3
@@ -92,7 +91,7 @@ def _battery_status(sources: Sources) -> Fields:
 
 
 def _ekf_status(sources: Sources) -> Fields:
-    ratios, row = sources.instruments.airframes.innovation, sources.instruments.row
+    ratios, row = sources.instruments.airframes.estimator.ratios, sources.instruments.row
     return {
         "flags": _filter_flags(sources),
         "velocity_variance": float(ratios.velocity[row]),
@@ -105,7 +104,8 @@ def _ekf_status(sources: Sources) -> Fields:
 
 def _estimator_status(sources: Sources) -> Fields:
     instruments = sources.instruments
-    ratios, accuracy, row = instruments.airframes.innovation, instruments.airframes.accuracy, instruments.row
+    row, estimator = instruments.row, instruments.airframes.estimator
+    ratios, accuracy = estimator.ratios, estimator.accuracy
     return {
         "time_usec": instruments.boot_ms * 1000,
         "flags": _filter_flags(sources),
@@ -132,20 +132,17 @@ def _gps_raw(sources: Sources) -> Fields:
     if sources.reached(Milestone.FIXED) and instruments.has_fix:
         v_north, v_east = instruments.gnss[3:5].tolist()
         grade = instruments.airframes.grade
-        place = instruments.fixed
         eph, epv = _DILUTION.get(grade.name, _DILUTION["gnss"])
         fields = {
             "time_usec": instruments.boot_ms * 1000,
             "fix_type": _RTK_FIXED if grade.name == "rtk" and sources.personality.streams.reports_rtk else _FIX_3D,
-            "lat": to_degE7(place.lat_deg),
-            "lon": to_degE7(place.lon_deg),
-            "alt": round(place.alt_amsl_m * 1000.0),
+            **on_earth(instruments.fixed, "lat", "lon", "alt"),
             "eph": eph,
             "epv": epv,
             "vel": min(round(math.hypot(v_north, v_east) * 100.0), _UNKNOWN),
             "cog": round(math.degrees(math.atan2(v_east, v_north)) * 100.0) % 36000,
             "satellites_visible": _SATELLITES,
-            "alt_ellipsoid": round(place.alt_amsl_m * 1000.0),
+            "alt_ellipsoid": round(instruments.fixed.alt_amsl_m * 1000.0),
             "h_acc": round(1000.0 * (grade.gnss_horizontal_m + grade.gnss_horizontal_drift_m.sigma)),
             "v_acc": round(1000.0 * (grade.gnss_vertical_m + grade.gnss_vertical_drift_m.sigma)),
             "vel_acc": round(1000.0 * grade.gnss_horizontal_mps),

@@ -49,7 +49,7 @@ def watched(airframes, seconds):
         airframes.step(flight.at(k, home), motors_on)
         if airframes.landed.any() or round(airframes.t_s / 0.02) % UPDATE_STEPS:
             continue
-        ratios, ekf = airframes.innovation, airframes.estimator.ekf
+        ratios, ekf = airframes.estimator.ratios, airframes.estimator.ekf
         nis["baro"].append(np.mean((GATE_SIGMA * ratios.baro) ** 2))
         if ekf.y.shape[1] == 1:
             nis["compass"].append(np.mean((GATE_SIGMA * ratios.compass) ** 2))

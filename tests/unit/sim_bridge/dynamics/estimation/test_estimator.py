@@ -139,13 +139,13 @@ def test_it_coasts_through_an_outage_and_is_as_wrong_as_it_says():
     airframes.faults[0].add(Failure(from_s=airframes.t_s, until_s=airframes.t_s + 10.0, gnss_lost=True))
     go_on(airframes, there, 9.9)
     assert airframes.gnss_fix.tolist() == [False, True]
-    assert airframes.coasting.tolist() == [True, False]
+    assert airframes.estimator.coasting.tolist() == [True, False]
     off_m = np.linalg.norm((airframes.estimate - airframes.truth)[:, :2], axis=1)
-    sigma_m = airframes.accuracy.position_horizontal_m
+    sigma_m = airframes.estimator.accuracy.position_horizontal_m
     assert sigma_m[0] > 10.0 * sigma_m[1]
     assert off_m[0] < 3.0 * sigma_m[0] and off_m[1] < 0.03
     go_on(airframes, there, 3.0)
-    assert airframes.gnss_fix.all() and not airframes.coasting.any() and airframes.healthy.all()
+    assert airframes.gnss_fix.all() and not airframes.estimator.coasting.any() and airframes.healthy.all()
     assert np.linalg.norm((airframes.estimate - airframes.truth)[:, :2], axis=1).max() < 0.03
 
 
@@ -154,8 +154,8 @@ def test_a_fix_that_jumps_for_a_moment_moves_nobody():
     now = airframes.t_s
     airframes.faults[1].add(Failure(from_s=now, until_s=now + 0.8 * GATE_TIMEOUT_S, offset_ned_m=(5.0, 0.0, -3.0)))
     go_on(airframes, there, COASTING_AFTER_S + 0.5)
-    assert airframes.coasting.tolist() == [False, True]
-    assert airframes.innovation.position_horizontal[1] > 10.0
+    assert airframes.estimator.coasting.tolist() == [False, True]
+    assert airframes.estimator.ratios.position_horizontal[1] > 10.0
     go_on(airframes, there, GATE_TIMEOUT_S)
     assert np.linalg.norm((airframes.truth - airframes.estimate)[:, :3], axis=1).max() < 0.05
 
@@ -177,7 +177,7 @@ def test_an_aid_that_sticks_is_left_out_when_the_vehicle_moves(sensor):
     worst = 0.0
     for _ in range(16):
         go_on(airframes, away, 0.25)
-        ratios = airframes.innovation
+        ratios = airframes.estimator.ratios
         seen = {Sensor.BAROMETER: ratios.baro, Sensor.COMPASS: ratios.compass, Sensor.GNSS: ratios.position_vertical}
         worst = max(worst, seen[sensor][0])
     assert worst > 1.0
