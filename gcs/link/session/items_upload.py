@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Generic, Protocol, TypedDict, TypeVar
 
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.autopilots.traits import autopilot_name, link_behaviour
@@ -18,14 +18,22 @@ from gcs.link.wire.message import Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 
+T = TypeVar("T")
+
+
+class Talk(TypedDict, Generic[T]):
+    """What all machines of one session have in common, but for their timers."""
+
+    me: Station
+    timers: T
+    round_trip: RttEstimator
+
 
 class Uploading(Protocol):
     """What an upload needs of the session with a vehicle."""
 
     sysid: int
     station: Station
-    me: Station
-    round_trip: RttEstimator
 
     @property
     def autopilot(self) -> int:
@@ -34,6 +42,9 @@ class Uploading(Protocol):
     @property
     def timers(self) -> ProtocolTimers:
         """The timers of its autopilot, or of the link."""
+
+    def talk(self, timers: T) -> Talk[T]:
+        """What every machine of the session has."""
 
     async def run(self, machine: Machine) -> None:
         """Run a machine until it is done. Raises its error."""
@@ -61,30 +72,15 @@ async def upload(
             f"vehicle {session.sysid} takes no missions as files: {autopilot_name(autopilot)} cannot.",
             hint="use --transfer auto or items",
         )
-    by_items = VerifiedUpload(
-        items,
-        session.station,
-        autopilot,
-        mission_type=mission_type,
-        me=session.me,
-        timers=session.timers.mission,
-        round_trip=session.round_trip,
-    )
+    talk = session.talk(session.timers.mission)
+    by_items = VerifiedUpload(items, session.station, autopilot, mission_type=mission_type, **talk)
     way = planned(transfer, autopilot, mission_type, len(items))
     if way.transfer is Transfer.FILE and not file_required:
         way = await _as_offered(session, way)
     if way.transfer is Transfer.ITEMS:
         await session.run(by_items)
         return by_items, way
-    as_file = FileUpload(
-        items,
-        session.station,
-        autopilot,
-        me=session.me,
-        timers=session.timers.ftp,
-        round_trip=session.round_trip,
-        numbers=numbers,
-    )
+    as_file = FileUpload(items, session.station, autopilot, numbers=numbers, **session.talk(session.timers.ftp))
     either = Preferred(as_file, by_items)
     await session.run(as_file if file_required else either)
     if either.failed is None:

@@ -30,7 +30,7 @@ from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite
 from gcs.link.mission_protocol.receiver import reader
 from gcs.link.mission_protocol.strategy import SentAs, Transfer
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
-from gcs.link.session.items_upload import upload
+from gcs.link.session.items_upload import T, Talk, upload
 from gcs.link.wire.frame_scanner import LinkQuality
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MavType, MessageId, MissionType, ModeFlag
@@ -109,6 +109,10 @@ class VehicleSession:
     def timers(self) -> ProtocolTimers:
         """The timers of its autopilot, unless the session was given others."""
         return self._own_timers or link_behaviour(self.autopilot).timers
+
+    def talk(self, timers: T) -> Talk[T]:
+        """What every machine of this session has: who we are, these timers, and what is known of the round trip."""
+        return {"me": self.me, "timers": timers, "round_trip": self.round_trip}
 
     def heartbeat_age_s(self) -> float:
         """Return the local time since its last heartbeat, s."""
@@ -270,12 +274,7 @@ class VehicleSession:
         async with self._mission_lock:
             for last in (False, True):
                 machine = reader(
-                    self.station,
-                    self.autopilot,
-                    me=self.me,
-                    mission_type=mission_type,
-                    timers=self.timers.mission,
-                    round_trip=self.round_trip,
+                    self.station, self.autopilot, mission_type=mission_type, **self.talk(self.timers.mission)
                 )
                 try:
                     await self.run(machine)
@@ -292,30 +291,16 @@ class VehicleSession:
         Raises `PeerTimeout` that names a parameter without an answer.
         """
         version = self.latest.get("AUTOPILOT_VERSION")
-        reader = ParameterReader(
-            names,
-            self.station,
-            self.autopilot,
-            version=None if version is None else int(version.fields["flight_sw_version"]),
-            me=self.me,
-            timers=self.timers.parameter,
-            round_trip=self.round_trip,
-        )
+        known = None if version is None else int(version.fields["flight_sw_version"])
+        talk = self.talk(self.timers.parameter)
+        reader = ParameterReader(names, self.station, self.autopilot, version=known, **talk)
         await self.run(reader)
         return reader.values
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
         """Set parameters in the vehicle's own types. Raises `PeerError`, `UsageError`."""
-        await self.run(
-            ParameterWriter(
-                parameters,
-                self.station,
-                self.autopilot,
-                me=self.me,
-                timers=self.timers.parameter,
-                round_trip=self.round_trip,
-            )
-        )
+        talk = self.talk(self.timers.parameter)
+        await self.run(ParameterWriter(parameters, self.station, self.autopilot, **talk))
 
     async def home(self) -> Home | None:
         """Return its home position; None if it does not report one."""
@@ -336,18 +321,10 @@ class VehicleSession:
         `PeerError`; each of them on board is then the old one or the new one.
         """
         first = int(self.home_is_item_0)
+        shifted = {first + index: item for index, item in items.items()}
         async with self._mission_lock:
-            await self.run(
-                ItemRewrite(
-                    {first + index: item for index, item in items.items()},
-                    self.station,
-                    self.autopilot,
-                    me=self.me,
-                    timers=self.timers.mission,
-                    round_trip=self.round_trip,
-                    look_first=look_first,
-                )
-            )
+            talk = self.talk(self.timers.mission)
+            await self.run(ItemRewrite(shifted, self.station, self.autopilot, look_first=look_first, **talk))
 
     def as_sent(self, items: Sequence[MissionItem], home: Home) -> tuple[MissionItem, ...]:
         """Return the items of a mission as this autopilot requires them."""
