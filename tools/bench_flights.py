@@ -41,13 +41,8 @@ def fly_one(plan_file: Path | str, mode: str, seed: int, folder: Path | str) -> 
     emulated = gcs.Emulated(speedup="max", seed=seed, wind=wind, gusts=gusts)
     record: dict[str, Any] = {"mission": plan.scenario.name, "mode": mode, "seed": seed, "wind": wind, "gusts": gusts}
     try:
-        flown = gcs.fly(
-            plan,
-            mode="mission" if mode == "mission" else "stream",
-            follow=mode == "follow",
-            emulated=emulated,
-            to=folder,
-        )
+        by = "mission" if mode == "mission" else "stream"
+        flown = gcs.fly(plan, mode=by, follow=mode == "follow", emulated=emulated, to=folder)
     except gcs.GcsError as error:
         return record | {"ended": str(error.message)}
     assert flown.verdict is not None

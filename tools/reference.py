@@ -11,12 +11,24 @@ from gcs.files import atomic_write
 from gcs.flight.contingency.detection import DETECTED
 from gcs.flight.contingency.policy import ALL, MEANING, Row, State
 from gcs.flight.contingency.policy_rows import KEEPS, POLICY
+from gcs.flight.recording.tlog import FRAMES_MAX
+from gcs.mission.drawings import xml_drawing
+from gcs.mission.formats.foreign.oddities import Odd
+from gcs.mission.formats.maps import geojson, kml
+from gcs.mission.formats.plan_items import ITEMS_MAX
+from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
+from gcs.plan.trajectory.plan_file import ARRAYS
+from gcs.reading.bounded_file import FILE_KINDS, in_mib
+from gcs.reading.bounded_json import JSON_VALUES_MAX
+from gcs.reading.bounded_parquet import ROWS_MAX
+from gcs.reading.bounded_xml import XML_ELEMENTS_MAX
+from gcs.scenario.environment.heightmap import PIXELS_MAX
+from gcs.scenario.formations import places_up_m
+from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.json_schema import scenario_schema
 from tools.api_reference import api_reference
 from tools.commands_reference import commands_reference
-from tools.formats_reference import formats_reference
 from tools.markdown import table
-from tools.shape_drawings import shape_drawings
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 MADE = re.compile(r"(^<!-- made by tools/reference\.py [^\n]*-->\n).*?(^<!-- end -->$|\Z)", re.M | re.S)
@@ -130,6 +142,95 @@ def policy_tables() -> str:
 def _rule(row: Row) -> tuple[str, ...]:
     states = "any" if row.states == ALL else ", ".join(state for state in State if state in row.states)
     return str(row.trigger), states, row.when.words, row.to or "", row.action or "", row.rule
+
+
+FILE_LIMITS = f"""
+- JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
+- A mission has at most {ITEMS_MAX:,} items.
+- A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
+- A drawn KMZ unpacks to at most {in_mib(xml_drawing.UNPACKED_MAX_BYTES)}. Drawn XML has at most {XML_ELEMENTS_MAX:,}
+  elements, and no document type.
+- Parquet has at most {ROWS_MAX:,} rows.
+- An elevation model has at most {PIXELS_MAX:,} pixels where the scenario is, and blocks of at most 256 MiB.
+- `gcs replay` takes at most {FRAMES_MAX:,} frames; `gcs report` takes any number.
+"""
+
+
+def formats_reference() -> tuple[str, ...]:
+    """Formats; what is read although other programs write it otherwise; limits; arrays of a plan file; contents."""
+    sizes = ((kind.name, in_mib(kind.largest_bytes)) for kind in FILE_KINDS)
+    arrays = (
+        (f"`{name}`", f"`{kind.dtype}`", str(kind.dimensions), in_mib(kind.largest_bytes))
+        for name, kind in ARRAYS.items()
+    )
+    contents = (
+        (f"`{content.name}`", "each vehicle" if content.per_vehicle else "the formation", f"`{content}`")
+        for content in Content
+    )
+    return (
+        table(("name", "files", "what it is for", "content"), map(_format, FORMATS)),
+        "".join(f"- {odd}\n" for odd in Odd),
+        table(("file", "largest size"), sizes) + FILE_LIMITS,
+        table(("array", "type", "dimensions", "largest size"), arrays),
+        table(("content", "one file for", "type"), contents),
+    )
+
+
+def _format(row: Format) -> tuple[str, ...]:
+    name = f"**`{row.name}`**" if row.default else f"`{row.name}`"
+    stem = "uavN" if row.content.per_vehicle else FLEET
+    files = " or ".join(f"`{stem}{suffix}`" for suffix in row.suffixes)
+    return name, files, row.purpose, f"`{row.content.name}`"
+
+
+SHAPES: tuple[tuple[tuple[Generator, int], ...], ...] = (
+    (("line", 4), ("line", 5), ("column", 4)),
+    (("vee", 5), ("triangle", 6), ("grid", 5), ("circle", 6)),
+)
+_ALONG, _ACROSS = 2, 5  # lines and characters of one spacing
+_APART = 6  # characters between drawings
+
+TEXT = """A generator makes places for any number of vehicles. The leader has the first place, the others follow in the
+order of their system ids; the drawings have vehicle 1 as the leader. Their front is up: north, or `heading_deg`.
+
+- `line`: abreast. Vehicles 2, 3, 4, ... stand by turns to the right and to the left of the leader. A line of an odd
+  number is centred on the leader; an even one has one vehicle more on the right.
+- `column`: one behind the other, in order.
+- `vee`: two arms that fall back at 45 degrees, by turns on the right and on the left.
+- `triangle`: rows of 1, 2, 3, ... behind the leader, each filled from left to right.
+- `grid`: rows of equal length, as square as possible; each row is filled from its middle.
+- `circle`: the leader in front, the others clockwise.
+- `sphere`: the leader is the lowest.
+
+"""
+
+
+def shape_drawings() -> str:
+    """The text and the drawings, as one section of a page."""
+    return TEXT + "\n\n".join(f"```text\n{_side_by_side(row)}\n```" for row in SHAPES) + "\n"
+
+
+def drawing(generator: Generator, count: int) -> list[str]:
+    """The lines of one drawing: vehicles by number, north up."""
+    north, east, _ = places_up_m(generator, count, 1.0).T
+    lines, columns = (north.max() - north) * _ALONG, (east - east.min()) * _ACROSS
+    drawn = [[" "] * (round(columns.max()) + 1) for _ in range(round(lines.max()) + 1)]
+    for number, (line, column) in enumerate(zip(lines, columns, strict=True), start=1):
+        drawn[round(line)][round(column)] = str(number)
+    return ["".join(line) for line in drawn]
+
+
+def _side_by_side(row: tuple[tuple[Generator, int], ...]) -> str:
+    blocks = [[f"{generator}, {count}", "", *drawing(generator, count)] for generator, count in row]
+    height = max(map(len, blocks))
+    lines = []
+    for index in range(height):
+        parts = []
+        for block in blocks:
+            width = max(map(len, block)) + _APART
+            parts.append((block[index] if index < len(block) else "").ljust(width))
+        lines.append("".join(parts).rstrip())
+    return "\n".join(lines)
 
 
 MAKERS: dict[str, Callable[[], str | tuple[str, ...]]] = {

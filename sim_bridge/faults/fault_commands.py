@@ -47,13 +47,6 @@ _FAILURES: dict[tuple[int, int], tuple[FaultKind, tuple[float, ...]]] = {
     (_LINK, _DELAYED): (f.DELAY, (0.5, 0.2)),
     (_LINK, _INTERMITTENT): (f.LOSS, (0.3,)),
 }
-_UNITS: dict[int, tuple[FaultKind, ...]] = {
-    **dict.fromkeys(_SENSOR_OF, (f.STUCK,)),
-    _GPS: (f.STUCK, f.GNSS_OUTAGE, f.GNSS_JUMP),
-    _BATTERY: (f.BATTERY,),
-    _MOTOR: (f.MOTOR,),
-    _LINK: (f.SILENT, f.CORRUPT, f.DELAY, f.LOSS),
-}
 
 
 @dataclass(frozen=True)
@@ -111,8 +104,9 @@ def _injected(params: Sequence[float]) -> FaultOrder:
     if not all(map(math.isfinite, params[:3])):
         return _REFUSED
     unit, kind, instance = (round(number) for number in params[:3])
-    if kind == _OK and unit in _UNITS:
-        return FaultOrder(MavResult.ACCEPTED, ends=_UNITS[unit])
+    ends = (f.MOTOR,) if unit == _MOTOR else tuple(fault for (of, _), (fault, _) in _FAILURES.items() if of == unit)
+    if kind == _OK and ends:
+        return FaultOrder(MavResult.ACCEPTED, ends=ends)
     if (unit, kind) == (_MOTOR, _OFF):
         motors = _MOTORS if instance == 0 else (float(instance),)
         if not set(motors) <= set(_MOTORS):

@@ -12,9 +12,21 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mavlink import MavResult
+from gcs.mavlink import Capability, MavResult
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Modes, Note, Words
 from sim_bridge.protocol.missions.transfer_traits import MissionTraits
+
+COMMON_CAPABILITIES = (
+    Capability.MISSION_FLOAT
+    | Capability.PARAM_FLOAT
+    | Capability.MISSION_INT
+    | Capability.COMMAND_INT
+    | Capability.SET_POSITION_TARGET_LOCAL_NED
+    | Capability.SET_POSITION_TARGET_GLOBAL_INT
+    | Capability.MAVLINK2
+    | Capability.FENCE
+    | Capability.RALLY
+)
 
 
 class Setting(Enum):
@@ -263,14 +275,14 @@ class StreamTraits:
     reports_airspeed: bool = False  # VFR_HUD.airspeed is the ground speed; else NaN
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HealthTraits:
     """The three bit fields of SYS_STATUS when all is well, and the EKF flags before and after READY."""
 
     present: int
     enabled: int
     healthy: int
-    gnss: int  # the bit of the GNSS receiver
+    gnss: int = 0x20  # the bit of the GNSS receiver
     before_ready: int  # flags of EKF_STATUS_REPORT or ESTIMATOR_STATUS
     ready: int
 

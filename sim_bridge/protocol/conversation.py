@@ -62,7 +62,7 @@ class Conversation:
         )
         self.files = FileServer(MissionFiles(self.store)) if personality.missions.as_files else None
         self._clock = TimesyncResponder(personality.link, self.station)
-        self._signing_state = SigningState(personality.link)
+        self._signing = Signing()
         self.dead = False  # the fault `die` has acted
         self._heard = not personality.replies.waits_for_contact
         self.on_from_s = -math.inf  # until then the vehicle is off: it neither receives nor sends
@@ -87,18 +87,18 @@ class Conversation:
         """Take over what survives a restart. Modes, message rates and an unfinished upload do not."""
         self._params.remember(earlier._params)
         self.store.remember(earlier.store)
-        self._signing_state.remember(earlier._signing_state)
+        self._signing = earlier._signing
         self.dead = earlier.dead
         self._apply_params()
 
     def sign(self, key: bytes, ticks: int, now_s: float) -> None:
         """Sign with `key`, and accept nothing else. Raises `UsageError` if its autopilot does not sign."""
-        if not self._signing_state.known:
+        if not self._personality.link.signs:
             raise UsageError(
                 f"vehicle {self.station.sysid} cannot have a signing key: this autopilot does not check signatures.",
                 hint="leave --signing-key-file out, or emulate ArduPilot",
             )
-        self._signing_state.begin(key, ticks, now_s)
+        self._signing.set_up(key, ticks, now_s)
 
     def simulated_s(self, boot_ms: int) -> float:
         """Return the simulated time of a time of the vehicle's boot clock."""
@@ -106,7 +106,7 @@ class Conversation:
 
     def signature(self, now_s: float) -> Signature | None:
         """Return the signature for the next frame; None while signing is off."""
-        return self._signing_state.signature(now_s)
+        return self._signing.signature(now_s)
 
     @property
     def speaks(self) -> bool:
@@ -124,7 +124,7 @@ class Conversation:
             return []
         if self._instruments.t_s < self.on_from_s:
             return []
-        if not self._signing_state.believes(message, now_s):
+        if not self._signing.accepts(message.raw, now_s):
             return []
         self._heard = True
         answers = self._answer(message, now_s)
@@ -151,7 +151,9 @@ class Conversation:
         if name == "TIMESYNC":
             return self._clock.receive(message, self._boot_ns)
         if name == "SETUP_SIGNING":
-            self._signing_state.set_up(message, now_s, armed=self.autopilot.armed)
+            key = bytes(message.fields["secret_key"])
+            if self._personality.link.signs and not self.autopilot.armed and len(key) == KEY_BYTES:
+                self._signing.set_up(key, int(message.fields["initial_timestamp"]), now_s)
             return []
         if name == "SET_MODE":
             result = self.autopilot.set_mode(self._instruments.t_s, message.fields["custom_mode"])
@@ -298,40 +300,3 @@ class TimesyncResponder:
         if first:
             return []
         return [Message("TIMESYNC", {"tc1": 0, "ts1": t_ns // 1000 * 1000 + self._me.sysid})]
-
-
-class SigningState:
-    """Message signing: SETUP_SIGNING sets the key, or switches signing off."""
-
-    def __init__(self, traits: LinkTraits) -> None:
-        self._traits = traits
-        self._signing = Signing()
-
-    def remember(self, earlier: SigningState) -> None:
-        """Take over the key from before a restart."""
-        self._signing = earlier._signing
-
-    @property
-    def known(self) -> bool:
-        """Whether the original can sign."""
-        return self._traits.signs
-
-    def begin(self, key: bytes, ticks: int, now_s: float) -> None:
-        """Sign with `key` from the start, as a vehicle that was given its key before."""
-        self._signing.set_up(key, ticks, now_s)
-
-    def believes(self, message: Message, now_s: float) -> bool:
-        """Whether the signature of the frame permits this message."""
-        return self._signing.accepts(message.raw, now_s)
-
-    def set_up(self, message: Message, now_s: float, *, armed: bool) -> None:
-        """Take the key of SETUP_SIGNING; not while armed, and not where the original ignores the message."""
-        if not self._traits.signs or armed:
-            return
-        key = bytes(message.fields["secret_key"])
-        if len(key) == KEY_BYTES:
-            self._signing.set_up(key, int(message.fields["initial_timestamp"]), now_s)
-
-    def signature(self, now_s: float) -> Signature | None:
-        """Return the signature for the next frame; None while signing is off."""
-        return self._signing.signature(now_s)

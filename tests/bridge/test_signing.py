@@ -53,7 +53,7 @@ def what_it_is(fleet: Fleet) -> tuple[object, ...]:
         pilot.mode.name,
         pilot.armed,
         vehicle.store.items(),
-        vehicle._signing_state._signing._key,
+        vehicle._signing._key,
     )
 
 
@@ -69,7 +69,7 @@ async def signed_session(fleet: Fleet, ground: Ground) -> VehicleSession:
     ticks = signing_with(KEY, 0.0).signature(0.0).ticks
     setup = {**TARGET, "secret_key": list(KEY), "initial_timestamp": ticks - 100_000}
     session.send(Message("SETUP_SIGNING", setup))
-    await fleet.until(lambda: fleet._world.vehicles[0]._signing_state._signing.on)
+    await fleet.until(lambda: fleet._world.vehicles[0]._signing.on)
     return session
 
 

@@ -27,6 +27,7 @@ from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from tools.bench_route import drawn
 
+_MOUNTAIN = ("height_m", "north_m", "east_m", "spread_north_m", "spread_east_m")
 MISSION = Path(__file__).resolve().parents[2] / "missions" / "simulation1"
 
 
@@ -120,16 +121,7 @@ def numbers(problem: Problem, mesh: Mesh, guess: Trajectory | None = None) -> di
         "turning_weight": turning.weight(problem),
         "yaw_rate_max_radps": turning.scale(problem),
         "late_integral": float(program.layout.quadrature() @ late),  # of Q, as the mesh sees it
-        "mountains": [
-            list(column)
-            for column in (
-                mountains.height_m,
-                mountains.north_m,
-                mountains.east_m,
-                mountains.spread_north_m,
-                mountains.spread_east_m,
-            )
-        ],
+        "mountains": [list(getattr(mountains, key)) for key in _MOUNTAIN],
         "ripple_peak_m": ripple_peak_m(scenario.terrain.ripple),
         "rounding_m": ENVELOPE_ROUNDING_M,
         "clearance_min_m": scenario.limits.clearance_min_m,

@@ -111,7 +111,7 @@ class VehicleSession:
         return self._own_timers or link_behaviour(self.autopilot).timers
 
     def talk(self, timers: T) -> Talk[T]:
-        """What every machine of this session has: who we are, these timers, and what is known of the round trip."""
+        """Return what every machine of this session gets: our station, these timers, and the round trip so far."""
         return {"me": self.me, "timers": timers, "round_trip": self.round_trip}
 
     def heartbeat_age_s(self) -> float:

@@ -25,6 +25,7 @@ from gcs.mavlink import (
 from sim_bridge.personality.ardupilot.missions import MISSIONS
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
 from sim_bridge.personality.table import (
+    COMMON_CAPABILITIES,
     ArmingTraits,
     BatteryFailsafe,
     EstimateFailsafe,
@@ -280,16 +281,7 @@ ARDUPILOT = Personality(
     identity=Identity(
         autopilot=Autopilot.ARDUPILOT,
         version=(4 << 24) | (5 << 16) | (6 << 8) | 255,
-        capabilities=Capability.MISSION_FLOAT
-        | Capability.PARAM_FLOAT
-        | Capability.MISSION_INT
-        | Capability.COMMAND_INT
-        | Capability.FTP
-        | Capability.SET_POSITION_TARGET_LOCAL_NED
-        | Capability.SET_POSITION_TARGET_GLOBAL_INT
-        | Capability.MAVLINK2
-        | Capability.FENCE
-        | Capability.RALLY,
+        capabilities=COMMON_CAPABILITIES | Capability.FTP,
         vtol_state=3,
     ),
     boot=_BOOT,
@@ -333,7 +325,6 @@ ARDUPILOT = Personality(
         present=0x5371FC2F,
         enabled=0x5361FC2F,
         healthy=0x4771FC2F,
-        gnss=0x20,
         before_ready=_BEFORE_READY,
         ready=0x33F,
     ),

@@ -25,6 +25,7 @@ from gcs.mavlink import (
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
 from sim_bridge.personality.px4.missions import MISSIONS
 from sim_bridge.personality.table import (
+    COMMON_CAPABILITIES,
     ArmingTraits,
     BatteryFailsafe,
     EstimateFailsafe,
@@ -136,17 +137,15 @@ _FAILSAFES = FailsafeSettings(
 
 # Recorded at 50 Hz, over a link without rate limit. Over a radio the original also sends less, and at ten times real
 # time so many messages overload a ground station.
-_FAST_HZ = 10.0
+_FAST = (
+    *(MessageId.ATTITUDE, MessageId.ATTITUDE_QUATERNION, MessageId.ATTITUDE_TARGET),
+    *(MessageId.LOCAL_POSITION_NED, MessageId.GLOBAL_POSITION_INT),
+    *(MessageId.POSITION_TARGET_LOCAL_NED, MessageId.SERVO_OUTPUT_RAW),
+)
 _STREAMS = StreamTraits(
     unasked_hz={
         MessageId.HEARTBEAT: 1.0,
-        MessageId.ATTITUDE: _FAST_HZ,
-        MessageId.ATTITUDE_QUATERNION: _FAST_HZ,
-        MessageId.ATTITUDE_TARGET: _FAST_HZ,
-        MessageId.LOCAL_POSITION_NED: _FAST_HZ,
-        MessageId.GLOBAL_POSITION_INT: _FAST_HZ,
-        MessageId.POSITION_TARGET_LOCAL_NED: _FAST_HZ,
-        MessageId.SERVO_OUTPUT_RAW: _FAST_HZ,
+        **dict.fromkeys(_FAST, 10.0),
         MessageId.GPS_RAW_INT: 5.0,
         MessageId.VFR_HUD: 4.0,
         MessageId.ALTITUDE: 1.0,
@@ -251,16 +250,7 @@ PX4 = Personality(
     identity=Identity(
         autopilot=Autopilot.PX4,
         version=(1 << 24) | (17 << 16) | (0 << 8) | 64,
-        capabilities=Capability.MISSION_FLOAT
-        | Capability.PARAM_FLOAT
-        | Capability.MISSION_INT
-        | Capability.COMMAND_INT
-        | Capability.PARAM_BYTEWISE
-        | Capability.SET_POSITION_TARGET_LOCAL_NED
-        | Capability.SET_POSITION_TARGET_GLOBAL_INT
-        | Capability.MAVLINK2
-        | Capability.FENCE
-        | Capability.RALLY,
+        capabilities=COMMON_CAPABILITIES | Capability.PARAM_BYTEWISE,
         sends_uid=True,
     ),
     boot=_BOOT,
@@ -303,7 +293,6 @@ PX4 = Personality(
         present=0x300402F,
         enabled=0x301402F,
         healthy=0x320C83F,
-        gnss=0x20,
         before_ready=229,
         ready=1023,
     ),

@@ -157,13 +157,13 @@ class MissionStore:
         for kind, upload in list(self._uploads.items()):
             if now_s - upload.heard_s > traits.timeout_s:
                 del self._uploads[kind]
-                messages += self._answer(traits.timed_out, _peer(upload), kind)
+                messages += self._answer(traits.timed_out, upload.peer, kind)
             elif now_s - upload.requested_s > traits.retry_s:
                 messages += self._request_item(upload, now_s)
         download = self._download
         if download is not None and now_s - download.heard_s > traits.timeout_s:
             self._download = None
-            messages += self._answer(traits.timed_out, _peer(download), download.kind)
+            messages += self._answer(traits.timed_out, download.peer, download.kind)
         if self._check_fence_s is not None and now_s >= self._check_fence_s:
             self._check_fence_s = None
             if not encloses(self._items[MissionType.FENCE], self.home):
@@ -192,7 +192,7 @@ class MissionStore:
     def _on_count(self, message: Message, kind: int, now_s: float) -> list[Message]:
         traits, peer, count = self._traits, message.source, message.fields["count"]
         upload = self._conflicting_upload(kind)
-        if upload is not None and _peer(upload) != peer:
+        if upload is not None and upload.peer != peer:
             return self._answer(traits.second_station, peer, kind)
         if upload is not None and not traits.restarts:
             upload.heard_s = now_s
@@ -207,7 +207,7 @@ class MissionStore:
         self._uploads.pop(kind, None)
         if storage.item_by_item and count < len(self._items[kind]):
             self._hold(kind, self._items[kind][:count])
-        upload = Upload(*peer, kind, count, traits.int_requests, now_s, now_s)
+        upload = Upload(peer, kind, count, traits.int_requests, now_s, now_s)
         if not count:
             return self._complete(upload, now_s)
         self._uploads[kind] = upload
@@ -222,7 +222,7 @@ class MissionStore:
         if not one_by_one or not 0 <= first <= last <= len(self._items[kind]):
             return self._answer(traits.bad_range, peer, kind)
         # Even an upload of another ground station gives way to it.
-        upload = Upload(*peer, kind, last + 1, traits.int_requests, now_s, now_s, first=first)
+        upload = Upload(peer, kind, last + 1, traits.int_requests, now_s, now_s, first=first)
         self._uploads[kind] = upload
         return self._request_item(upload, now_s)
 
@@ -232,7 +232,7 @@ class MissionStore:
         if upload is None:
             busy = traits.one_at_a_time and self._uploads
             return [] if busy else self._answer(traits.unrequested_item, peer, kind)
-        if _peer(upload) != peer:
+        if upload.peer != peer:
             return self._answer(traits.second_station, peer, kind)
         if message.fields["seq"] != upload.seq:
             upload.heard_s = now_s if traits.any_item_resets_timeout else upload.heard_s
@@ -266,21 +266,21 @@ class MissionStore:
         wrong = what_is_wrong(upload.items) if storage.checks_shapes else None
         if wrong is not None:
             self._send_text(*wrong)
-            return self._answer(self._traits.bad_shape, _peer(upload), kind)
+            return self._answer(self._traits.bad_shape, upload.peer, kind)
         if not storage.item_by_item:
             self._hold(kind, tuple(upload.items))
         if kind == MissionType.FENCE and self._traits.home_outside.text:
             self._check_fence_s = now_s + self._traits.home_outside_after_s
         if storage.received:
             self._send_text(storage.received_severity, storage.received)
-        return [mission_ack(_peer(upload), MissionResult.ACCEPTED, kind)]
+        return [mission_ack(upload.peer, MissionResult.ACCEPTED, kind)]
 
     def _on_float_item(self, upload: Upload) -> None:
         if self._traits.follows_float:
             upload.int_requests = False
         if not upload.float_warned:
             upload.float_warned = True
-            self._answer(self._traits.float_item, _peer(upload), upload.kind)
+            self._answer(self._traits.float_item, upload.peer, upload.kind)
 
     def _conflicting_upload(self, kind: int) -> Upload | None:
         """Return the upload under way that a new one of this type would conflict with."""
@@ -291,7 +291,7 @@ class MissionStore:
     def _request_item(self, upload: Upload, now_s: float) -> list[Message]:
         upload.requested_s = now_s
         name = "MISSION_REQUEST_INT" if upload.int_requests else "MISSION_REQUEST"
-        return [Message(name, {**_target(_peer(upload), upload.kind), "seq": upload.seq})]
+        return [Message(name, {**_target(upload.peer, upload.kind), "seq": upload.seq})]
 
     # Clearing
 
@@ -299,7 +299,7 @@ class MissionStore:
         traits, peer = self._traits, message.source
         kinds = types_meant(kind, tuple(self._items), clears_all=traits.clears_all)
         upload = self._conflicting_upload(kind)
-        if upload is not None and _peer(upload) != peer:
+        if upload is not None and upload.peer != peer:
             return self._answer(traits.second_station, peer, kind)
         if traits.one_at_a_time and self.busy:
             return self._answer(traits.busy, peer, kind)
@@ -320,7 +320,7 @@ class MissionStore:
         if kind not in self._items and traits.unknown_type_read is not None:
             return self._answer(traits.unknown_type_read, peer, kind)
         if not traits.stateless_reads:
-            self._download = Download(*peer, kind, now_s)
+            self._download = Download(peer, kind, now_s)
         return [Message("MISSION_COUNT", {**_target(peer, kind), "count": len(self._items.get(kind, ()))})]
 
     def _on_request(self, message: Message, kind: int, now_s: float) -> list[Message]:
@@ -329,7 +329,7 @@ class MissionStore:
             return self._answer(traits.read_while_busy, peer, kind)
         download = self._download
         if not traits.stateless_reads:
-            if download is None or _peer(download) != peer or download.kind != kind:
+            if download is None or download.peer != peer or download.kind != kind:
                 return []
             download.heard_s = now_s
             if seq not in (download.seq, download.seq - 1):
@@ -344,11 +344,11 @@ class MissionStore:
 
     def _on_ack(self, message: Message, kind: int, _: float) -> list[Message]:
         peer, result = message.source, message.fields["type"]
-        if self._download is not None and _peer(self._download) == peer and self._download.kind == kind:
+        if self._download is not None and self._download.peer == peer and self._download.kind == kind:
             self._download = None
         upload = self._uploads.get(kind)
         ends = self._traits.cancellable and result == MissionResult.OPERATION_CANCELLED
-        if ends and upload is not None and _peer(upload) == peer:
+        if ends and upload is not None and upload.peer == peer:
             del self._uploads[kind]
         return []
 
@@ -382,9 +382,5 @@ class MissionStore:
         return [mission_ack(peer, answer.result, kind)] if answer.result is not None else []
 
 
-def _peer(transfer: Upload | Download) -> Station:
-    return Station(transfer.peer_sysid, transfer.peer_compid)
-
-
 def _target(peer: Station, kind: int) -> dict[str, int]:
-    return {"target_system": peer.sysid, "target_component": peer.compid, "mission_type": kind}
+    return {**peer.target, "mission_type": kind}

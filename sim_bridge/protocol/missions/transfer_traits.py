@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gcs.link.wire.message import Station
 from gcs.mavlink import FenceCommand, MavCommand, MissionResult, Severity
 from gcs.mission.model import MissionItem
 
@@ -107,8 +108,7 @@ class MissionTraits:
 class Upload:
     """An upload to this vehicle that is under way."""
 
-    peer_sysid: int
-    peer_compid: int
+    peer: Station
     kind: int
     count: int  # of all items, the first of them item 0
     int_requests: bool
@@ -128,8 +128,7 @@ class Upload:
 class Download:
     """A download from this vehicle that is under way, where the autopilot tracks it."""
 
-    peer_sysid: int
-    peer_compid: int
+    peer: Station
     kind: int
     heard_s: float
     seq: int = 0  # the next one expected

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import TICKS_PER_S, Signature
-from sim_bridge.personality import ARDUPILOT, PX4
-from sim_bridge.protocol.conversation import SigningState, TimesyncResponder
+from sim_bridge.personality import ARDUPILOT, PX4, Personality
+from sim_bridge.protocol.conversation import Conversation, TimesyncResponder
+from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 ME = Station(3, 1)
 KEY = bytes(range(32))
@@ -27,9 +29,9 @@ def set_up(key: bytes = KEY, ticks: int = NOON) -> Message:
     return Message("SETUP_SIGNING", fields, 255, 190)
 
 
-def came(signature: Signature | None) -> Message:
-    """A question as it came over the wire."""
-    (message,) = Codec(3, 1).decode(Codec(255, 190).encode(asked(), signature))
+def came(message: Message, signature: Signature | None = None) -> Message:
+    """A message as it came over the wire."""
+    (message,) = Codec(3, 1).decode(Codec(255, 190).encode(message, signature))
     return message
 
 
@@ -56,42 +58,52 @@ def test_ardupilot_asks_every_ten_seconds_px4_never():
     assert [m for t in range(100) for m in never.due(t * S)] == []
 
 
+def vehicle(personality: Personality) -> Conversation:
+    return VehicleFactory(plain_scenario(ME.sysid), personality, 1, 1.8e9).vehicle(ME.sysid - 1)
+
+
+def believes(trusting: Conversation, signature: Signature | None, now_s: float) -> bool:
+    """Whether a question with this signature is answered."""
+    return bool(trusting.receive(came(asked(), signature), now_s))
+
+
 def test_after_set_up_only_signed_messages_are_heard_and_all_are_signed():
-    trust = SigningState(ARDUPILOT.link)
-    assert trust.believes(came(None), 0.0)
-    assert trust.signature(0.0) is None
-    trust.set_up(set_up(), 0.0, armed=False)
-    assert not trust.believes(came(None), 1.0)
-    assert not trust.believes(came(Signature(bytes(32), 0, NOON + 1)), 1.0)
-    assert not trust.believes(came(Signature(KEY, 0, NOON - 61 * TICKS_PER_S)), 1.0)
-    assert trust.believes(came(Signature(KEY, 0, NOON + 1)), 1.0)
-    signature = trust.signature(1.0)
+    trusting = vehicle(ARDUPILOT)
+    assert believes(trusting, None, 0.0)
+    assert trusting.signature(0.0) is None
+    trusting.receive(came(set_up()), 0.0)
+    assert not believes(trusting, None, 1.0)
+    assert not believes(trusting, Signature(bytes(32), 0, NOON + 1), 1.0)
+    assert not believes(trusting, Signature(KEY, 0, NOON - 61 * TICKS_PER_S), 1.0)
+    assert believes(trusting, Signature(KEY, 0, NOON + 1), 1.0)
+    signature = trusting.signature(1.0)
     assert signature is not None
     assert signature.key == KEY
 
 
 def test_a_key_of_zeros_switches_it_off():
-    trust = SigningState(ARDUPILOT.link)
-    trust.set_up(set_up(), 0.0, armed=False)
-    trust.set_up(set_up(bytes(32), 0), 1.0, armed=False)
-    assert trust.believes(came(None), 1.0)
-    assert trust.signature(1.0) is None
+    trusting = vehicle(ARDUPILOT)
+    trusting.receive(came(set_up()), 0.0)
+    trusting.receive(came(set_up(bytes(32), 0), Signature(KEY, 0, NOON + 1)), 1.0)
+    assert believes(trusting, None, 1.0)
+    assert trusting.signature(1.0) is None
 
 
 def test_nobody_changes_the_key_of_a_vehicle_that_is_armed():
-    trust = SigningState(ARDUPILOT.link)
-    trust.set_up(set_up(), 0.0, armed=True)
-    assert trust.signature(0.0) is None
+    trusting = vehicle(ARDUPILOT)
+    trusting.autopilot.arming.arm(0.0)
+    trusting.receive(came(set_up()), 0.0)
+    assert trusting.signature(0.0) is None
 
 
 def test_a_key_of_another_length_is_none():
-    trust = SigningState(ARDUPILOT.link)
-    trust.set_up(set_up(b"short"), 0.0, armed=False)
-    assert trust.signature(0.0) is None
+    trusting = vehicle(ARDUPILOT)
+    trusting.receive(set_up(b"short"), 0.0)
+    assert trusting.signature(0.0) is None
 
 
 def test_px4_does_not_know_it():
-    trust = SigningState(PX4.link)
-    trust.set_up(set_up(), 0.0, armed=False)
-    assert trust.signature(0.0) is None
-    assert trust.believes(came(None), 0.0)
+    trusting = vehicle(PX4)
+    trusting.receive(came(set_up()), 0.0)
+    assert trusting.signature(0.0) is None
+    assert believes(trusting, None, 0.0)
