@@ -48,8 +48,7 @@ def fly(
         str | None, typer.Option(help="Ground station that the vehicles send to.", show_default="127.0.0.1:14550")
     ] = None,
     link: Annotated[
-        list[str] | None,
-        typer.Option(help="udpout:HOST:PORT, udpin:PORT, tcpin:PORT, pty or pty:PATH; repeatable."),
+        list[str] | None, typer.Option(help="udpout:HOST:PORT, udpin:PORT, tcpin:PORT, pty or pty:PATH; repeatable.")
     ] = None,
     bind: Annotated[
         str, typer.Option(help="Address to listen on. Any other than loopback lets other machines in.")
@@ -57,12 +56,10 @@ def fly(
     one_port: Annotated[bool, typer.Option("--one-port", help="All vehicles share one port of each link.")] = False,
     speedup: Annotated[str, typer.Option(help="Speed as a multiple of real time, or 'max'.")] = "1",
     autopilot: Annotated[
-        str | None,
-        typer.Option(help=f"That of all vehicles: {', '.join(AUTOPILOTS)}.", show_default="the scenario's"),
+        str | None, typer.Option(help=f"That of all vehicles: {', '.join(AUTOPILOTS)}.", show_default="the scenario's")
     ] = None,
     nav: Annotated[
-        str,
-        typer.Option(help="Navigator for missions: own (that of the autopilot) or ideal (every leg on time)."),
+        str, typer.Option(help="Navigator for missions: own (that of the autopilot) or ideal (every leg on time).")
     ] = "own",
     seed: Annotated[int, typer.Option(min=0, help="Seed of sensor noise, boot clocks and link faults.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,

@@ -21,9 +21,7 @@ def main(names: list[str]) -> None:
     """Regenerate the named missions' exports, or all that have some."""
     for name in names or sorted(p.parent.name for p in MISSIONS.glob("*/expected")):
         index = export(
-            make_plan(load_scenario(MISSIONS / name)),
-            MISSIONS / name / "expected",
-            setpoint_rate_hz=SETPOINT_RATE_HZ,
+            make_plan(load_scenario(MISSIONS / name)), MISSIONS / name / "expected", setpoint_rate_hz=SETPOINT_RATE_HZ
         )
         print(
             f"{name}: {index.waypoints} waypoints, {index.items} items; "

@@ -84,11 +84,7 @@ class VehicleFactory:
         pad_ned_m, sysid, personality = self._pads_ned_m[row], self.sysids[row], self._personalities[row]
         own = personality.identity.autopilot.navigator.within(self._motion.ability)
         path_generator = PathGenerator(
-            self._motion,
-            self._origin,
-            pad_ned_m,
-            epoch_unix_s=self._epoch_s,
-            navigator=None if self._ideal else own,
+            self._motion, self._origin, pad_ned_m, epoch_unix_s=self._epoch_s, navigator=None if self._ideal else own
         )
         instruments = Instruments(
             airframes=self.airframes,

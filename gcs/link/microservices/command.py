@@ -214,12 +214,7 @@ def command_ack(command: Message, result: int, *, progress: int = 0) -> Message:
     """Return the COMMAND_ACK to the sender of a COMMAND_LONG or COMMAND_INT."""
     return Message(
         "COMMAND_ACK",
-        {
-            "command": command.fields["command"],
-            "result": int(result),
-            "progress": progress,
-            **command.source.target,
-        },
+        {"command": command.fields["command"], "result": int(result), "progress": progress, **command.source.target},
     )
 
 

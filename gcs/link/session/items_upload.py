@@ -54,11 +54,7 @@ class Uploading(Protocol):
 
 
 async def upload(
-    session: Uploading,
-    items: Sequence[MissionItem],
-    mission_type: int,
-    transfer: Transfer,
-    numbers: FtpNumbers,
+    session: Uploading, items: Sequence[MissionItem], mission_type: int, transfer: Transfer, numbers: FtpNumbers
 ) -> tuple[VerifiedUpload | FileUpload, SentAs]:
     """Return the finished machine that put the items on board, and which way they went.
 

@@ -166,12 +166,7 @@ class VehicleSession:
         self.texts.tick(now_s)
 
     async def wait_for(
-        self,
-        predicate: Callable[[Message], bool],
-        timeout_s: float,
-        what: str,
-        *,
-        or_latest: bool = False,
+        self, predicate: Callable[[Message], bool], timeout_s: float, what: str, *, or_latest: bool = False
     ) -> Message:
         """Return the next message for which `predicate` is true; with `or_latest` also one that has already arrived.
 
@@ -193,18 +188,13 @@ class VehicleSession:
                 return await found
         except TimeoutError:
             raise PeerTimeout(
-                f"vehicle {self.sysid}: {what} did not arrive within {timeout_s:g} s.",
-                hint=self._silence_hint(),
+                f"vehicle {self.sysid}: {what} did not arrive within {timeout_s:g} s.", hint=self._silence_hint()
             ) from None
         finally:
             stop()
 
     async def command(
-        self,
-        command: int,
-        *params: float,
-        position: Position | None = None,
-        timers: CommandTimers | None = None,
+        self, command: int, *params: float, position: Position | None = None, timers: CommandTimers | None = None
     ) -> Message:
         """Send a command and return its COMMAND_ACK.
 

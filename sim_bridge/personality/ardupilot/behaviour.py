@@ -288,11 +288,7 @@ ARDUPILOT = Personality(
     modes=_MODES,
     arming=ArmingTraits(spool_up_s=2.9, has_sticks=True),
     flight=FlightTraits(
-        brakes_mps2=1.0,
-        landed_after_s=1.75,
-        disarm_after_s=0.3,
-        takeoff_in_guided=True,
-        reposition_in=Intent.GUIDED,
+        brakes_mps2=1.0, landed_after_s=1.75, disarm_after_s=0.3, takeoff_in_guided=True, reposition_in=Intent.GUIDED
     ),
     streaming=StreamingTraits(comes_back=True),
     reports=ReportTraits(
@@ -322,11 +318,7 @@ ARDUPILOT = Personality(
     ),
     streams=_STREAMS,
     health=HealthTraits(
-        present=0x5371FC2F,
-        enabled=0x5361FC2F,
-        healthy=0x4771FC2F,
-        before_ready=_BEFORE_READY,
-        ready=0x33F,
+        present=0x5371FC2F, enabled=0x5361FC2F, healthy=0x4771FC2F, before_ready=_BEFORE_READY, ready=0x33F
     ),
     failsafes=_FAILSAFES,
     words=_WORDS,

@@ -96,10 +96,7 @@ _WORDS = {
     Note.MISSION_BEGINS: (Severity.INFO, "Executing Mission\t"),
     Note.MISSION_CLIMBS: (Severity.INFO, "Climb to {height_m:.1f} meters above home\t"),
     Note.MISSION_ENDS: (Severity.INFO, "Mission finished, landed\t"),
-    Note.RETURN_BEGINS: (
-        Severity.INFO,
-        "RTL: start return at {alt_m:.0f} m ({height_m:.0f} m above destination)\t",
-    ),
+    Note.RETURN_BEGINS: (Severity.INFO, "RTL: start return at {alt_m:.0f} m ({height_m:.0f} m above destination)\t"),
     Note.RETURN_LANDS: (Severity.INFO, "RTL: land at destination\t"),
     Note.FAILSAFE: (Severity.CRITICAL, "Failsafe activated\t"),
     Note.LINK_LOST: (Severity.INFO, "Connection to ground station lost\t"),
@@ -269,12 +266,7 @@ PX4 = Personality(
     ),
     streaming=StreamingTraits(from_ground=True, proof_s=1.0, extrapolates_s=0.2),
     reports=ReportTraits(
-        repeats=10,
-        reports_landing=True,
-        empty_total=0xFFFF,
-        counts_home=True,
-        mode_elsewhere=2,
-        counts_manoeuvres=True,
+        repeats=10, reports_landing=True, empty_total=0xFFFF, counts_home=True, mode_elsewhere=2, counts_manoeuvres=True
     ),
     replies=ReplyTraits(
         refused=MavResult.TEMPORARILY_REJECTED,
@@ -289,13 +281,7 @@ PX4 = Personality(
         numbered_texts=True,
     ),
     streams=_STREAMS,
-    health=HealthTraits(
-        present=0x300402F,
-        enabled=0x301402F,
-        healthy=0x320C83F,
-        before_ready=229,
-        ready=1023,
-    ),
+    health=HealthTraits(present=0x300402F, enabled=0x301402F, healthy=0x320C83F, before_ready=229, ready=1023),
     failsafes=_FAILSAFES,
     words=_WORDS,
     missions=MISSIONS,

@@ -99,8 +99,7 @@ def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> Endp
         return EndpointSpec(kind, host, int(port_text), shared=shared)
     if host and host != bind and not is_loopback(host):
         raise UsageError(
-            f"{text!r} would let other machines command the vehicles.",
-            hint=f"to allow this, add --bind {host}",
+            f"{text!r} would let other machines command the vehicles.", hint=f"to allow this, add --bind {host}"
         )
     return EndpointSpec(kind, host or bind, int(port_text), shared=shared)
 
