@@ -24,10 +24,10 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavCommand, MessageId
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.fleet import plain_scenario
 from sim_bridge.personality import by_name
 from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoints.address import call
-from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
 from tools.bench.frame import apart, finish, options, serve
 

@@ -14,7 +14,7 @@ from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import CopterMode, MavCommand, MavResult
 from gcs.scenario.validation.cross_table import check
 from sim_bridge import Fleet, NotInTime
-from sim_bridge.sim.default_scenario import SPACING_M, plain_scenario, scenario_for
+from sim_bridge.fleet import SPACING_M, plain_scenario, scenario_for
 from sim_bridge.testing import make_fleet
 from tests.bridge.test_links import serial_station, udp_station
 from tests.fleets import free_port

@@ -22,8 +22,8 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si
 from gcs.scenario.si import local_origin
 from sim_bridge.faults.fault_spec import parse_faults
+from sim_bridge.fleet import plain_scenario
 from sim_bridge.protocol.endpoints.address import call
-from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import WorldOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 

@@ -13,7 +13,7 @@ import pytest
 
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge import Fleet
-from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.fleet import plain_scenario
 from tests.fleets import free_port
 
 PATIENCE_S = 120.0

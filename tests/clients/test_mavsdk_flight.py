@@ -17,7 +17,7 @@ from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.mission.model import Home, MissionItem
 from sim_bridge import Fleet
-from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.fleet import plain_scenario
 from tests.clients.sdk import client, from_raw, to_raw, wait
 from tests.fleets import free_port
 

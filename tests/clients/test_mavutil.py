@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from sim_bridge import Fleet
-from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.fleet import plain_scenario
 from tests.clients.test_mavproxy import read, rows, written
 from tests.fleets import free_port
 

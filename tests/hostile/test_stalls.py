@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_bridge.sim import lockstep
+from sim_bridge.sim import world as worlds
 from sim_bridge.sim.world import World
 from tests.fleets import wait_until
 from tests.hostile.conftest import MakeVehicles, all_down
@@ -38,7 +38,7 @@ def stopped_in_the_air(ground: Ground, world: World) -> Iterator[None]:
     ground.until("take-off")
     start = world.airframes.truth[0, :2].copy()
     wait_until(lambda: float(np.linalg.norm(world.airframes.truth[0, :2] - start)) > 8.0, 120.0)
-    before_s, lockstep.TIMEOUT_S = lockstep.TIMEOUT_S, 0.1
+    before_s, worlds.TIMEOUT_S = worlds.TIMEOUT_S, 0.1
     time.sleep(0.3)  # a wait that has begun lasts as long as it should when it began
     try:
         ground.signal(signal.SIGSTOP)
@@ -46,7 +46,7 @@ def stopped_in_the_air(ground: Ground, world: World) -> Iterator[None]:
         ground.signal(signal.SIGCONT)
         ground.until("are led back to the plan")
     finally:
-        lockstep.TIMEOUT_S = before_s
+        worlds.TIMEOUT_S = before_s
 
 
 def events(flights: Path) -> list[dict[str, Any]]:

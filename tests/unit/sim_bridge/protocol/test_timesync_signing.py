@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import TICKS_PER_S, Signature
+from sim_bridge.fleet import plain_scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
 from sim_bridge.protocol.conversation import Conversation, TimesyncResponder
-from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 ME = Station(3, 1)

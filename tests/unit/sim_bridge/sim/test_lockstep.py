@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_bridge.sim.lockstep import REMIND_S, TIMEOUT_S, Lockstep
+from sim_bridge.sim.world import REMIND_S, TIMEOUT_S, Lockstep
 
 LATE_S = 100.0 + TIMEOUT_S
 

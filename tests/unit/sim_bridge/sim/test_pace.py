@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim_bridge.sim.lockstep import CATCH_UP_S, Pace
+from sim_bridge.sim.world import CATCH_UP_S, Pace
 
 
 def test_pace_is_absolute_and_forgives_a_stall():

@@ -16,7 +16,7 @@ import pytest
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
 from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoint
-from sim_bridge.sim.lockstep import Lockstep
+from sim_bridge.sim.world import Lockstep
 
 BEFORE_S = 10.0  # setpoints begin; until then the station learns the pace
 STEP_S, PERIOD_S, REPORT_S = 0.02, 0.1, 0.1
