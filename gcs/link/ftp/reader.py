@@ -22,14 +22,12 @@ the unused numbers of an item depend on where a piece begins (`mission_dat`): th
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Unpack
 
-from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerTimeout, ProtocolMisuse
 from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload
-from gcs.link.ftp.requests import FtpNumbers
-from gcs.link.ftp.transfer import FtpState, FtpTransfer
-from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.ftp.transfer import FtpState, FtpTalk, FtpTransfer
+from gcs.link.wire.message import Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
 _BURST_MIN = 12 * DATA_MAX  # less than this is read piece by piece
@@ -47,15 +45,10 @@ class FtpReader(FtpTransfer):
         measure: Callable[[bytes], int],
         head: int,
         *,
-        me: Station = GROUND,
-        timers: FtpTimers = STANDARD.ftp,
-        round_trip: RttEstimator | None = None,
-        numbers: FtpNumbers | None = None,
         tries: int = 4,
+        **talk: Unpack[FtpTalk],
     ) -> None:
-        super().__init__(
-            FtpOpcode.OPEN_FILE_RO, path, peer, tries, me=me, timers=timers, round_trip=round_trip, numbers=numbers
-        )
+        super().__init__(FtpOpcode.OPEN_FILE_RO, path, peer, tries, **talk)
         self._measure = measure
         self._head = head
         self._received = ReceivedBytes(_SIZE_MAX)

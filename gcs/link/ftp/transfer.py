@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum, auto
+from typing import TypedDict, Unpack
 
 from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
@@ -29,6 +30,15 @@ class FtpState(Enum):
     FAILED = auto()
 
 
+class FtpTalk(TypedDict, total=False):
+    """What a transfer shares with others of its session; without it, it is the only one."""
+
+    me: Station
+    timers: FtpTimers
+    round_trip: RttEstimator | None
+    numbers: FtpNumbers | None
+
+
 class FtpTransfer:
     """One file of one vehicle, opened with `opcode` at most `tries` times, also if another one is in the way.
 
@@ -37,25 +47,14 @@ class FtpTransfer:
     send no request for 3.4 s.
     """
 
-    def __init__(
-        self,
-        opcode: FtpOpcode,
-        path: str,
-        peer: Station,
-        tries: int,
-        *,
-        me: Station = GROUND,
-        timers: FtpTimers = STANDARD.ftp,
-        round_trip: RttEstimator | None = None,
-        numbers: FtpNumbers | None = None,
-    ) -> None:
+    def __init__(self, opcode: FtpOpcode, path: str, peer: Station, tries: int, **talk: Unpack[FtpTalk]) -> None:
         self.state = FtpState.IDLE
         self.error: GcsError | None = None
         self._path = path
-        self._timers = timers
-        self._requests = FtpRequests(
-            peer, me=me, numbers=numbers or FtpNumbers(), round_trip=round_trip or RttEstimator(), timers=timers
-        )
+        self._timers = timers = talk.get("timers", STANDARD.ftp)
+        numbers, round_trip = talk.get("numbers") or FtpNumbers(), talk.get("round_trip") or RttEstimator()
+        me = talk.get("me", GROUND)
+        self._requests = FtpRequests(peer, me=me, numbers=numbers, round_trip=round_trip, timers=timers)
         self._opcode = opcode
         self._tries = tries
         self._resets = False

@@ -24,14 +24,12 @@ a read-back is a proof.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Unpack
 
-from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, ProtocolMisuse
 from gcs.link.ftp.payload import FtpOpcode, FtpPayload
-from gcs.link.ftp.requests import FtpNumbers
-from gcs.link.ftp.transfer import FtpState, FtpTransfer
-from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.ftp.transfer import FtpState, FtpTalk, FtpTransfer
+from gcs.link.wire.message import Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
 
@@ -40,20 +38,9 @@ class FtpWriter(FtpTransfer):
     """One file, as pieces of at most 239 bytes by offset, the first of them at 0."""
 
     def __init__(
-        self,
-        path: str,
-        pieces: Sequence[tuple[int, bytes]],
-        peer: Station,
-        *,
-        me: Station = GROUND,
-        timers: FtpTimers = STANDARD.ftp,
-        round_trip: RttEstimator | None = None,
-        numbers: FtpNumbers | None = None,
-        tries: int = 5,
+        self, path: str, pieces: Sequence[tuple[int, bytes]], peer: Station, *, tries: int = 5, **talk: Unpack[FtpTalk]
     ) -> None:
-        super().__init__(
-            FtpOpcode.CREATE_FILE, path, peer, tries, me=me, timers=timers, round_trip=round_trip, numbers=numbers
-        )
+        super().__init__(FtpOpcode.CREATE_FILE, path, peer, tries, **talk)
         self._pieces = tuple(pieces)
         self._left: list[tuple[int, bytes]] = []
         self._requests.allow(sum(len(data) for _, data in self._pieces))

@@ -97,11 +97,6 @@ class VehicleClock:
         return self._resumed is not None
 
     @property
-    def offset_s(self) -> float | None:
-        """Unix time minus boot time, as used; None before SYSTEM_TIME."""
-        return self._offset_s
-
-    @property
     def gnss_off_s(self) -> float:
         """GNSS time as reported, minus the unix time of the held clock; 0 while it is not held."""
         if self._offset_s is None or not self._reported_s:

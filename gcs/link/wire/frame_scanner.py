@@ -23,7 +23,6 @@ _CANDIDATE = re.compile(rb"\xfe|\xfd(?=.[\x00\x01]|.?\Z)", re.DOTALL)  # looks a
 _LONG = 256  # bytes from which on all candidates are found at once
 # The work for one chunk, in bytes of checksum. A failed header costs as much as _ATTEMPT bytes.
 _PER_BYTE, _FREE, _ATTEMPT = 4, 2048, 32
-_V2 = 0xFD
 _FAR_BACK = 128  # a larger gap means a late frame or a copy
 
 
@@ -51,7 +50,6 @@ class FrameScanner:
     """The scanner of one dialect: `kinds` by message id."""
 
     def __init__(self, kinds: Mapping[int, FrameKind]) -> None:
-        self._kinds = dict(kinds)
         self._extra = {number: bytes([kind.crc_extra]) for number, kind in kinds.items()}
         sizes = np.full(256, 255)  # an unknown message may have any length
         for number, kind in kinds.items():
@@ -172,7 +170,7 @@ class LinkQuality:
         """Count one whole frame."""
         if not frame:
             return
-        number = frame[4] if frame[0] == _V2 else frame[2]
+        number = frame[4] if frame[0] == V2 else frame[2]
         gap = (number - self._last - 1) & 0xFF if self._last >= 0 else 0
         self.received += 1
         if gap >= _FAR_BACK:
