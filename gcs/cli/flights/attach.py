@@ -8,7 +8,16 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import AlsoToOption, DebugOption, JsonOption, KeyOption, LinkOption, flights, watchers
+from gcs.cli.shared_options import (
+    AlsoToOption,
+    DebugOption,
+    JsonOption,
+    KeyOption,
+    LinkOption,
+    flights,
+    option,
+    watchers,
+)
 from gcs.errors import UsageError
 
 
@@ -22,13 +31,13 @@ def attach(
             autocompletion=flights,
         ),
     ] = None,
-    land: Annotated[bool, typer.Option("--land", help="Land every vehicle where it is.")] = False,
-    home: Annotated[bool, typer.Option("--return", help="Return all vehicles (RTL) at staggered altitudes.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Fly the remaining plan.")] = False,
+    land: Annotated[bool, option("Land every vehicle where it is.", "--land")] = False,
+    home: Annotated[bool, option("Return all vehicles (RTL) at staggered altitudes.", "--return")] = False,
+    resume: Annotated[bool, option("Fly the remaining plan.", "--resume")] = False,
     link: LinkOption = None,
     signing_key_file: KeyOption = None,
     also_to: AlsoToOption = None,
-    to: Annotated[Path, typer.Option("--to", help="Folder that holds the folders of flights.")] = Path("flights"),
+    to: Annotated[Path, option("Folder that holds the folders of flights.")] = Path("flights"),
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:

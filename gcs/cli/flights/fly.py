@@ -10,6 +10,7 @@ import typer
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
+    LARGEST_SYSTEM,
     AlsoToOption,
     DebugOption,
     JsonOption,
@@ -19,123 +20,104 @@ from gcs.cli.shared_options import (
     MissionArgument,
     TransferOption,
     UnverifiedOption,
+    as_rate,
+    as_share,
     connection,
     one_of,
-    unknown_choice,
+    option,
     watchers,
-    within,
 )
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
     from gcs.scenario.schema.scenario import Scenario
 
-SPEEDUPS = (0.01, 10_000.0)  # least and most, in multiples of real time
 LARGEST_SEED = 2**53
-LARGEST_SYSID = 254  # 255 is the ground station
 
 
 def fly(
     mission: MissionArgument,
-    sim: Annotated[bool, typer.Option("--sim", help="Start emulated vehicles for this flight, and fly them.")] = False,
+    sim: Annotated[bool, option("Start emulated vehicles for this flight, and fly them.", "--sim")] = False,
     link: LinkOption = None,
     systems: MapOption = None,
     signing_key_file: KeyOption = None,
     transfer: TransferOption = "auto",
     missions_only: Annotated[
-        bool, typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters.")
+        bool, option("With --link: do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
     mode: Annotated[
-        str,
-        typer.Option(
-            "--mode",
-            help="stream: setpoint stream; mission: waypoint missions on board.",
-            autocompletion=one_of("stream", "mission"),
-        ),
+        str, option("stream: setpoint stream; mission: waypoint missions on board.", words=("stream", "mission"))
     ] = "stream",
-    speedup: Annotated[
-        str, typer.Option("--speedup", help="With --sim: speed in multiples of real time, or max.")
-    ] = "10",
+    speedup: Annotated[str, option("With --sim: speed in multiples of real time, or max.")] = "10",
     seed: Annotated[
-        int, typer.Option("--seed", help="With --sim: seed of the noise of sensors, and of the gusts.")
+        int, option("With --sim: seed of the noise of sensors, and of the gusts.", limits=(0, LARGEST_SEED, ""))
     ] = 0,
     fault: Annotated[
-        list[str] | None,
-        typer.Option("--fault", help="With --sim: inject a fault, e.g. 3:die@60; see sim-bridge --help."),
+        list[str] | None, option("With --sim: inject a fault, e.g. 3:die@60; see sim-bridge --help.")
     ] = None,
     wind: Annotated[
-        str | None,
-        typer.Option(
-            "--wind", metavar="SPEED@FROM", help="With --sim: wind in m/s and degrees; 3@270 comes from the west."
-        ),
+        str | None, option("With --sim: wind in m/s and degrees; 3@270 comes from the west.", metavar="SPEED@FROM")
     ] = None,
     gusts: Annotated[
         str | None,
         typer.Option(
-            "--gusts",
             help="With --sim: gusts: light (0.5 m/s), moderate (1 m/s), severe (2 m/s), "
             "or another standard deviation in m/s.",
             autocompletion=one_of("light", "moderate", "severe"),
         ),
     ] = None,
     follow: Annotated[
-        bool,
-        typer.Option("--follow", help="With --mode stream: followers use the leader's telemetry instead of its plan."),
+        bool, option("With --mode stream: followers use the leader's telemetry instead of its plan.", "--follow")
     ] = False,
     on_loss: Annotated[
         str,
-        typer.Option(
-            "--on-loss",
-            help="What the other vehicles do when one is lost: land, return or continue.",
-            autocompletion=one_of("land", "return", "continue"),
+        option(
+            "What the other vehicles do when one is lost: land, return or continue.",
+            words=("land", "return", "continue"),
         ),
     ] = "land",
     on_leader_loss: Annotated[
         str,
-        typer.Option(
-            "--on-leader-loss",
-            help="With --follow, when the leader is lost: promote (the next vehicle leads) or return.",
-            autocompletion=one_of("promote", "return"),
+        option(
+            "With --follow, when the leader is lost: promote (the next vehicle leads) or return.",
+            words=("promote", "return"),
         ),
     ] = "promote",
     nav: Annotated[
         str,
-        typer.Option(
-            "--nav",
-            help="With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
+        option(
+            "With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
             "ideal: it keeps the plan's times; auto: own where it is predicted to meet the table `judge`, else ideal.",
-            autocompletion=one_of("auto", "own", "ideal"),
+            words=("auto", "own", "ideal"),
         ),
     ] = "auto",
     gates: Annotated[
         int,
-        typer.Option(
-            "--gates",
+        option(
+            "With --mode mission: number of points where all vehicles wait for a common time.",
             metavar="N",
-            help="With --mode mission: number of points where all vehicles wait for a common time.",
+            limits=GATES,
         ),
     ] = 0,
     reserve: Annotated[
         str | None,
-        typer.Option(
-            "--reserve",
-            metavar="SHARE",
-            help="With --link: least charge left after the flight, of a full battery; default: `reserve` of the table "
+        option(
+            "With --link: least charge left after the flight, of a full battery; default: `reserve` of the table "
             "`preflight`.",
+            metavar="SHARE",
         ),
     ] = None,
     waive: Annotated[
         list[str] | None,
-        typer.Option(
-            "--waive",
-            metavar="CHECK",
-            help="With --link: fly although this pre-flight check fails, by its name; the flight's folder records it. "
+        option(
+            "With --link: fly although this pre-flight check fails, by its name; the flight's folder records it. "
             "Give it once for each check.",
+            metavar="CHECK",
         ),
     ] = None,
-    to: Annotated[Path, typer.Option("--to", help="Folder for the folders of flights.")] = Path("flights"),
+    to: Annotated[Path, option("Folder for the folders of flights.")] = Path("flights"),
     also_to: AlsoToOption = None,
-    yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without confirmation.")] = False,
+    yes_arm: Annotated[bool, option("With --link: arm without confirmation.", "--yes-arm")] = False,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -152,12 +134,13 @@ def fly(
     gcs fly missions/simulation1 --sim --speedup 1 --also-to udpout:127.0.0.1:14550
     """
     screen = Screen(json=json)
-    _check(sim, bool(link), mode, speedup, seed)
-    _check_choices(follow, mode, on_loss, on_leader_loss)
-    _check_missions(mode, nav, gates)
-    share = _reserve(reserve, sim)
-    if waive and sim:
-        raise UsageError("--waive applies to vehicles on a --link only", hint="leave --waive out with --sim")
+    share = None if reserve is None else as_share(reserve)
+    _check(sim, bool(link), mode, speedup, nav, follow, gates)
+    for name, given in (("--reserve", reserve), ("--waive", waive)):
+        if given and sim:
+            raise UsageError(f"{name} applies to vehicles on a --link only", hint=f"leave {name} out with --sim")
+    if share is not None and not 0.0 <= share < 1.0:
+        raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
     known = connection(link, systems, signing_key_file, transfer) if link else None
     watched_at = watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
@@ -198,69 +181,25 @@ def fly(
 
 def _refuse_large(scenario: Scenario) -> None:
     count = len(scenario.formation.sysids)
-    if max(scenario.formation.sysids) > LARGEST_SYSID:
+    if max(scenario.formation.sysids) > LARGEST_SYSTEM:
         raise UsageError(
-            f"{count} vehicles: one MAVLink network has at most {LARGEST_SYSID} system ids",
+            f"{count} vehicles: one MAVLink network has at most {LARGEST_SYSTEM} system ids",
             hint="fly a smaller formation; `gcs export` writes files for all vehicles",
         )
 
 
-def _check(sim: bool, link: bool, mode: str, speedup: str, seed: int) -> None:
-    """Refuse wrong options before heavy imports. Raises `UsageError`."""
+def _check(sim: bool, link: bool, mode: str, speedup: str, nav: str, follow: bool, gates: int) -> None:
+    """Refuse options that do not go together before heavy imports. Raises `UsageError`."""
     if sim == link:
         raise UsageError(
             "give --sim for emulated vehicles, or --link for vehicles on a link, and not both",
             hint="for example `gcs fly missions/simulation1 --sim`",
         )
-    if mode not in ("stream", "mission"):
-        raise unknown_choice("--mode", mode, ("stream", "mission"))
-    if speedup != "max":
-        try:
-            rate = float(speedup)
-        except ValueError:
-            rate = 0.0
-        if not SPEEDUPS[0] <= rate <= SPEEDUPS[1]:
-            raise UsageError(
-                f"--speedup {speedup[:40]}: not a speed",
-                hint=f"give a number from {SPEEDUPS[0]:g} to {SPEEDUPS[1]:g}, or max",
-            )
-    within("--seed", seed, 0, LARGEST_SEED)
-
-
-def _check_choices(follow: bool, mode: str, on_loss: str, on_leader_loss: str) -> None:
-    """Refuse unknown values of --on-loss and --on-leader-loss, and --follow without a setpoint stream."""
+    as_rate("--speedup", speedup)
     if follow and mode != "stream":
         raise UsageError("--follow needs a setpoint stream", hint="give --mode stream")
-    for name, word, known in (
-        ("--on-loss", on_loss, ("land", "return", "continue")),
-        ("--on-leader-loss", on_leader_loss, ("promote", "return")),
-    ):
-        if word not in known:
-            raise unknown_choice(name, word, known)
-
-
-def _check_missions(mode: str, nav: str, gates: int) -> None:
-    if nav not in ("auto", "own", "ideal"):
-        raise unknown_choice("--nav", nav, ("auto", "own", "ideal"))
-    within("--gates", gates, *GATES)
     if gates and (mode != "mission" or nav == "ideal"):
         raise UsageError(
             "--gates needs waypoint missions and the autopilot's own navigator",
             hint="add --mode mission and leave --nav ideal out",
         )
-
-
-def _reserve(text: str | None, sim: bool) -> float | None:
-    """The share of `30%` or `0.3`. Raises `UsageError`."""
-    if text is None:
-        return None
-    if sim:
-        raise UsageError("--reserve applies to vehicles on a --link only", hint="leave --reserve out with --sim")
-    number, percent, rest = text.partition("%")
-    try:
-        share = float(number) / (100.0 if percent else 1.0)
-    except ValueError:
-        share = -1.0
-    if rest or not 0.0 <= share < 1.0:
-        raise UsageError(f"--reserve {text}: not a share", hint="give a share of a full battery: 30% or 0.3")
-    return share

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import (
-    LISTEN_S,
     BackendOption,
     DebugOption,
     JsonOption,
     KeyOption,
     LinkOption,
     ListenOption,
+    argument,
     connection,
+    is_system,
     one_of,
-    within,
+    option,
 )
 from gcs.errors import PeerError, PeerTimeout, UsageError
 
@@ -51,7 +50,6 @@ def vehicles(
     gcs vehicles --link tcp:127.0.0.1:5760 --link serial:/dev/ttyUSB0:57600 --json
     """
     screen = Screen(json=json)
-    within("--listen", listen, *LISTEN_S, "s")
     from gcs.aio import Stoppable
 
     known = connection(link, None, signing_key_file)
@@ -168,21 +166,11 @@ def _data(report: VehicleReport) -> dict[str, Any]:
 
 
 def tell(
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="hold|land|return",
-            help="Command for the vehicles.",
-            show_default=False,
-            autocompletion=one_of("hold", "land", "return"),
-        ),
-    ],
+    what: Annotated[str, argument("Command for the vehicles.", "hold|land|return", one_of("hold", "land", "return"))],
     link: LinkOption = None,
     vehicles: Annotated[
         str | None,
-        typer.Option(
-            "--vehicles", metavar="1,3", help="System ids of the vehicles; without it, all vehicles heard on the link."
-        ),
+        option("System ids of the vehicles; without it, all vehicles heard on the link.", metavar="1,3"),
     ] = None,
     listen: ListenOption = 2.0,
     signing_key_file: KeyOption = None,
@@ -204,7 +192,6 @@ def tell(
         raise UsageError(f"gcs tell {what}: unknown command", hint=f"give one of {', '.join(_DONE)}")
     if not link:
         raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
-    within("--listen", listen, *LISTEN_S, "s")
     from gcs.aio import Stoppable
 
     known = connection(link, None, signing_key_file)
@@ -223,7 +210,7 @@ def tell(
 
 def _named(text: str | None) -> tuple[int, ...]:
     parts = [part.strip() for part in text.split(",")] if text is not None else []
-    if not all(part.isascii() and part.isdigit() and len(part) < 9 and 0 < int(part) < 255 for part in parts):
+    if not all(map(is_system, parts)):
         raise UsageError(f"--vehicles {text}: not system ids", hint="give for example --vehicles 1,3")
     return tuple(dict.fromkeys(map(int, parts)))
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
-    LISTEN_S,
     BackendOption,
     DebugOption,
     JsonOption,
@@ -21,7 +18,7 @@ from gcs.cli.shared_options import (
     UntimedOption,
     UnverifiedOption,
     connection,
-    within,
+    option,
 )
 from gcs.errors import PeerError, PeerTimeout, counted
 
@@ -36,9 +33,7 @@ _SHOWN = 20  # differences per vehicle
 
 
 def download(
-    to: Annotated[
-        Path, typer.Option("--to", metavar="DIR", help="Folder to write. An older one is replaced as a whole.")
-    ],
+    to: Annotated[Path, option("Folder to write. An older one is replaced as a whole.", metavar="DIR")],
     link: LinkOption = None,
     listen: ListenOption = 3.0,
     signing_key_file: KeyOption = None,
@@ -53,7 +48,6 @@ def download(
     from gcs.aio import Stoppable
 
     screen = Screen(json=json)
-    within("--listen", listen, *LISTEN_S, "s")
     known = connection(link, None, signing_key_file)
     every = Stoppable().run(_read_all(known, backend, listen))
     files = _write(to, every)
@@ -68,7 +62,7 @@ def diff(
     mission: MissionArgument,
     link: LinkOption = None,
     systems: MapOption = None,
-    missions_only: Annotated[bool, typer.Option("--missions-only", help="Compare missions only.")] = False,
+    missions_only: Annotated[bool, option("Compare missions only.", "--missions-only")] = False,
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     untimed: UntimedOption = False,

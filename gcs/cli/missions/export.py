@@ -20,8 +20,7 @@ from gcs.cli.shared_options import (
     UntimedOption,
     UnverifiedOption,
     one_of,
-    unknown_choice,
-    within,
+    option,
 )
 from gcs.errors import NotWritten, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
@@ -33,12 +32,11 @@ if TYPE_CHECKING:
 
 AUTOPILOTS = tuple(known.key for known in Autopilot)
 _SHOWN = 20  # vehicles
-ALTITUDES = ("relative", "amsl", "terrain")
 
 
 def export(
     mission: MissionArgument,
-    to: Annotated[Path, typer.Option("--to", help="Folder to write. An older export in it is replaced as a whole.")],
+    to: Annotated[Path, option("Folder to write. An older export in it is replaced as a whole.")],
     formats: Annotated[
         list[str] | None,
         typer.Option(
@@ -52,43 +50,38 @@ def export(
     ] = None,
     autopilot: Annotated[
         str | None,
-        typer.Option(
-            "--autopilot",
-            help=f"Of all vehicles: {' or '.join(AUTOPILOTS)}.",
-            show_default="those of the scenario",
-            autocompletion=one_of(*AUTOPILOTS),
-        ),
+        option(f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", shown="those of the scenario", words=AUTOPILOTS),
     ] = None,
     altitude: Annotated[
         str,
-        typer.Option(
-            "--altitude",
-            help="Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the "
-            "ground under the vehicle).",
-            autocompletion=one_of(*ALTITUDES),
+        option(
+            "Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the ground "
+            "under the vehicle).",
+            words=("relative", "amsl", "terrain"),
         ),
     ] = "relative",
     smooth: Annotated[
         float | None,
-        typer.Option(
-            "--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline, at most this far from the plan."
+        option(
+            "Smooth the setpoints with a B-spline, at most this far from the plan.",
+            metavar="METRES",
+            limits=(1e-3, 1e3, "m"),
         ),
     ] = None,
     untimed: UntimedOption = False,
     gates: Annotated[
         int,
-        typer.Option(
-            "--gates", metavar="N", help="Number of points where all vehicles wait for a common time; ArduPilot only."
+        option(
+            "Number of points where all vehicles wait for a common time; ArduPilot only.", metavar="N", limits=GATES
         ),
     ] = 0,
     start: Annotated[
         str | None,
-        typer.Option(
-            "--start",
+        option(
+            "Time of day (UTC) at which all vehicles leave the hover after take-off; gates count from it. ArduPilot "
+            "only.",
             metavar="HH:MM:SS",
-            help="Time of day (UTC) at which all vehicles leave the hover after take-off; gates count from it. "
-            "ArduPilot only.",
-            show_default="the end of the take-off",
+            shown="the end of the take-off",
         ),
     ] = None,
     unverified: UnverifiedOption = False,
@@ -107,7 +100,6 @@ def export(
     gcs export missions/field --to out --gates 3 --start 10:30:00
     """
     screen = Screen(json=json)
-    _check(autopilot, altitude, gates, smooth)
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
@@ -263,14 +255,3 @@ def _seconds_of_day(text: str) -> int:
         raise UsageError(f"--start {text}: not a time of day", hint="give HH:MM:SS in UTC")
     hour, minute, second = map(int, found.groups())
     return 3600 * hour + 60 * minute + second
-
-
-def _check(autopilot: str | None, altitude: str, gates: int, smooth: float | None) -> None:
-    """Refuse wrong options before heavy imports. Raises `UsageError`."""
-    within("--gates", gates, *GATES)
-    if smooth is not None:
-        within("--smooth", smooth, 1e-3, 1e3, "m")
-    if autopilot is not None and autopilot not in AUTOPILOTS:
-        raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
-    if altitude not in ALTITUDES:
-        raise unknown_choice("--altitude", altitude, ALTITUDES)

@@ -6,8 +6,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     BackendOption,
@@ -20,7 +18,9 @@ from gcs.cli.shared_options import (
     TransferOption,
     UntimedOption,
     UnverifiedOption,
+    argument,
     connection,
+    option,
 )
 from gcs.errors import counted
 
@@ -38,14 +38,10 @@ def upload(
     link: LinkOption = None,
     systems: MapOption = None,
     missions_only: Annotated[
-        bool, typer.Option("--missions-only", help="Do not change fences, rally points and parameters.")
+        bool, option("Do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show which parameters would change; change nothing.")
-    ] = False,
-    to: Annotated[Path, typer.Option("--to", help="Folder for the record, which `gcs restore` reads.")] = Path(
-        "uploads"
-    ),
+    dry_run: Annotated[bool, option("Show which parameters would change; change nothing.", "--dry-run")] = False,
+    to: Annotated[Path, option("Folder for the record, which `gcs restore` reads.")] = Path("uploads"),
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     transfer: TransferOption = "auto",
@@ -98,9 +94,7 @@ def upload(
 
 
 def restore(
-    record: Annotated[
-        Path, typer.Argument(metavar="RECORD", help="Record that `gcs upload` wrote.", show_default=False)
-    ],
+    record: Annotated[Path, argument("Record that `gcs upload` wrote.", "RECORD")],
     link: LinkOption = None,
     systems: MapOption = None,
     signing_key_file: KeyOption = None,

@@ -7,11 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.planning.plan_tables import route_data, route_table
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument
+from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
 
 if TYPE_CHECKING:
     from gcs.plan.formation.changes.timeline import Move
@@ -23,17 +21,9 @@ _BAR = 20  # characters
 
 def plan(
     mission: MissionArgument,
-    to: Annotated[
-        Path | None,
-        typer.Option(
-            *("--to", "--out", "-o"),
-            metavar="FILE",
-            help="Plan file to write, or the folder for it.",
-            show_default="plans/NAME.skein",
-        ),
-    ] = None,
+    to: Annotated[Path | None, plan_file("plans/NAME.skein")] = None,
     alternatives: Annotated[
-        bool, typer.Option("--alternatives", help="Optimise every route class through the map and show its cost.")
+        bool, option("Optimise every route class through the map and show its cost.", "--alternatives")
     ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
