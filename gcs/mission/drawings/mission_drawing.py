@@ -13,9 +13,9 @@ from gcs.mavlink import FenceCommand
 from gcs.mission.drawings.drawing import Drawing, DrawnArea, DrawnDisk, Sketch, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.formats.any_mission import read_mission
+from gcs.mission.formats.foreign.oddities import first_line
 from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally
-from gcs.mission.formats.foreign.text_lines import first_line
-from gcs.mission.formats.json_lines import Key
+from gcs.mission.formats.mission_file import Key
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
 from gcs.mission.geofence import Geofence, GeoPoint, RallyPoint

@@ -16,14 +16,16 @@ from gcs.mission.drawings.drawing import (
     Datum,
     Drawing,
     DrawnArea,
+    DrawnLine,
     DrawnPoint,
+    MapSketch,
     Place,
+    drawing_of,
     labelled,
     on_earth,
     ring,
     tidy,
 )
-from gcs.mission.drawings.drawn_lines import DrawnLine, MapSketch, drawing_of
 from gcs.reading.archives import BadArchive, member_names, read_member
 from gcs.reading.bounded_file import MIB
 from gcs.reading.bounded_xml import XmlElement, read_xml

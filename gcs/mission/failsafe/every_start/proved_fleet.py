@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.autopilots.traits import FleetFirmware
-from gcs.mission.failsafe.every_start.fleet_cell import FleetCell, FleetReturn
+from gcs.mission.failsafe.every_start.fleet_cell import FleetCell, FleetReturn, least_level_m
 from gcs.mission.failsafe.every_start.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
-from gcs.mission.failsafe.every_start.relative_motion import least_level_m
 from gcs.mission.failsafe.rtl_cases import return_ends
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array

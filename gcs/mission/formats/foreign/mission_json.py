@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.formats.foreign.oddities import Odd
-from gcs.mission.formats.foreign.text_lines import MARK
+from gcs.mission.formats.foreign.oddities import MARK, Odd
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import ITEMS_MAX, PlanItem, PlanPart, PlanText, PointAndAltitude, Whole
 from gcs.mission.formats.qgc_plan import PlannedMission

@@ -10,8 +10,8 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
+from gcs.mission.failsafe.every_start.fleet_cell import Between, least_level_m
 from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
-from gcs.mission.failsafe.every_start.relative_motion import Between, least_level_m
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
