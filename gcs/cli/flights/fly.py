@@ -147,21 +147,23 @@ def fly(
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
     from gcs.flight.options import FlightMode, FlightOptions
-    from gcs.flight.run import Emulated, FlightRun, refuse_late_starts
+    from gcs.flight.run import FlightRun, refuse_late_starts
     from gcs.flight.setup.mission_choice import TimeKeeping
     from gcs.flight.setup.preflight_check import known_checks
-    from gcs.flight.setup.simulator_process import refuse_wrong_options
+    from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
 
     waived = known_checks(waive or ())
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
+
+    emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
 
     def refuse(scenario: Scenario) -> None:
         _refuse_large(scenario)
         if mode == "mission":
             refuse_late_starts(scenario)
         if sim and (fault or wind is not None or gusts is not None):
-            refuse_wrong_options(scenario, tuple(fault or ()), wind, gusts)
+            refuse_wrong_options(scenario, emulated)
 
     plan, report = plan_for(mission, screen, watch, unverified=unverified, refuse=refuse)
     limits = plan.scenario.preflight
@@ -170,7 +172,6 @@ def fly(
     choices = FlightOptions(
         follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss), waived=waived
     )
-    emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
     run = FlightRun(

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from gcs.errors import FileFormatError
 from gcs.flight.progress import Event
-from gcs.flight.recording.flight_folder import EVENTS, read_events
+from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
@@ -24,7 +24,6 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan_file import read_plan
 
-PLAN = "plan.skein"
 _FORMS = ("{}_m", "v_{}_mps")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
-from gcs.errors import PeerError, UsageError
+from gcs.errors import GcsError, PeerError, UsageError
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.mission.export.index import ExportIndex
@@ -81,8 +81,8 @@ def refuse_other_autopilots(plan: Plan, autopilots: Iterable[int]) -> None:
         )
 
 
-def refuse_no_hour(vehicles: Iterable[tuple[int, int]]) -> None:
-    """Raises `UsageError` where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
+def refuse_no_hour(vehicles: Iterable[tuple[int, int]], error: type[GcsError] = UsageError) -> None:
+    """Raises an error where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
     known = {int(one): one for one in Autopilot}
     late = [
         f"vehicle {sysid} ({known[number].title})"
@@ -90,7 +90,7 @@ def refuse_no_hour(vehicles: Iterable[tuple[int, int]]) -> None:
         if number in known and not known[number].traits.flight.waits_for_time_of_day
     ]
     if late:
-        raise UsageError(
+        raise error(
             f"missions cannot start together: a mission cannot wait until a time of day on {', '.join(late)}.",
             hint="fly with --mode stream, which keeps all vehicles on time",
         )

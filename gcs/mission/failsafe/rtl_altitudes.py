@@ -25,7 +25,7 @@ from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.every_start.ground_below import highest_below_returns_m
-from gcs.mission.failsafe.every_start.pair_returns import proved_separation
+from gcs.mission.failsafe.every_start.pair_returns import StraightReturns, proved_separation
 from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rally_choice import rally_points_ned_m
@@ -39,7 +39,7 @@ from gcs.mission.failsafe.routed.routed_returns import (
     without_way,
 )
 from gcs.mission.failsafe.routed.start_search import nearest_return
-from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases
+from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases, return_ends
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.once import once
@@ -113,8 +113,9 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     if worst is None:
         return found
     prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
-    altitudes_m, required_m = np.array(found.altitudes_m), judged_separation_m(plan.scenario)
-    proof = prove(plan, firmware, found.speeds, altitudes_m, rally, required_m, worst.distance_m)
+    ends, required_m = return_ends(plan, firmware, rally), judged_separation_m(plan.scenario)
+    returns = StraightReturns(plan, ends, found.speeds, np.array(found.altitudes_m), required_m)
+    proof = prove(returns, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
         first, second = proof.pair
         worst = WorstReturn(proof.least_m, proof.t_s, (plan.sysids[first], plan.sysids[second]), proof.ends)

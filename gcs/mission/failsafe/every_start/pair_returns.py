@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.failsafe.every_start.return_tubes import Tubes, least_of_pairs
 from gcs.mission.failsafe.every_start.start_cells import Starts, plan_intervals, start_cells
-from gcs.mission.failsafe.rtl_cases import ReturnEnds, return_ends
+from gcs.mission.failsafe.rtl_cases import ReturnEnds
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import (
@@ -85,7 +84,7 @@ class StraightReturns:
     speeds: ReturnSpeeds
     altitudes_m: Array  # (V,)
     required_m: float
-    to_rally: bool
+    to_rally: bool = False
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -153,22 +152,14 @@ class StraightReturns:
             yield Tubes.of(motion, starts.level_m, starts.vertical_m, climbs_m, self.speeds), may
 
 
-def proved_separation(
-    plan: Plan,
-    firmware: FleetFirmware,
-    speeds: ReturnSpeeds,
-    altitudes_m: Array,
-    rally_ned_m: Array,
-    required_m: float,
-    seen_m: float,
-) -> ProvedSeparation:
-    """The proved separation of returns at these altitudes (V,); `seen_m` is a distance that is known to occur."""
-    proof, looks = Proof.begun((1, 1), 3, seen_m), Looks(_PAIRS_MAX)
+def proved_separation(returns: StraightReturns, seen_m: float) -> ProvedSeparation:
+    """The proved separation of returns to homes and to rally points; `seen_m` is a distance that is known to occur."""
+    proof, looks, plan = Proof.begun((1, 1), 3, seen_m), Looks(_PAIRS_MAX), returns.plan
     begin_s, end_s = plan_intervals(plan, LONGEST_S)
-    every = np.stack(np.triu_indices(len(altitudes_m), 1), axis=1)
-    cells, pairs, ends = len(begin_s), len(every), return_ends(plan, firmware, rally_ned_m)
+    every = np.stack(np.triu_indices(len(returns.altitudes_m), 1), axis=1)
+    cells, pairs = len(begin_s), len(every)
     whole = plain_cells(np.tile(every, (cells, 1)), np.repeat(begin_s, pairs), np.repeat(end_s, pairs))
     for to_rally in (False, True):
-        family = StraightReturns(plan, ends, speeds, altitudes_m, required_m, to_rally)
+        family = replace(returns, to_rally=to_rally)
         settle(family, family.cells(whole), proof, looks)
     return ProvedSeparation.of(proof)
