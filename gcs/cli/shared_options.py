@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.errors import UsageError
+from gcs.errors import PeerTimeout, UsageError
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -229,6 +229,12 @@ def connection(
         if link in chosen[:number]:
             raise UsageError(f"--link {link} is given twice", hint="give each link once")
     return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
+
+
+def nobody_heard(known: Connection, listen_s: float, more: str = "") -> PeerTimeout:
+    """The error where no vehicle was heard; `more` follows the time."""
+    hint = "start the vehicles, or check the address and port they send to"
+    return PeerTimeout(f"no vehicle was heard at {known} within {listen_s:g} s{more}.", hint=hint)
 
 
 def watchers(also_to: Sequence[str] | None, links: Sequence[str] | None) -> tuple[str, ...]:

@@ -27,8 +27,14 @@ from gcs.flight.recording.writing.flight_report import emulation_data, repeat_co
 from gcs.flight.recording.writing.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_no_hour, refuse_other_autopilots
-from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
+from gcs.flight.setup.build_loads import (
+    TimeKeeping,
+    export_for_flight,
+    loads_built_aside,
+    missions_only,
+    refuse_no_hour,
+    refuse_other_autopilots,
+)
 from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
 from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator

@@ -148,7 +148,7 @@ def fly(
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
     from gcs.flight.options import FlightMode, FlightOptions
     from gcs.flight.run import FlightRun, refuse_late_starts
-    from gcs.flight.setup.mission_choice import TimeKeeping
+    from gcs.flight.setup.build_loads import TimeKeeping
     from gcs.flight.setup.preflight_check import known_checks
     from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
 

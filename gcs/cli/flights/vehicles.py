@@ -15,10 +15,11 @@ from gcs.cli.shared_options import (
     argument,
     connection,
     is_system,
+    nobody_heard,
     one_of,
     option,
 )
-from gcs.errors import PeerError, PeerTimeout, UsageError
+from gcs.errors import PeerError, UsageError
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -72,10 +73,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
         if not heard:
             foreign = fleet.refused_frames if isinstance(fleet, LinkedFleet) else 0
             refused = f"; {foreign} frames were not signed with our key" if foreign else ""
-            raise PeerTimeout(
-                f"no vehicle was heard at {known} within {listen_s:g} s{refused}.",
-                hint="start the vehicles, or check the address and port they send to",
-            )
+            raise nobody_heard(known, listen_s, refused)
         if isinstance(fleet, LinkedFleet):
             reports = [status_report(s, fleet.where(n)) for n, s in sorted(fleet.sessions.items()) if n in heard]
         else:
@@ -223,10 +221,7 @@ async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ..
         found: dict[int, VehicleSession | MavsdkVehicle] = {}
         found.update(await (fleet.vehicles(named, _TIMEOUT_S) if named else fleet.listen(listen_s)))
         if not found:
-            raise PeerTimeout(
-                f"no vehicle was heard at {known} within {listen_s:g} s.",
-                hint="check the link, and that the vehicles are switched on",
-            )
+            raise nobody_heard(known, listen_s)
         words = await asyncio.gather(*(_tell_one(vehicle, what) for vehicle in found.values()))
         return dict(zip(found, words, strict=True))
 

@@ -18,9 +18,10 @@ from gcs.cli.shared_options import (
     UntimedOption,
     UnverifiedOption,
     connection,
+    nobody_heard,
     option,
 )
-from gcs.errors import PeerError, PeerTimeout, counted
+from gcs.errors import PeerError, counted
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -105,10 +106,7 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[On
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
         if not sessions:
-            raise PeerTimeout(
-                f"no vehicle was heard at {known} within {listen_s:g} s.",
-                hint="start the vehicles, or check the address and port they send to",
-            )
+            raise nobody_heard(known, listen_s)
         every = await asyncio.gather(*(read_onboard(session) for session in sessions.values()))
         fleet.check()
         return list(every)

@@ -165,12 +165,7 @@ def export(
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
         }
     )
-    if not index.refused:
-        return 0
-    refusal = _not_written(index, plan, to)
-    if json:
-        return refusal.exit_code
-    raise refusal
+    return screen.ended(_not_written(index, plan, to) if index.refused else None)
 
 
 def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.planning.plan_tables import route_data, route_table
@@ -57,17 +57,11 @@ def plan(
     screen.say(f"plan: {path}")
     screen.result(
         {
-            "ok": report.ok,
-            "plan": path,
-            "hash": made.hash,
-            "objective": made.objective,
-            "clearance_min_m": report.clearance_min_m,
-            "separation_min_m": report.separation_min_m,
+            **plan_data(made, report, path),
             "nearest_zone": None if report.nearest_zone is None else asdict(report.nearest_zone),
             "navigation_error": asdict(navigation_error(made.scenario)),
             "window_error_max_m": report.window_error_max_m,
             "terminal_error_m": report.terminal_error_m,
-            "failures": [str(c) for c in report.failures],
             "greatest_motion": greatest_motion(made).by_vehicle(made.sysids),
             "changes": [asdict(m) for m in made.moves],
             **({"route_points": route_data(made)} if made.passages else {}),
@@ -78,11 +72,20 @@ def plan(
         }
         | surveyed
     )
-    if report.ok:
-        return 0
-    if json:
-        return refusal(report).exit_code
-    raise refusal(report)
+    return screen.ended(None if report.ok else refusal(report))
+
+
+def plan_data(made: Plan, report: Report, path: Path) -> dict[str, Any]:
+    """What `--json` has of every plan that is written."""
+    return {
+        "ok": report.ok,
+        "plan": path,
+        "hash": made.hash,
+        "objective": made.objective,
+        "clearance_min_m": report.clearance_min_m,
+        "separation_min_m": report.separation_min_m,
+        "failures": [str(c) for c in report.failures],
+    }
 
 
 def show_plan(screen: Screen, made: Plan, report: Report) -> None:
@@ -269,11 +272,7 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
             "sampled": list(report.sampled),
         }
     )
-    if report.ok:
-        return 0
-    if json:
-        return refusal(report).exit_code
-    raise refusal(report)
+    return screen.ended(None if report.ok else refusal(report))
 
 
 def _zeroed(margin: float) -> float:

@@ -49,7 +49,7 @@ def replan(
     """
     screen = Screen(json=json)
     from gcs.cli.plan_argument import Stopwatch, plan_path, solve_line
-    from gcs.cli.planning.plan import show_plan
+    from gcs.cli.planning.plan import plan_data, show_plan
     from gcs.plan.replanning.replanner import Replanner
     from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.verification.verify import refusal, verify
@@ -78,24 +78,14 @@ def replan(
     screen.say(f"plan: {path}")
     screen.result(
         {
-            "ok": report.ok,
-            "plan": path,
-            "hash": made.hash,
+            **plan_data(made, report, path),
             "at_s": at,
-            "objective": made.objective,
-            "clearance_min_m": report.clearance_min_m,
-            "separation_min_m": report.separation_min_m,
-            "failures": [str(c) for c in report.failures],
             "iterations": [done.iterations for done in made.mesh_history],
             "time_s": watch.laps_s,
             **({"picture": picture} if picture else {}),
         }
     )
-    if report.ok:
-        return 0
-    if json:
-        return refusal(report).exit_code
-    raise refusal(report)
+    return screen.ended(None if report.ok else refusal(report))
 
 
 def _state(text: str | None, plan: Plan, at_s: float) -> Array:

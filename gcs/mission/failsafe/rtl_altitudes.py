@@ -35,12 +35,20 @@ from gcs.mission.failsafe.routed.routed_returns import (
     RoutedReturns,
     highest_under_ways_m,
     instants_s,
+    nearest_return,
     routed_returns,
     without_way,
 )
-from gcs.mission.failsafe.routed.start_search import nearest_return
-from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases, return_ends
-from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
+from gcs.mission.failsafe.rtl_cases import (
+    Crossing,
+    Returning,
+    ReturnSpeeds,
+    highest_ground_m,
+    pair_distances,
+    places_at,
+    return_cases,
+    return_ends,
+)
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.once import once
 from gcs.physics.quadrotor import Array

@@ -18,7 +18,7 @@ from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import GRID_S, Verdict
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.recording.flight_folder import FAILED_TEXT, OK_TEXT, PLAN, limit_text
-from gcs.flight.setup.mission_choice import TimeKeeping
+from gcs.flight.setup.build_loads import TimeKeeping
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.physics.wind import GUSTS_MPS
 from gcs.scenario.schema.scenario import Scenario

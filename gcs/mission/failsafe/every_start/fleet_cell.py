@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.mission.failsafe.rtl_cases import ReturnEnds
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnEnds, ReturnSpeeds
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.verification.proof.polynomials import scaled_coefficients
 from gcs.plan.verification.proof.subdivision import Rows

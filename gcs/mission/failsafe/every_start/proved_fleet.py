@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs.mission.failsafe.every_start.fleet_cell import FleetCell, FleetReturn, least_level_m
 from gcs.mission.failsafe.every_start.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import (
     Cells,

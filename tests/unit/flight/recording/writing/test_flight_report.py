@@ -14,7 +14,7 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import FlightTimes
 from gcs.flight.recording.flight_folder import report_data
 from gcs.flight.recording.writing.flight_report import DEFINITIONS, emulation_data, repeat_command, write_report
-from gcs.flight.setup.mission_choice import TimeKeeping
+from gcs.flight.setup.build_loads import TimeKeeping
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.scenario.schema.scenario import Scenario
 

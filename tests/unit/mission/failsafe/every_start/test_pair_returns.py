@@ -13,8 +13,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.every_start.pair_returns import StraightReturns, proved_separation
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
-from gcs.mission.failsafe.rtl_cases import return_cases, return_ends
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds, pair_distances
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds, pair_distances, return_cases, return_ends
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Phase, Plan

@@ -14,8 +14,7 @@ from gcs.mission.failsafe.every_start.fleet_cell import Between, least_level_m
 from gcs.mission.failsafe.every_start.pair_returns import StraightReturns
 from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
-from gcs.mission.failsafe.rtl_cases import return_ends
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds, return_ends
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
