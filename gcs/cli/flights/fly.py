@@ -7,26 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcs.cli import shared_options as shared
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import (
-    GATES,
-    LARGEST_SYSTEM,
-    AlsoToOption,
-    DebugOption,
-    JsonOption,
-    KeyOption,
-    LinkOption,
-    MapOption,
-    MissionArgument,
-    TransferOption,
-    UnverifiedOption,
-    as_rate,
-    as_share,
-    connection,
-    one_of,
-    option,
-    watchers,
-)
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,56 +18,57 @@ LARGEST_SEED = 2**53
 
 
 def fly(
-    mission: MissionArgument,
-    sim: Annotated[bool, option("Start emulated vehicles for this flight, and fly them.", "--sim")] = False,
-    link: LinkOption = None,
-    systems: MapOption = None,
-    signing_key_file: KeyOption = None,
-    transfer: TransferOption = "auto",
+    mission: shared.MissionArgument,
+    sim: Annotated[bool, shared.option("Start emulated vehicles for this flight, and fly them.", "--sim")] = False,
+    link: shared.LinkOption = None,
+    systems: shared.MapOption = None,
+    signing_key_file: shared.KeyOption = None,
+    transfer: shared.TransferOption = "auto",
     missions_only: Annotated[
-        bool, option("With --link: do not change fences, rally points and parameters.", "--missions-only")
+        bool, shared.option("With --link: do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
     mode: Annotated[
-        str, option("stream: setpoint stream; mission: waypoint missions on board.", words=("stream", "mission"))
+        str, shared.option("stream: setpoint stream; mission: waypoint missions on board.", words=("stream", "mission"))
     ] = "stream",
-    speedup: Annotated[str, option("With --sim: speed in multiples of real time, or max.")] = "10",
+    speedup: Annotated[str, shared.option("With --sim: speed in multiples of real time, or max.")] = "10",
     seed: Annotated[
-        int, option("With --sim: seed of the noise of sensors, and of the gusts.", limits=(0, LARGEST_SEED, ""))
+        int, shared.option("With --sim: seed of the noise of sensors, and of the gusts.", limits=(0, LARGEST_SEED, ""))
     ] = 0,
     fault: Annotated[
-        list[str] | None, option("With --sim: inject a fault, e.g. 3:die@60; see sim-bridge --help.")
+        list[str] | None, shared.option("With --sim: inject a fault, e.g. 3:die@60; see sim-bridge --help.")
     ] = None,
     wind: Annotated[
-        str | None, option("With --sim: wind in m/s and degrees; 3@270 comes from the west.", metavar="SPEED@FROM")
+        str | None,
+        shared.option("With --sim: wind in m/s and degrees; 3@270 comes from the west.", metavar="SPEED@FROM"),
     ] = None,
     gusts: Annotated[
         str | None,
         typer.Option(
             help="With --sim: gusts: light (0.5 m/s), moderate (1 m/s), severe (2 m/s), "
             "or another standard deviation in m/s.",
-            autocompletion=one_of("light", "moderate", "severe"),
+            autocompletion=shared.one_of("light", "moderate", "severe"),
         ),
     ] = None,
     follow: Annotated[
-        bool, option("With --mode stream: followers use the leader's telemetry instead of its plan.", "--follow")
+        bool, shared.option("With --mode stream: followers use the leader's telemetry instead of its plan.", "--follow")
     ] = False,
     on_loss: Annotated[
         str,
-        option(
+        shared.option(
             "What the other vehicles do when one is lost: land, return or continue.",
             words=("land", "return", "continue"),
         ),
     ] = "land",
     on_leader_loss: Annotated[
         str,
-        option(
+        shared.option(
             "With --follow, when the leader is lost: promote (the next vehicle leads) or return.",
             words=("promote", "return"),
         ),
     ] = "promote",
     nav: Annotated[
         str,
-        option(
+        shared.option(
             "With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
             "ideal: it keeps the plan's times; auto: own where it is predicted to meet the table `judge`, else ideal.",
             words=("auto", "own", "ideal"),
@@ -93,15 +76,15 @@ def fly(
     ] = "auto",
     gates: Annotated[
         int,
-        option(
+        shared.option(
             "With --mode mission: number of points where all vehicles wait for a common time.",
             metavar="N",
-            limits=GATES,
+            limits=shared.GATES,
         ),
     ] = 0,
     reserve: Annotated[
         str | None,
-        option(
+        shared.option(
             "With --link: least charge left after the flight, of a full battery; default: `reserve` of the table "
             "`preflight`.",
             metavar="SHARE",
@@ -109,18 +92,18 @@ def fly(
     ] = None,
     waive: Annotated[
         list[str] | None,
-        option(
+        shared.option(
             "With --link: fly although this pre-flight check fails, by its name; the flight's folder records it. "
             "Give it once for each check.",
             metavar="CHECK",
         ),
     ] = None,
-    to: Annotated[Path, option("Folder for the folders of flights.")] = Path("flights"),
-    also_to: AlsoToOption = None,
-    yes_arm: Annotated[bool, option("With --link: arm without confirmation.", "--yes-arm")] = False,
-    unverified: UnverifiedOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    to: Annotated[Path, shared.option("Folder for the folders of flights.")] = Path("flights"),
+    also_to: shared.AlsoToOption = None,
+    yes_arm: Annotated[bool, shared.option("With --link: arm without confirmation.", "--yes-arm")] = False,
+    unverified: shared.UnverifiedOption = False,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Plan a mission, upload it to every vehicle, read it back, fly it and judge the flight.
 
@@ -134,15 +117,15 @@ def fly(
     gcs fly missions/simulation1 --sim --speedup 1 --also-to udpout:127.0.0.1:14550
     """
     screen = Screen(json=json)
-    share = None if reserve is None else as_share(reserve)
+    share = None if reserve is None else shared.as_share(reserve)
     _check(sim, bool(link), mode, speedup, nav, follow, gates)
     for name, given in (("--reserve", reserve), ("--waive", waive)):
         if given and sim:
             raise UsageError(f"{name} applies to vehicles on a --link only", hint=f"leave {name} out with --sim")
     if share is not None and not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
-    known = connection(link, systems, signing_key_file, transfer) if link else None
-    watched_at = watchers(also_to, known.links if known else None)
+    known = shared.connection(link, systems, signing_key_file, transfer) if link else None
+    watched_at = shared.watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
@@ -182,9 +165,9 @@ def fly(
 
 def _refuse_large(scenario: Scenario) -> None:
     count = len(scenario.formation.sysids)
-    if max(scenario.formation.sysids) > LARGEST_SYSTEM:
+    if max(scenario.formation.sysids) > shared.LARGEST_SYSTEM:
         raise UsageError(
-            f"{count} vehicles: one MAVLink network has at most {LARGEST_SYSTEM} system ids",
+            f"{count} vehicles: one MAVLink network has at most {shared.LARGEST_SYSTEM} system ids",
             hint="fly a smaller formation; `gcs export` writes files for all vehicles",
         )
 
@@ -196,7 +179,7 @@ def _check(sim: bool, link: bool, mode: str, speedup: str, nav: str, follow: boo
             "give --sim for emulated vehicles, or --link for vehicles on a link, and not both",
             hint="for example `gcs fly missions/simulation1 --sim`",
         )
-    as_rate("--speedup", speedup)
+    shared.as_rate("--speedup", speedup)
     if follow and mode != "stream":
         raise UsageError("--follow needs a setpoint stream", hint="give --mode stream")
     if gates and (mode != "mission" or nav == "ideal"):

@@ -4,21 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
+from gcs.cli import shared_options as shared
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import (
-    BackendOption,
-    DebugOption,
-    JsonOption,
-    KeyOption,
-    LinkOption,
-    ListenOption,
-    argument,
-    connection,
-    is_system,
-    nobody_heard,
-    one_of,
-    option,
-)
 from gcs.errors import PeerError, UsageError
 
 if TYPE_CHECKING:
@@ -35,12 +22,12 @@ _DONE = {"hold": "holds", "land": "lands", "return": "returns"}
 
 
 def vehicles(
-    link: LinkOption = None,
-    listen: ListenOption = 3.0,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    link: shared.LinkOption = None,
+    listen: shared.ListenOption = 3.0,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """List the vehicles on a link: autopilot, version, mode, health, home, battery, link quality.
 
@@ -53,7 +40,7 @@ def vehicles(
     screen = Screen(json=json)
     from gcs.aio import Stoppable
 
-    known = connection(link, None, signing_key_file)
+    known = shared.connection(link, None, signing_key_file)
     screen.say(f"listening at {known} for {listen:g} s")
     reports = Stoppable().run(_ask_all(known, listen, backend))
     _show(screen, reports)
@@ -73,7 +60,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
         if not heard:
             foreign = fleet.refused_frames if isinstance(fleet, LinkedFleet) else 0
             refused = f"; {foreign} frames were not signed with our key" if foreign else ""
-            raise nobody_heard(known, listen_s, refused)
+            raise shared.nobody_heard(known, listen_s, refused)
         if isinstance(fleet, LinkedFleet):
             reports = [status_report(s, fleet.where(n)) for n, s in sorted(fleet.sessions.items()) if n in heard]
         else:
@@ -164,17 +151,19 @@ def _data(report: VehicleReport) -> dict[str, Any]:
 
 
 def tell(
-    what: Annotated[str, argument("Command for the vehicles.", "hold|land|return", one_of("hold", "land", "return"))],
-    link: LinkOption = None,
+    what: Annotated[
+        str, shared.argument("Command for the vehicles.", "hold|land|return", shared.one_of("hold", "land", "return"))
+    ],
+    link: shared.LinkOption = None,
     vehicles: Annotated[
         str | None,
-        option("System ids of the vehicles; without it, all vehicles heard on the link.", metavar="1,3"),
+        shared.option("System ids of the vehicles; without it, all vehicles heard on the link.", metavar="1,3"),
     ] = None,
-    listen: ListenOption = 2.0,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    listen: shared.ListenOption = 2.0,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Command vehicles in flight to hold their position, to land there, or to return (RTL).
 
@@ -192,7 +181,7 @@ def tell(
         raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
     from gcs.aio import Stoppable
 
-    known = connection(link, None, signing_key_file)
+    known = shared.connection(link, None, signing_key_file)
     said = Stoppable().run(_tell(known, backend, what, _named(vehicles), listen))
     for sysid, word in said.items():
         screen.say(f"vehicle {sysid}: {word}")
@@ -208,7 +197,7 @@ def tell(
 
 def _named(text: str | None) -> tuple[int, ...]:
     parts = [part.strip() for part in text.split(",")] if text is not None else []
-    if not all(map(is_system, parts)):
+    if not all(map(shared.is_system, parts)):
         raise UsageError(f"--vehicles {text}: not system ids", hint="give for example --vehicles 1,3")
     return tuple(dict.fromkeys(map(int, parts)))
 
@@ -221,7 +210,7 @@ async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ..
         found: dict[int, VehicleSession | MavsdkVehicle] = {}
         found.update(await (fleet.vehicles(named, _TIMEOUT_S) if named else fleet.listen(listen_s)))
         if not found:
-            raise nobody_heard(known, listen_s)
+            raise shared.nobody_heard(known, listen_s)
         words = await asyncio.gather(*(_tell_one(vehicle, what) for vehicle in found.values()))
         return dict(zip(found, words, strict=True))
 

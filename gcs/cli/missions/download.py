@@ -5,22 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from gcs.cli import shared_options as shared
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import (
-    BackendOption,
-    DebugOption,
-    JsonOption,
-    KeyOption,
-    LinkOption,
-    ListenOption,
-    MapOption,
-    MissionArgument,
-    UntimedOption,
-    UnverifiedOption,
-    connection,
-    nobody_heard,
-    option,
-)
 from gcs.errors import PeerError, counted
 
 if TYPE_CHECKING:
@@ -34,13 +20,13 @@ _SHOWN = 20  # differences per vehicle
 
 
 def download(
-    to: Annotated[Path, option("Folder to write. An older one is replaced as a whole.", metavar="DIR")],
-    link: LinkOption = None,
-    listen: ListenOption = 3.0,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    to: Annotated[Path, shared.option("Folder to write. An older one is replaced as a whole.", metavar="DIR")],
+    link: shared.LinkOption = None,
+    listen: shared.ListenOption = 3.0,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Read missions, fences and rally points of every vehicle on a link into files uavN.plan.
 
@@ -49,7 +35,7 @@ def download(
     from gcs.aio import Stoppable
 
     screen = Screen(json=json)
-    known = connection(link, None, signing_key_file)
+    known = shared.connection(link, None, signing_key_file)
     every = Stoppable().run(_read_all(known, backend, listen))
     files = _write(to, every)
     for held, name in zip(every, files, strict=True):
@@ -60,16 +46,16 @@ def download(
 
 
 def diff(
-    mission: MissionArgument,
-    link: LinkOption = None,
-    systems: MapOption = None,
-    missions_only: Annotated[bool, option("Compare missions only.", "--missions-only")] = False,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    untimed: UntimedOption = False,
-    unverified: UnverifiedOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    mission: shared.MissionArgument,
+    link: shared.LinkOption = None,
+    systems: shared.MapOption = None,
+    missions_only: Annotated[bool, shared.option("Compare missions only.", "--missions-only")] = False,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    untimed: shared.UntimedOption = False,
+    unverified: shared.UnverifiedOption = False,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Compare what vehicles have on board with a plan; change nothing.
 
@@ -83,7 +69,7 @@ def diff(
     from gcs.cli.plan_argument import Stopwatch, plan_for
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
-    known = connection(link, systems, signing_key_file)
+    known = shared.connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
     found = Stoppable().run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
@@ -106,7 +92,7 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[On
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
         if not sessions:
-            raise nobody_heard(known, listen_s)
+            raise shared.nobody_heard(known, listen_s)
         every = await asyncio.gather(*(read_onboard(session) for session in sessions.values()))
         fleet.check()
         return list(every)

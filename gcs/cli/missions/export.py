@@ -11,17 +11,8 @@ import typer
 from rich.table import Table
 
 from gcs.autopilots.traits import Autopilot, titles
+from gcs.cli import shared_options as shared
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import (
-    GATES,
-    DebugOption,
-    JsonOption,
-    MissionArgument,
-    UntimedOption,
-    UnverifiedOption,
-    one_of,
-    option,
-)
 from gcs.errors import NotWritten, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
@@ -35,8 +26,8 @@ _SHOWN = 20  # vehicles
 
 
 def export(
-    mission: MissionArgument,
-    to: Annotated[Path, option("Folder to write. An older export in it is replaced as a whole.")],
+    mission: shared.MissionArgument,
+    to: Annotated[Path, shared.option("Folder to write. An older export in it is replaced as a whole.")],
     formats: Annotated[
         list[str] | None,
         typer.Option(
@@ -45,16 +36,16 @@ def export(
             help="What to write; several with commas, or repeat it: "
             f"{', '.join(row.name for row in FORMATS)}, or {ALL}.",
             show_default=", ".join(row.name for row in DEFAULT),
-            autocompletion=one_of(*(row.name for row in FORMATS), ALL),
+            autocompletion=shared.one_of(*(row.name for row in FORMATS), ALL),
         ),
     ] = None,
     autopilot: Annotated[
         str | None,
-        option(f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", shown="those of the scenario", words=AUTOPILOTS),
+        shared.option(f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", shown="those of the scenario", words=AUTOPILOTS),
     ] = None,
     altitude: Annotated[
         str,
-        option(
+        shared.option(
             "Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the ground "
             "under the vehicle).",
             words=("relative", "amsl", "terrain"),
@@ -62,31 +53,33 @@ def export(
     ] = "relative",
     smooth: Annotated[
         float | None,
-        option(
+        shared.option(
             "Smooth the setpoints with a B-spline, at most this far from the plan.",
             metavar="METRES",
             limits=(1e-3, 1e3, "m"),
         ),
     ] = None,
-    untimed: UntimedOption = False,
+    untimed: shared.UntimedOption = False,
     gates: Annotated[
         int,
-        option(
-            "Number of points where all vehicles wait for a common time; ArduPilot only.", metavar="N", limits=GATES
+        shared.option(
+            "Number of points where all vehicles wait for a common time; ArduPilot only.",
+            metavar="N",
+            limits=shared.GATES,
         ),
     ] = 0,
     start: Annotated[
         str | None,
-        option(
+        shared.option(
             "Time of day (UTC) at which all vehicles leave the hover after take-off; gates count from it. ArduPilot "
             "only.",
             metavar="HH:MM:SS",
             shown="the end of the take-off",
         ),
     ] = None,
-    unverified: UnverifiedOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    unverified: shared.UnverifiedOption = False,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Write missions, setpoints and maps of every vehicle, for other ground stations.
 

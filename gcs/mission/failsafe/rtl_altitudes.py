@@ -2,7 +2,7 @@
 
 Altitudes start above the highest ground under all return tracks and are one step apart. `stagger_order` searches the
 order of vehicles. Fleets of more than 12 return at one altitude, in formation. Vehicles return to their homes, or to
-the nearest of home and rally points (`rally_choice`).
+the nearest of home and rally points (`rtl_cases`).
 
 If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
 under climbing ones; at a lower speed it passes later, when they are higher.
@@ -28,7 +28,6 @@ from gcs.mission.failsafe.every_start.ground_below import highest_below_returns_
 from gcs.mission.failsafe.every_start.pair_returns import StraightReturns, proved_separation
 from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
-from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_returns import (
     NoWay,
@@ -46,6 +45,7 @@ from gcs.mission.failsafe.rtl_cases import (
     highest_ground_m,
     pair_distances,
     places_at,
+    rally_points_ned_m,
     return_cases,
     return_ends,
 )

@@ -21,9 +21,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.check.flight_limits import limits_of
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
-from gcs.mission.waypoints.leg_profile import LegProfile, leg_profile
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, short_of_m
-from gcs.mission.waypoints.speed_correction import Corrected, correct
+from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correct, leg_profile
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.no_fly import outside_m, zones

@@ -13,9 +13,8 @@ from gcs.autopilots.navigation.predict import Prediction
 from gcs.mission.check.flight_limits import limits_of
 from gcs.mission.waypoints import arrival_times
 from gcs.mission.waypoints.arrival_times import TerrainRaise
-from gcs.mission.waypoints.leg_profile import LegProfile
 from gcs.mission.waypoints.placement import short_of_m
-from gcs.mission.waypoints.speed_correction import Corrected
+from gcs.mission.waypoints.speed_correction import Corrected, LegProfile
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.plan import Plan, phases_of
