@@ -123,7 +123,8 @@ async def _differences(
 def _write(to: Path, every: list[OnboardState]) -> list[str]:
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.export.atomic_folder import replaced
-    from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+    from gcs.mission.formats.mission_file import MissionFile
+    from gcs.mission.formats.qgc_plan import write_mission
     from gcs.mission.formats.registry import vehicle_name
 
     texts: dict[str, str] = {}
@@ -138,8 +139,9 @@ def _write(to: Path, every: list[OnboardState]) -> list[str]:
             raise PeerError(
                 f"vehicle {held.sysid} has no home position yet, and a .plan needs one.", hint="wait for its GNSS fix"
             )
-        file = PlanFile(firmware, held.home, held.mission, geofence=held.geofence(), rally=held.rally_points())
-        texts[f"{vehicle_name(held.sysid)}.plan"] = write_plan_file(file)
+        name = f"{vehicle_name(held.sysid)}.plan"
+        file = MissionFile(name, firmware, held.home, held.mission, held.geofence(), held.rally_points())
+        texts[name] = write_mission(file)
     with replaced(to) as folder:
         for name, text in texts.items():
             folder.write(name, text)
