@@ -159,9 +159,8 @@ def new(
     end_deg = None if end is None else parse_place(end, "--end")[:2]
     if end_deg is not None and (course is not None or distance is not None):
         raise UsageError("--end gives the course and the distance.", hint="leave out --course and --distance")
-    if positions is not None and (shape is not None or full):
-        wrong = "--full" if full else "--shape"
-        raise UsageError(f"--positions and {wrong} exclude each other.", hint=f"leave out {wrong}")
+    if positions is not None:
+        _exclude("--positions", {"--full": full, "--shape": shape})
     if shapes and positions is None:
         raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
     surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
@@ -193,34 +192,32 @@ def new(
     if end_deg is not None:
         given |= straight_to(end_deg, (lat_deg, lon_deg))
     wanted = {key: value for key, value in given.items() if value is not None}
+    origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
     flight: Flight | None = FirstFlight(**wanted) if wanted else None
     if positions is not None:
         from gcs.cli.planning.new_flights import flight_of_sheets
 
-        origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
         flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
-    if route is not None:
-        from gcs.cli.planning.new_flights import text_of_drawing
-
-        text, left_out = text_of_drawing(folder, route, wanted, None if at is None else parse_place(at), screen)
-        atomic_write(file, text)
-        screen.say(f"wrote {file}")
-        screen.say(f"next: gcs plan {folder}")
-        screen.result({"scenario": file, "left_out": left_out})
-        return
     if survey is not None:
-        origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
         from gcs.cli.planning.new_flights import flight_of_survey
 
         flight, place = flight_of_survey(survey, surveyed, origin, count, height, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
-    atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))
+    left_out = {}
+    if route is not None:
+        from gcs.cli.planning.new_flights import text_of_drawing
+
+        drawn_at = None if at is None else parse_place(at)
+        text, left_out["left_out"] = text_of_drawing(folder, route, wanted, drawn_at, screen)
+    else:
+        text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
+    atomic_write(file, text)
     screen.say(f"wrote {file}")
-    if alt_amsl_m is None:
+    if alt_amsl_m is None and route is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
     screen.say(f"next: gcs plan {folder}")
-    screen.result({"scenario": file})
+    screen.result({"scenario": file, **left_out})
 
 
 def _exclude(option: str, others: dict[str, object]) -> None:

@@ -96,10 +96,6 @@ class Drawing:
     recorded: bool = False  # by a receiver on the way, with many more points than a person draws
     left_out: tuple[LeftOut, ...] = ()
 
-    def without(self, *left_out: LeftOut) -> Drawing:
-        """The drawing with more sentences."""
-        return replace(self, left_out=(*self.left_out, *left_out))
-
 
 @dataclass
 class Sketch:

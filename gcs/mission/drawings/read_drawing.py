@@ -10,10 +10,10 @@ from gcs.mission.drawings.drawing import Drawing
 from gcs.mission.drawings.geojson_drawing import draw_geojson
 from gcs.mission.drawings.mission_drawing import draw_mission, draw_plan
 from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
-from gcs.mission.formats.foreign.mission_json import is_mission_json
 from gcs.mission.formats.foreign.oddities import first_line
 from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.foreign.table_rows import HEADER
+from gcs.mission.formats.qgc_plan import is_mission_json
 from gcs.reading.bounded_file import DRAWING_FILE, read_file
 from gcs.reading.bounded_json import read_json
 

@@ -1,6 +1,7 @@
 """`.plan` files: QGroundControl's JSON, mission version 2, with its geofence and rally points (both version 2).
 
-Only simple items are read. Survey patterns and other complex items are refused by name.
+Only simple items are read. Survey patterns and other complex items are refused by name. `.mission` files
+came before: version 1.0, a flat list of items, and version 2. They are only read.
 """
 
 from __future__ import annotations
@@ -9,17 +10,18 @@ import json
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.foreign.item_place import place_in_file
-from gcs.mission.formats.foreign.oddities import Odd
+from gcs.mission.formats.foreign.oddities import MARK, Odd
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import (
     ITEMS_MAX,
     AnyItem,
     Finite,
+    PlanItem,
     PlanPart,
     PlanText,
     Point,
@@ -28,6 +30,7 @@ from gcs.mission.formats.plan_items import (
 )
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Frame, Home, MissionItem
+from gcs.reading.bounded_json import refuse_crowded_json
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
 # QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 if items differ.
@@ -203,3 +206,60 @@ def _degrees(place: GeoPoint) -> list[float]:
 
 def _place(lat_deg: float, lon_deg: float) -> GeoPoint:
     return GeoPoint(to_degE7(lat_deg), to_degE7(lon_deg))
+
+
+class _Kind(BaseModel):
+    fileType: Any = None
+    version: Any = None
+    mission: Any = None
+
+
+class _HomeItem(PlanPart):
+    coordinate: PointAndAltitude
+
+
+class _Version1(PlanPart):
+    MAV_AUTOPILOT: Whole
+    version: Literal["1.0", 1]
+    plannedHomePosition: _HomeItem
+    items: Annotated[list[PlanItem], Field(max_length=ITEMS_MAX)]
+    complexItems: list[Any] = Field(default_factory=list)
+
+
+def is_mission_json(data: bytes) -> bool:
+    """Whether a file is a `.mission`; any file that is no JSON is none."""
+    try:
+        refuse_crowded_json(data)
+        kind = _Kind.model_validate_json(data.decode("utf-8").removeprefix(MARK))
+    except ValueError:  # also of pydantic, and of the decoder
+        return False
+    return kind.fileType == "Mission" or (kind.fileType is kind.mission is None and kind.version is not None)
+
+
+def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
+    """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
+    file = PlanText(data, source)
+    version = file.parsed(_Kind).version
+    file.told(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
+    speed_mps = None
+    if version == 2:
+        mission = file.parsed(PlannedMission)
+        named = file.autopilot(mission.firmwareType, ("firmwareType",), firmware)
+        home, items = Home(*mission.plannedHomePosition), file.mission_items(mission.items, ("items",))
+        speed_mps = mission.hoverSpeed if mission.hoverSpeed > 0 else None
+    else:
+        older = file.parsed(_Version1)
+        if older.complexItems:
+            raise file.refused(("complexItems", 0), "a complex item; replace it by simple items")
+        named = file.autopilot(older.MAV_AUTOPILOT, ("MAV_AUTOPILOT",), firmware)
+        home, items = Home(*older.plannedHomePosition.coordinate), file.mission_items(older.items, ("items",))
+    return MissionFile(
+        source,
+        named if firmware is None else firmware,
+        home,
+        items,
+        speed_mps=speed_mps,
+        text=file.text,
+        items_path=("items",),
+        oddities=file.oddities.found(),
+    )
