@@ -141,10 +141,8 @@ def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetRep
         required_m = limits.zone_margin_m - limits.tolerance_m
         named = zone.zone.edge if zone.zone.keep_in else f"zone {zone.zone.number}"
         where = f"{named}, {Path(missions[row].source).name} at {zone.t_s:.1f} s"
-        proved_m, limit = (
-            min(found.proved_m for found, _ in beside),
-            f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}",
-        )
+        proved_m = min(found.proved_m for found, _ in beside)
+        limit = f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}"
         _add(table, f"distance to {in_words(limits)}", zone.distance_m, proved_m, required_m, where, limit)
     tops = [(top, row) for row, flight in enumerate(report.flights) if (top := highest_m(flight)) is not None]
     if limits.height_max_m is not None and tops:
