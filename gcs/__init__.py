@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from gcs.flight.progress import Watcher as Watcher
     from gcs.flight.recording.record_table import FlightReports as FlightReports
     from gcs.flight.recording.record_table import load_record as load_record
-    from gcs.flight.run import Emulated as Emulated
     from gcs.flight.run import Flown as Flown
     from gcs.flight.run import fly as fly
+    from gcs.flight.setup.simulator_process import Emulated as Emulated
     from gcs.link.connection import Connection as Connection
     from gcs.mission.export.export import export as export
     from gcs.mission.setpoints.setpoint_stream import build_stream as build_stream
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Connection": "gcs.link.connection",
     "CostTerm": "gcs.plan.cost_terms",
-    "Emulated": "gcs.flight.run",
+    "Emulated": "gcs.flight.setup.simulator_process",
     "FlightReports": "gcs.flight.recording.record_table",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",

@@ -82,6 +82,12 @@ class Screen:
         kind, code = type(error).__name__, error.exit_code
         self.error(error.message, hint=error.hint, kind=kind, exit_code=code, folder=error.folder)
 
+    def ended(self, failure: GcsError | None) -> int:
+        """The exit code of a command that has printed its result. Raises a failure, unless `--json` has told it."""
+        if failure is None or self.json:
+            return 0 if failure is None else failure.exit_code
+        raise failure
+
     def stopped(self, exit_code: int) -> None:
         """Print that you stopped the command."""
         if self.json:

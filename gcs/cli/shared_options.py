@@ -6,15 +6,16 @@ takes frames from the station that flies.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.errors import UsageError
+from gcs.errors import PeerTimeout, UsageError
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -106,97 +107,110 @@ def _entries(folder: Path, left: list[int]) -> list[os.DirEntry[str]]:
     return sorted(found, key=lambda entry: entry.name)
 
 
-MissionArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="MISSION",
-        help="Mission folder, scenario file or plan file.",
-        show_default=False,
-        autocompletion=missions,
-    ),
-]
-PlanArgument = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="Plan file of `gcs plan`.", show_default=False, autocompletion=plans)
-]
-FlightArgument = Annotated[
-    Path, typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default=False, autocompletion=flights)
-]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on stdout; stderr then has warnings only.")
-]
+def option(
+    text: str,
+    *names: str,
+    metavar: str | None = None,
+    shown: str | bool = True,
+    words: Sequence[str] = (),
+    limits: tuple[float, float, str] | None = None,
+    meant: Mapping[str, str] | None = None,
+) -> Any:
+    """An option with its help text, for `Annotated`; without `names` it has that of the parameter.
+
+    Its value is one of `words`, which the shell offers, or within `limits`: least, most, unit. `meant` has the words
+    that others mean. `shown` is the default as the help has it. Parsing raises `UsageError`.
+    """
+
+    def checked(param: typer.CallbackParam, value: Any) -> Any:
+        if value is not None and words and value not in words:
+            raise unknown_choice(param.opts[0], value, words, meant=(meant or {}).get(value.lower()))
+        return value if value is None or limits is None else within(param.opts[0], value, *limits)
+
+    offered, callback = one_of(*words) if words else None, checked if words or limits else None
+    return typer.Option(
+        *names, metavar=metavar, help=text, show_default=shown, autocompletion=offered, callback=callback
+    )
+
+
+def plan_file(shown: str) -> Any:
+    """The option --to of commands that write a plan."""
+    names = ("--to", "--out", "-o")
+    return option("Plan file to write, or the folder for it.", *names, metavar="FILE", shown=shown)
+
+
+def argument(text: str, metavar: str, completion: Completion | None = None) -> Any:
+    """A required argument with its help text, for `Annotated`."""
+    return typer.Argument(metavar=metavar, help=text, show_default=False, autocompletion=completion)
+
+
+MissionArgument = Annotated[Path, argument("Mission folder, scenario file or plan file.", "MISSION", missions)]
+PlanArgument = Annotated[Path, argument("Plan file of `gcs plan`.", "PLAN", plans)]
+FlightArgument = Annotated[Path, argument("Folder of the flight.", "FOLDER", flights)]
+JsonOption = Annotated[bool, option("Print one JSON object on stdout; stderr then has warnings only.", "--json")]
 # `gcs.cli.main.run` reads it from the raw arguments, which may be wrong; it is declared here for --help.
-DebugOption = Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")]
-UnverifiedOption = Annotated[
-    bool, typer.Option("--unverified", help="Use a plan that failed verification, for inspection.")
-]
+DebugOption = Annotated[bool, option("Print the traceback of an error.", "--debug")]
+UnverifiedOption = Annotated[bool, option("Use a plan that failed verification, for inspection.", "--unverified")]
 UntimedOption = Annotated[
     bool,
-    typer.Option(
-        "--untimed",
-        help="Write the plan's own speeds into missions. An autopilot does not keep them; without this option they are "
+    option(
+        "Write the plan's own speeds into missions. An autopilot does not keep them; without this option they are "
         "corrected.",
+        "--untimed",
     ),
 ]
 
 
 DEFAULT_LINK = "udpin:127.0.0.1:14550"
-GATES = (0, 1000)  # least and most of --gates; the flight's time limits them further
-LISTEN_S = (0.01, 3600.0)  # least and most of --listen
+RATES = (0.01, 10_000.0)  # least and most, in multiples of real time
 LARGEST_SYSTEM = 254  # 255 is the ground station
+GATES: tuple[float, float, str] = (0, 1000, "")  # of --gates; the flight's time limits them further
 
-ListenOption = Annotated[float, typer.Option("--listen", metavar="SECONDS", help="Time to listen for vehicles first.")]
+ListenOption = Annotated[
+    float, option("Time to listen for vehicles first.", metavar="SECONDS", limits=(0.01, 3600.0, "s"))
+]
 LinkOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--link",
+    option(
+        "Link to the vehicles: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD. Repeat it for "
+        "several links.",
         metavar="LINK",
-        help="Link to the vehicles: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD. Repeat "
-        "it for several links.",
     ),
 ]
 MapOption = Annotated[
     str | None,
-    typer.Option(
+    option(
+        "System ids on the link, where they differ from the plan: 1=7 means that vehicle 1 is system 7.",
         "--map",
         metavar="1=7,2=8",
-        help="System ids on the link, where they differ from the plan: 1=7 means that vehicle 1 is system 7.",
     ),
 ]
 KeyOption = Annotated[
     Path | None,
-    typer.Option(
-        "--signing-key-file",
+    option(
+        "Sign with the key in this file, and accept only frames that are signed with it. Default: the key in the "
+        "environment variable SKEIN_SIGNING_KEY, if it is set.",
         metavar="FILE",
-        help="Sign with the key in this file, and accept only frames that are signed with it. Default: the key in "
-        "the environment variable SKEIN_SIGNING_KEY, if it is set.",
     ),
 ]
-
-
 AlsoToOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--also-to",
-        metavar="LINK",
-        help="Copy what the vehicles send to another ground station, which then watches: udpout:127.0.0.1:14550 for "
+    option(
+        "Copy what the vehicles send to another ground station, which then watches: udpout:127.0.0.1:14550 for "
         "QGroundControl on this machine. One way: nothing from there reaches a vehicle. Repeat it for several.",
+        metavar="LINK",
     ),
 ]
 BackendOption = Annotated[
     str,
-    typer.Option(
-        "--backend",
-        help="skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign.",
-        autocompletion=one_of("skein", "mavsdk"),
-    ),
+    option("skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign.", words=("skein", "mavsdk")),
 ]
 TransferOption = Annotated[
     str,
-    typer.Option(
-        "--transfer",
-        help="How ArduPilot receives its mission: items (one by one), file (over MAVLink FTP), or auto (a file where "
-        "the vehicle offers MAVLink FTP, else items).",
-        autocompletion=one_of("items", "file", "auto"),
+    option(
+        "How ArduPilot receives its mission: items (one by one), file (over MAVLink FTP), or auto (a file where the "
+        "vehicle offers MAVLink FTP, else items).",
+        words=("items", "file", "auto"),
     ),
 ]
 
@@ -205,7 +219,7 @@ def connection(
     links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None, transfer: str = "auto"
 ) -> Connection:
     """The connection that the options describe. Raises `UsageError`."""
-    from gcs.link.connection import TRANSFERS, Connection
+    from gcs.link.connection import Connection
     from gcs.link.endpoints.base import parse_link_spec
     from gcs.link.wire.signing_keys import load_key
 
@@ -214,9 +228,13 @@ def connection(
         parse_link_spec(link)
         if link in chosen[:number]:
             raise UsageError(f"--link {link} is given twice", hint="give each link once")
-    if transfer not in TRANSFERS:
-        raise unknown_choice("--transfer", transfer, TRANSFERS)
     return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
+
+
+def nobody_heard(known: Connection, listen_s: float, more: str = "") -> PeerTimeout:
+    """The error where no vehicle was heard; `more` follows the time."""
+    hint = "start the vehicles, or check the address and port they send to"
+    return PeerTimeout(f"no vehicle was heard at {known} within {listen_s:g} s{more}.", hint=hint)
 
 
 def watchers(also_to: Sequence[str] | None, links: Sequence[str] | None) -> tuple[str, ...]:
@@ -241,15 +259,40 @@ def unknown_choice(option: str, value: str, known: Sequence[str], *, meant: str 
     return UsageError(f"{option} {value}: unknown value", hint=hint)
 
 
+def is_system(text: str) -> bool:
+    """Whether a text is a system id that a vehicle can have."""
+    return text.isascii() and text.isdigit() and len(text) < 9 and 0 < int(text) <= LARGEST_SYSTEM
+
+
+def as_number(text: str) -> float:
+    """The number in a text; NaN, which is within no limits, where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def as_share(text: str) -> float:
+    """The share in `30%` or `0.3`; NaN where it is none."""
+    number, percent, rest = text.strip().partition("%")
+    return math.nan if rest else as_number(number) / (100.0 if percent else 1.0)
+
+
+def as_rate(option: str, text: str) -> float:
+    """A speed in multiples of real time, infinite for `max`. Raises `UsageError`."""
+    rate, (least, most) = as_number(text), RATES
+    if text != "max" and not least <= rate <= most:
+        hint = f"give a number from {least:g} to {most:g}, or max"
+        raise UsageError(f"{option} {text[:40]}: not a speed", hint=hint)
+    return math.inf if text == "max" else rate
+
+
 def parse_map(text: str | None) -> dict[int, int]:
     """The system id of each vehicle: {1: 7, 2: 8} for `1=7,2=8`. Raises `UsageError`."""
     found: dict[int, int] = {}
     for part in text.split(",") if text else ():
         vehicle, equals, system = part.strip().partition("=")
-        numbers = [
-            n for n in (vehicle, system) if n.isascii() and n.isdigit() and len(n) < 9 and 0 < int(n) <= LARGEST_SYSTEM
-        ]
-        if not equals or len(numbers) != 2:
+        if not (equals and is_system(vehicle) and is_system(system)):
             raise UsageError(f"--map {text!r}: {part!r} is not VEHICLE=SYSTEM", hint="write for example --map 1=7,2=8")
         if int(vehicle) in found:
             raise UsageError(f"--map {text!r} names vehicle {vehicle} twice", hint="name each vehicle once")

@@ -143,11 +143,6 @@ class Monitor:
         for view in self.views.values():
             view.lateness = Lateness()
 
-    def separation_m(self) -> float:
-        """Return the least distance between two vehicles of `aloft`; NaN before all have reported."""
-        nearest = self.nearest_now()
-        return math.nan if nearest is None else nearest.distance_m
-
     def nearest_now(self) -> NearestPair | None:
         """Return the nearest two vehicles of `aloft`; None before all have reported."""
         return self._nearest(self.aloft)

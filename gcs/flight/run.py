@@ -27,11 +27,17 @@ from gcs.flight.recording.writing.flight_report import emulation_data, repeat_co
 from gcs.flight.recording.writing.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_no_hour, refuse_other_autopilots
-from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
+from gcs.flight.setup.build_loads import (
+    TimeKeeping,
+    export_for_flight,
+    loads_built_aside,
+    missions_only,
+    refuse_no_hour,
+    refuse_other_autopilots,
+)
 from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
 from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
-from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
+from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.link.connection import Connection
 from gcs.link.mission_protocol.strategy import SentAs, sent_data, sent_words
 from gcs.link.routing.strangers import LinkNotice
@@ -55,17 +61,6 @@ MIXED_FOLLOWING = (
     "the vehicles run different autopilots, whose tracking errors differ: --follow brings them no closer together. "
     "Leave --follow out"
 )
-
-
-@dataclass(frozen=True)
-class Emulated:
-    """How vehicles are emulated in a flight without a link: the options of `sim-bridge`."""
-
-    speedup: str = "10"
-    seed: int = 0
-    faults: tuple[str, ...] = ()
-    wind: str | None = None  # None: the scenario's
-    gusts: str | None = None
 
 
 @dataclass(frozen=True)
@@ -148,15 +143,13 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
-    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-    checks: list[PreflightCheck] = []
-    sent: dict[int, SentAs] = {}
-    ctrl_c = Stoppable()
-    flying = _fly(order, watcher, folder, index, navigator, stream, checks, sent, ctrl_c)
+    now = _Prepared(
+        order, watcher, folder, index, navigator, build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+    )
     with held_folder(folder):
-        times, monitor, gaps = ctrl_c.run(flying)
+        times, monitor, gaps = now.ctrl_c.run(_fly(now))
     late_s, nearest = monitor.late_s, tuple(monitor.nearest.values())
-    missions = sent_data(sent)
+    missions, checks = sent_data(now.sent), now.checks
     watcher.lap("fly")
     if order.link is not None:
         data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), "missions": missions}
@@ -171,15 +164,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     flew = navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
     extra: dict[str, object] = {"mode": order.keeping.mode.value, "navigator": flew, "folder": str(folder)}
     extra["time_s"] = watcher.laps_s
-    emulated = order.emulated
-    emulation = emulation_data(
-        plan.scenario,
-        wind=emulated.wind,
-        gusts=emulated.gusts,
-        seed=emulated.seed,
-        speedup=emulated.speedup,
-        faults=emulated.faults,
-    )
+    emulation = emulation_data(plan.scenario, order.emulated)
     extra |= {"emulation": emulation, "repeat": repeat_command(order.keeping, order.options, emulation)}
     extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
@@ -193,21 +178,24 @@ def refuse_late_starts(scenario: Scenario) -> None:
     refuse_no_hour(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
 
 
-async def _fly(
-    order: FlightRun,
-    watcher: Watcher,
-    folder: Path,
-    exported: ExportIndex,
-    navigator: str,
-    stream: SetpointStream,
-    checks: list[PreflightCheck],
-    sent: dict[int, SentAs],
-    ctrl_c: Stoppable,
-) -> tuple[FlightTimes, Monitor, RecordGaps]:
-    """Return the times of the flight, what its monitor saw, and what the folder lacks.
+@dataclass(frozen=True)
+class _Prepared:
+    """A flight whose folder and files are made. `checks` takes its pre-flight, `sent` how each mission was sent."""
 
-    `checks` takes the pre-flight, `sent` how each mission was sent.
-    """
+    order: FlightRun
+    watcher: Watcher
+    folder: Path
+    exported: ExportIndex
+    navigator: str
+    stream: SetpointStream
+    checks: list[PreflightCheck] = field(default_factory=list)
+    sent: dict[int, SentAs] = field(default_factory=dict)
+    ctrl_c: Stoppable = field(default_factory=Stoppable)
+
+
+async def _fly(now: _Prepared) -> tuple[FlightTimes, Monitor, RecordGaps]:
+    """Return the times of the flight, what its monitor saw, and what the folder lacks."""
+    order, watcher, folder, sent = now.order, now.watcher, now.folder, now.sent
     plan, options = order.plan, order.options
     say = spared(watcher.say, "the screen")
     time: FleetTime | None = None
@@ -231,7 +219,8 @@ async def _fly(
         )
         time = FleetTime(fleet.sessions, [known.systems.get(sysid, sysid) for sysid in plan.sysids])
         if order.link is None:
-            simulated = _simulator_options(order, folder, fleet.local_address[1], navigator)
+            log, truth, port = folder / "simulator.log", folder / "truth.npz", fleet.local_address[1]
+            simulated = SimulatorOptions(folder / SCENARIO, port, order.emulated, log, truth, now.navigator)
             await stack.enter_async_context(simulator(simulated))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
 
@@ -257,8 +246,8 @@ async def _fly(
             record.write_state(state)
 
         hooks = FlightHooks(on_event, on_step)
-        flight = await _flight(order, watcher, exported, fleet, sessions, stream, hooks, checks)
-        ctrl_c.on_again = flight.landing.tell_aloft
+        flight = await _flight(now, fleet, sessions, hooks)
+        now.ctrl_c.on_again = flight.landing.tell_aloft
         showing = asyncio.ensure_future(_show(watcher, flight, say))
         try:
             times = await flight.run()
@@ -278,16 +267,10 @@ async def _show(watcher: Watcher, flight: FlightSequence, say: Callable[[str], N
 
 
 async def _flight(
-    order: FlightRun,
-    watcher: Watcher,
-    exported: ExportIndex,
-    fleet: LinkedFleet,
-    sessions: dict[int, VehicleSession],
-    stream: SetpointStream,
-    hooks: FlightHooks,
-    checks: list[PreflightCheck],
+    now: _Prepared, fleet: LinkedFleet, sessions: dict[int, VehicleSession], hooks: FlightHooks
 ) -> FlightSequence:
     """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
+    order, watcher, exported, checks = now.order, now.watcher, now.exported, now.checks
     plan = order.plan
     lead_s = SIM_LEAD_S if order.link is None else 0.0
     if order.options.follow and len({session.autopilot for session in sessions.values()}) > 1:
@@ -318,7 +301,13 @@ async def _flight(
     same = exported.autopilots == tuple(sessions[sysid].autopilot for sysid in plan.sysids)
     returns = exported.safety.returns if same else None
     return FlightSequence(
-        plan, sessions, options, loads=loads, stream=stream, returns=returns, hooks=replace(hooks, on_ready=get_ready)
+        plan,
+        sessions,
+        options,
+        loads=loads,
+        stream=now.stream,
+        returns=returns,
+        hooks=replace(hooks, on_ready=get_ready),
     )
 
 
@@ -337,22 +326,6 @@ def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -
         for c in checks
         if c.waived
     ]
-
-
-def _simulator_options(order: FlightRun, folder: Path, port: int, navigator: str) -> SimulatorOptions:
-    emulated = order.emulated
-    return SimulatorOptions(
-        folder / SCENARIO,
-        port,
-        emulated.speedup,
-        emulated.seed,
-        log=folder / "simulator.log",
-        truth=folder / "truth.npz",
-        faults=emulated.faults,
-        navigator=navigator,
-        wind=emulated.wind,
-        gusts=emulated.gusts,
-    )
 
 
 def _skew(late_s: dict[int, float]) -> dict[str, object]:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 BACKENDS = ("skein", "mavsdk")
 _HERE = ("127.0.0.1", "::1", "localhost")
 _EVERYWHERE = ("0.0.0.0", "::")
-TRANSFERS = tuple(str(transfer) for transfer in Transfer)
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Connection:
     links: tuple[str, ...]
     systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles with another MAVLink system id
     key: bytes | None = field(default=None, repr=False)
-    transfer: str = "auto"  # one of TRANSFERS: as a file or item by item
+    transfer: str = "auto"  # a `Transfer`: as a file or item by item
     also_to: tuple[str, ...] = ()  # `udpout:HOST:PORT`: every frame of the vehicles is copied there, one way
 
     @asynccontextmanager

@@ -20,7 +20,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.link.mission_protocol.item_messages import home_item
 from gcs.mission.export.export import export
 from gcs.mission.failsafe.fence_rally import Safety
-from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
+from gcs.mission.formats.mission_file import MissionFile
+from gcs.mission.formats.qgc_plan import read_mission, write_mission
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
 from gcs.plan.planner import make_plan
@@ -131,7 +132,7 @@ def test_mavsdk_reads_circles_and_exclusions() -> None:
         (FenceCircle(corners[0], 138.25, False), FenceCircle(corners[1], 1e3, True)),
     )
     up = MissionItem(22, 3, (0.0, 0.0, 0.0, math.nan), 473970000, 85450000, 10.0)
-    text = write_plan_file(PlanFile(Autopilot.PX4, Home(47.4, 8.5, 500.0), (up,), 5.0, 5.0, fence))
+    text = write_mission(MissionFile("x", Autopilot.PX4, Home(47.4, 8.5, 500.0), (up,), fence, speed_mps=5.0))
     with importer(Autopilot.PX4) as reader:
         data = reader.import_qgroundcontrol_mission_from_string(text)
     assert_raw(data.mission_items[0], up, 0, MISSION)
@@ -202,14 +203,6 @@ def test_pymavlink_reads_the_parameters(exported: Exported) -> None:
 def test_the_plan_says_everything_again(exported: Exported) -> None:
     folder, firmware, missions, safety = exported
     for row, mission in enumerate(missions):
-        file = read_plan_file((folder / f"uav{mission.sysid}.plan").read_bytes(), "x")
-        wanted = PlanFile(
-            firmware,
-            mission.home,
-            mission.items,
-            file.cruise_speed_mps,
-            file.hover_speed_mps,
-            safety.fence.geofence,
-            safety.rally[row],
-        )
-        assert file == wanted
+        file = read_mission((folder / f"uav{mission.sysid}.plan").read_bytes(), "x")
+        wanted = (firmware, mission.home, mission.items, safety.fence.geofence, safety.rally[row])
+        assert (file.firmware, file.home, file.items, file.geofence, file.rally) == wanted

@@ -19,7 +19,7 @@ import shapely
 
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
-from gcs.mission.formats.qgc_plan import read_plan_file
+from gcs.mission.formats.qgc_plan import read_mission
 from gcs.mission.formats.qgc_wpl import read_waypoints
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
 from gcs.mission.model import Command, Frame, MissionItem
@@ -136,7 +136,7 @@ def test_returns(fresh: Path, expected: Path, plan: Plan) -> None:
 
 @pytest.mark.parametrize("sysid", range(1, 7))
 def test_fence_and_rally_points(fresh: Path, expected: Path, name: str, sysid: int) -> None:
-    ours, golden = (read_plan_file((d / f"uav{sysid}.plan").read_bytes(), str(d)) for d in (fresh, expected))
+    ours, golden = (read_mission((d / f"uav{sysid}.plan").read_bytes(), str(d)) for d in (fresh, expected))
     assert [p.inclusion for p in ours.geofence.polygons] == [p.inclusion for p in golden.geofence.polygons] == [True]
     for circle, other in zip(ours.geofence.circles, golden.geofence.circles, strict=True):
         assert (circle.center, circle.inclusion) == (other.center, other.inclusion)
@@ -166,7 +166,7 @@ def test_missions(fresh: Path, expected: Path, sysid: int) -> None:
     assert ours.home is not None
     assert golden.home is not None
     assert astuple(ours.home) == pytest.approx(astuple(golden.home), abs=1e-8)
-    plan = read_plan_file((expected / f"uav{sysid}.plan").read_bytes(), "expected")
+    plan = read_mission((expected / f"uav{sysid}.plan").read_bytes(), "expected")
     assert (plan.home, plan.items) == (golden.home, golden.items)
 
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from gcs.cli import shared_options as shared
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import AlsoToOption, DebugOption, JsonOption, KeyOption, LinkOption, flights, watchers
 from gcs.errors import UsageError
 
 
@@ -19,18 +19,18 @@ def attach(
             metavar="FOLDER",
             help="Folder of the flight.",
             show_default="the newest unfinished one",
-            autocompletion=flights,
+            autocompletion=shared.flights,
         ),
     ] = None,
-    land: Annotated[bool, typer.Option("--land", help="Land every vehicle where it is.")] = False,
-    home: Annotated[bool, typer.Option("--return", help="Return all vehicles (RTL) at staggered altitudes.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Fly the remaining plan.")] = False,
-    link: LinkOption = None,
-    signing_key_file: KeyOption = None,
-    also_to: AlsoToOption = None,
-    to: Annotated[Path, typer.Option("--to", help="Folder that holds the folders of flights.")] = Path("flights"),
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    land: Annotated[bool, shared.option("Land every vehicle where it is.", "--land")] = False,
+    home: Annotated[bool, shared.option("Return all vehicles (RTL) at staggered altitudes.", "--return")] = False,
+    resume: Annotated[bool, shared.option("Fly the remaining plan.", "--resume")] = False,
+    link: shared.LinkOption = None,
+    signing_key_file: shared.KeyOption = None,
+    also_to: shared.AlsoToOption = None,
+    to: Annotated[Path, shared.option("Folder that holds the folders of flights.")] = Path("flights"),
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Find a flight whose `gcs fly` was killed, show its vehicles, and land, return or resume it.
 
@@ -49,6 +49,6 @@ def attach(
 
     what = Resume.LAND if land else Resume.RETURN if home else Resume.RESUME if resume else Resume.SHOW
     screen = Screen(json=json)
-    watched_at = watchers(also_to, link)
+    watched_at = shared.watchers(also_to, link)
     found = folder or newest_unfinished(to, screen.warn)
     return take_up(AttachRequest(found, what, tuple(link or ()), signing_key_file, screen, watched_at))

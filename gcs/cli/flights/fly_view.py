@@ -103,15 +103,10 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
     _show(screen, flown)
     screen.say(f"time: {watch}")
     screen.result(flown.data)
-    if verdict.ok:
-        return 0
     failed = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, limit {limit_text(c)}" for c in verdict.criteria if not c.ok)
-    failure = JudgementError(
-        f"the flight failed its criteria: {failed}", hint=f"read {flown.folder / 'report.md'} and its pictures"
-    )
-    if screen.json:
-        return failure.exit_code
-    raise failure
+    hint = f"read {flown.folder / 'report.md'} and its pictures"
+    failure = JudgementError(f"the flight failed its criteria: {failed}", hint=hint)
+    return screen.ended(None if verdict.ok else failure)
 
 
 async def _say_progress(screen: Screen, flight: InFlight) -> None:

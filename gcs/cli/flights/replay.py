@@ -5,54 +5,34 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, recordings
+from gcs.cli.shared_options import DebugOption, JsonOption, argument, as_rate, option, recordings
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
     from gcs.flight.recording.recording import Recording
 
 
-SPEEDS = (0.01, 10_000.0)  # least and most, in multiples of real time
-
-
 def replay(
-    flight: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FLIGHT", help="Folder of a flight, or any .tlog.", show_default=False, autocompletion=recordings
-        ),
-    ],
+    flight: Annotated[Path, argument("Folder of a flight, or any .tlog.", "FLIGHT", recordings)],
     speed: Annotated[
-        str | None,
-        typer.Option(
-            "--speed", metavar="TIMES", help="Speed in multiples of real time, or max. Default 10; with --to-link 1."
-        ),
+        str | None, option("Speed in multiples of real time, or max. Default 10; with --to-link 1.", metavar="TIMES")
     ] = None,
     from_s: Annotated[
         float | None,
-        typer.Option(
-            "--from", metavar="SECONDS", help="Begin at this plan time; in a .tlog without a plan, at this log time."
-        ),
+        option("Begin at this plan time; in a .tlog without a plan, at this log time.", "--from", metavar="SECONDS"),
     ] = None,
-    until_s: Annotated[
-        float | None, typer.Option(*("--until", "--to"), metavar="SECONDS", help="End at this time.")
-    ] = None,
+    until_s: Annotated[float | None, option("End at this time.", "--until", "--to", metavar="SECONDS")] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(
-            "--picture", "-p", metavar="FILE", help="Draw the flight (.png, .svg, .pdf) instead of showing it."
-        ),
+        option("Draw the flight (.png, .svg, .pdf) instead of showing it.", "--picture", "-p", metavar="FILE"),
     ] = None,
     to_link: Annotated[
         str | None,
-        typer.Option(
-            "--to-link",
-            metavar="LINK",
-            help="Send the recorded frames of the vehicles to another ground station, at their times: "
+        option(
+            "Send the recorded frames of the vehicles to another ground station, at their times: "
             "udpout:127.0.0.1:14550.",
+            metavar="LINK",
         ),
     ] = None,
     json: JsonOption = False,
@@ -97,18 +77,10 @@ def replay(
 
 
 def _rate(speed: str | None, to_link: str | None) -> float:
-    if speed == "max":
-        if to_link is not None:
-            raise UsageError("--speed max: --to-link sends frames at their times", hint="give a number")
-        return float("inf")
-    try:
-        rate = float(speed) if speed is not None else (10.0 if to_link is None else 1.0)
-    except ValueError:
-        rate = 0.0
-    if not SPEEDS[0] <= rate <= SPEEDS[1]:
-        hint = f"give a number from {SPEEDS[0]:g} to {SPEEDS[1]:g}, or max"
-        raise UsageError(f"--speed {speed}: not a speed", hint=hint)
+    rate = as_rate("--speed", speed or ("10" if to_link is None else "1"))
     if to_link is not None:
+        if speed == "max":
+            raise UsageError("--speed max: --to-link sends frames at their times", hint="give a number")
         from gcs.link.endpoints.base import LinkMode, parse_link_spec
 
         if parse_link_spec(to_link).mode is not LinkMode.CALL:

@@ -4,22 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
+from gcs.cli import shared_options as shared
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import (
-    LISTEN_S,
-    BackendOption,
-    DebugOption,
-    JsonOption,
-    KeyOption,
-    LinkOption,
-    ListenOption,
-    connection,
-    one_of,
-    within,
-)
-from gcs.errors import PeerError, PeerTimeout, UsageError
+from gcs.errors import PeerError, UsageError
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -35,12 +22,12 @@ _DONE = {"hold": "holds", "land": "lands", "return": "returns"}
 
 
 def vehicles(
-    link: LinkOption = None,
-    listen: ListenOption = 3.0,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    link: shared.LinkOption = None,
+    listen: shared.ListenOption = 3.0,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """List the vehicles on a link: autopilot, version, mode, health, home, battery, link quality.
 
@@ -51,10 +38,9 @@ def vehicles(
     gcs vehicles --link tcp:127.0.0.1:5760 --link serial:/dev/ttyUSB0:57600 --json
     """
     screen = Screen(json=json)
-    within("--listen", listen, *LISTEN_S, "s")
     from gcs.aio import Stoppable
 
-    known = connection(link, None, signing_key_file)
+    known = shared.connection(link, None, signing_key_file)
     screen.say(f"listening at {known} for {listen:g} s")
     reports = Stoppable().run(_ask_all(known, listen, backend))
     _show(screen, reports)
@@ -74,10 +60,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
         if not heard:
             foreign = fleet.refused_frames if isinstance(fleet, LinkedFleet) else 0
             refused = f"; {foreign} frames were not signed with our key" if foreign else ""
-            raise PeerTimeout(
-                f"no vehicle was heard at {known} within {listen_s:g} s{refused}.",
-                hint="start the vehicles, or check the address and port they send to",
-            )
+            raise shared.nobody_heard(known, listen_s, refused)
         if isinstance(fleet, LinkedFleet):
             reports = [status_report(s, fleet.where(n)) for n, s in sorted(fleet.sessions.items()) if n in heard]
         else:
@@ -169,26 +152,18 @@ def _data(report: VehicleReport) -> dict[str, Any]:
 
 def tell(
     what: Annotated[
-        str,
-        typer.Argument(
-            metavar="hold|land|return",
-            help="Command for the vehicles.",
-            show_default=False,
-            autocompletion=one_of("hold", "land", "return"),
-        ),
+        str, shared.argument("Command for the vehicles.", "hold|land|return", shared.one_of("hold", "land", "return"))
     ],
-    link: LinkOption = None,
+    link: shared.LinkOption = None,
     vehicles: Annotated[
         str | None,
-        typer.Option(
-            "--vehicles", metavar="1,3", help="System ids of the vehicles; without it, all vehicles heard on the link."
-        ),
+        shared.option("System ids of the vehicles; without it, all vehicles heard on the link.", metavar="1,3"),
     ] = None,
-    listen: ListenOption = 2.0,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    listen: shared.ListenOption = 2.0,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Command vehicles in flight to hold their position, to land there, or to return (RTL).
 
@@ -204,10 +179,9 @@ def tell(
         raise UsageError(f"gcs tell {what}: unknown command", hint=f"give one of {', '.join(_DONE)}")
     if not link:
         raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
-    within("--listen", listen, *LISTEN_S, "s")
     from gcs.aio import Stoppable
 
-    known = connection(link, None, signing_key_file)
+    known = shared.connection(link, None, signing_key_file)
     said = Stoppable().run(_tell(known, backend, what, _named(vehicles), listen))
     for sysid, word in said.items():
         screen.say(f"vehicle {sysid}: {word}")
@@ -223,7 +197,7 @@ def tell(
 
 def _named(text: str | None) -> tuple[int, ...]:
     parts = [part.strip() for part in text.split(",")] if text is not None else []
-    if not all(part.isascii() and part.isdigit() and len(part) < 9 and 0 < int(part) < 255 for part in parts):
+    if not all(map(shared.is_system, parts)):
         raise UsageError(f"--vehicles {text}: not system ids", hint="give for example --vehicles 1,3")
     return tuple(dict.fromkeys(map(int, parts)))
 
@@ -236,10 +210,7 @@ async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ..
         found: dict[int, VehicleSession | MavsdkVehicle] = {}
         found.update(await (fleet.vehicles(named, _TIMEOUT_S) if named else fleet.listen(listen_s)))
         if not found:
-            raise PeerTimeout(
-                f"no vehicle was heard at {known} within {listen_s:g} s.",
-                hint="check the link, and that the vehicles are switched on",
-            )
+            raise shared.nobody_heard(known, listen_s)
         words = await asyncio.gather(*(_tell_one(vehicle, what) for vehicle in found.values()))
         return dict(zip(found, words, strict=True))
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
-from gcs.cli.shared_options import DebugOption, JsonOption, missions, one_of, unknown_choice, within
+from gcs.cli.shared_options import DebugOption, JsonOption, argument, missions, option
 from gcs.mission.formats.registry import Content, suffixes_of
 
 if TYPE_CHECKING:
@@ -27,27 +27,20 @@ _MODELLED_MAX = 20  # missions for which `autopilot` is the default: each takes 
 def check(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            help=f"Missions ({suffixes_of(Content.MISSION)}, .mission), one vehicle per file. A "
+        argument(
+            f"Missions ({suffixes_of(Content.MISSION)}, .mission), one vehicle per file. A "
             f"{suffixes_of(Content.FENCE)} or {suffixes_of(Content.RALLY)} file, or a list of points of MAVProxy, "
             "belongs to the mission of the same name.",
-            show_default=False,
+            "FILE...",
         ),
     ],
     autopilot: Annotated[
         str | None,
-        typer.Option(
-            "--autopilot",
-            help=f"Autopilot: {' or '.join(AUTOPILOTS)}.",
-            show_default="that of each file",
-            autocompletion=one_of(*AUTOPILOTS),
-        ),
+        option(f"Autopilot: {' or '.join(AUTOPILOTS)}.", shown="that of each file", words=AUTOPILOTS),
     ] = None,
     terrain: Annotated[
         Path | None,
         typer.Option(
-            "--terrain",
             metavar="SCENARIO",
             help="Scenario or plan file whose ground, zones and limits to check against.",
             autocompletion=missions,
@@ -55,21 +48,20 @@ def check(
     ] = None,
     separation: Annotated[
         float | None,
-        typer.Option(
-            "--separation",
+        option(
+            "Least distance of two vehicles.",
             metavar="METRES",
-            help="Least distance of two vehicles.",
-            show_default="that of the export or the scenario, else 2",
+            shown="that of the export or the scenario, else 2",
+            limits=(1e-3, 1e6, "m"),
         ),
     ] = None,
     timing: Annotated[
         str | None,
-        typer.Option(
-            "--timing",
-            help="How flights are computed: planned (from speeds and distances alone) or autopilot (with a model of "
-            "its navigator and its delays).",
-            show_default=f"autopilot; planned for more than {_MODELLED_MAX} missions",
-            autocompletion=one_of(*TIMINGS),
+        option(
+            "How flights are computed: planned (from speeds and distances alone) or autopilot (with a model of its "
+            "navigator and its delays).",
+            shown=f"autopilot; planned for more than {_MODELLED_MAX} missions",
+            words=tuple(TIMINGS),
         ),
     ] = None,
     json: JsonOption = False,
@@ -84,12 +76,6 @@ def check(
     gcs check a.waypoints b.waypoints --autopilot px4 --separation 5
     """
     screen = Screen(json=json)
-    if autopilot is not None and autopilot not in AUTOPILOTS:
-        raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
-    if separation is not None:
-        within("--separation", separation, 1e-3, 1e6, "m")
-    if timing is not None and timing not in TIMINGS:
-        raise unknown_choice("--timing", timing, tuple(TIMINGS))
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.check.fleet_check import check_fleet
     from gcs.mission.check.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
@@ -155,10 +141,8 @@ def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetRep
         required_m = limits.zone_margin_m - limits.tolerance_m
         named = zone.zone.edge if zone.zone.keep_in else f"zone {zone.zone.number}"
         where = f"{named}, {Path(missions[row].source).name} at {zone.t_s:.1f} s"
-        proved_m, limit = (
-            min(found.proved_m for found, _ in beside),
-            f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}",
-        )
+        proved_m = min(found.proved_m for found, _ in beside)
+        limit = f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}"
         _add(table, f"distance to {in_words(limits)}", zone.distance_m, proved_m, required_m, where, limit)
     tops = [(top, row) for row, flight in enumerate(report.flights) if (top := highest_m(flight)) is not None]
     if limits.height_max_m is not None and tops:

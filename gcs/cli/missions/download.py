@@ -5,25 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
+from gcs.cli import shared_options as shared
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import (
-    LISTEN_S,
-    BackendOption,
-    DebugOption,
-    JsonOption,
-    KeyOption,
-    LinkOption,
-    ListenOption,
-    MapOption,
-    MissionArgument,
-    UntimedOption,
-    UnverifiedOption,
-    connection,
-    within,
-)
-from gcs.errors import PeerError, PeerTimeout, counted
+from gcs.errors import PeerError, counted
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -36,15 +20,13 @@ _SHOWN = 20  # differences per vehicle
 
 
 def download(
-    to: Annotated[
-        Path, typer.Option("--to", metavar="DIR", help="Folder to write. An older one is replaced as a whole.")
-    ],
-    link: LinkOption = None,
-    listen: ListenOption = 3.0,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    to: Annotated[Path, shared.option("Folder to write. An older one is replaced as a whole.", metavar="DIR")],
+    link: shared.LinkOption = None,
+    listen: shared.ListenOption = 3.0,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Read missions, fences and rally points of every vehicle on a link into files uavN.plan.
 
@@ -53,8 +35,7 @@ def download(
     from gcs.aio import Stoppable
 
     screen = Screen(json=json)
-    within("--listen", listen, *LISTEN_S, "s")
-    known = connection(link, None, signing_key_file)
+    known = shared.connection(link, None, signing_key_file)
     every = Stoppable().run(_read_all(known, backend, listen))
     files = _write(to, every)
     for held, name in zip(every, files, strict=True):
@@ -65,16 +46,16 @@ def download(
 
 
 def diff(
-    mission: MissionArgument,
-    link: LinkOption = None,
-    systems: MapOption = None,
-    missions_only: Annotated[bool, typer.Option("--missions-only", help="Compare missions only.")] = False,
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    untimed: UntimedOption = False,
-    unverified: UnverifiedOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    mission: shared.MissionArgument,
+    link: shared.LinkOption = None,
+    systems: shared.MapOption = None,
+    missions_only: Annotated[bool, shared.option("Compare missions only.", "--missions-only")] = False,
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    untimed: shared.UntimedOption = False,
+    unverified: shared.UnverifiedOption = False,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Compare what vehicles have on board with a plan; change nothing.
 
@@ -88,7 +69,7 @@ def diff(
     from gcs.cli.plan_argument import Stopwatch, plan_for
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
-    known = connection(link, systems, signing_key_file)
+    known = shared.connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
     found = Stoppable().run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
@@ -111,10 +92,7 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[On
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
         if not sessions:
-            raise PeerTimeout(
-                f"no vehicle was heard at {known} within {listen_s:g} s.",
-                hint="start the vehicles, or check the address and port they send to",
-            )
+            raise shared.nobody_heard(known, listen_s)
         every = await asyncio.gather(*(read_onboard(session) for session in sessions.values()))
         fleet.check()
         return list(every)
@@ -145,7 +123,8 @@ async def _differences(
 def _write(to: Path, every: list[OnboardState]) -> list[str]:
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.export.atomic_folder import replaced
-    from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+    from gcs.mission.formats.mission_file import MissionFile
+    from gcs.mission.formats.qgc_plan import write_mission
     from gcs.mission.formats.registry import vehicle_name
 
     texts: dict[str, str] = {}
@@ -160,8 +139,9 @@ def _write(to: Path, every: list[OnboardState]) -> list[str]:
             raise PeerError(
                 f"vehicle {held.sysid} has no home position yet, and a .plan needs one.", hint="wait for its GNSS fix"
             )
-        file = PlanFile(firmware, held.home, held.mission, geofence=held.geofence(), rally=held.rally_points())
-        texts[f"{vehicle_name(held.sysid)}.plan"] = write_plan_file(file)
+        name = f"{vehicle_name(held.sysid)}.plan"
+        file = MissionFile(name, firmware, held.home, held.mission, held.geofence(), held.rally_points())
+        texts[name] = write_mission(file)
     with replaced(to) as folder:
         for name, text in texts.items():
             folder.write(name, text)

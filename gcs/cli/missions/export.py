@@ -11,18 +11,8 @@ import typer
 from rich.table import Table
 
 from gcs.autopilots.traits import Autopilot, titles
+from gcs.cli import shared_options as shared
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import (
-    GATES,
-    DebugOption,
-    JsonOption,
-    MissionArgument,
-    UntimedOption,
-    UnverifiedOption,
-    one_of,
-    unknown_choice,
-    within,
-)
 from gcs.errors import NotWritten, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
@@ -33,12 +23,11 @@ if TYPE_CHECKING:
 
 AUTOPILOTS = tuple(known.key for known in Autopilot)
 _SHOWN = 20  # vehicles
-ALTITUDES = ("relative", "amsl", "terrain")
 
 
 def export(
-    mission: MissionArgument,
-    to: Annotated[Path, typer.Option("--to", help="Folder to write. An older export in it is replaced as a whole.")],
+    mission: shared.MissionArgument,
+    to: Annotated[Path, shared.option("Folder to write. An older export in it is replaced as a whole.")],
     formats: Annotated[
         list[str] | None,
         typer.Option(
@@ -47,53 +36,50 @@ def export(
             help="What to write; several with commas, or repeat it: "
             f"{', '.join(row.name for row in FORMATS)}, or {ALL}.",
             show_default=", ".join(row.name for row in DEFAULT),
-            autocompletion=one_of(*(row.name for row in FORMATS), ALL),
+            autocompletion=shared.one_of(*(row.name for row in FORMATS), ALL),
         ),
     ] = None,
     autopilot: Annotated[
         str | None,
-        typer.Option(
-            "--autopilot",
-            help=f"Of all vehicles: {' or '.join(AUTOPILOTS)}.",
-            show_default="those of the scenario",
-            autocompletion=one_of(*AUTOPILOTS),
-        ),
+        shared.option(f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", shown="those of the scenario", words=AUTOPILOTS),
     ] = None,
     altitude: Annotated[
         str,
-        typer.Option(
-            "--altitude",
-            help="Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the "
-            "ground under the vehicle).",
-            autocompletion=one_of(*ALTITUDES),
+        shared.option(
+            "Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the ground "
+            "under the vehicle).",
+            words=("relative", "amsl", "terrain"),
         ),
     ] = "relative",
     smooth: Annotated[
         float | None,
-        typer.Option(
-            "--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline, at most this far from the plan."
+        shared.option(
+            "Smooth the setpoints with a B-spline, at most this far from the plan.",
+            metavar="METRES",
+            limits=(1e-3, 1e3, "m"),
         ),
     ] = None,
-    untimed: UntimedOption = False,
+    untimed: shared.UntimedOption = False,
     gates: Annotated[
         int,
-        typer.Option(
-            "--gates", metavar="N", help="Number of points where all vehicles wait for a common time; ArduPilot only."
+        shared.option(
+            "Number of points where all vehicles wait for a common time; ArduPilot only.",
+            metavar="N",
+            limits=shared.GATES,
         ),
     ] = 0,
     start: Annotated[
         str | None,
-        typer.Option(
-            "--start",
+        shared.option(
+            "Time of day (UTC) at which all vehicles leave the hover after take-off; gates count from it. ArduPilot "
+            "only.",
             metavar="HH:MM:SS",
-            help="Time of day (UTC) at which all vehicles leave the hover after take-off; gates count from it. "
-            "ArduPilot only.",
-            show_default="the end of the take-off",
+            shown="the end of the take-off",
         ),
     ] = None,
-    unverified: UnverifiedOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    unverified: shared.UnverifiedOption = False,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Write missions, setpoints and maps of every vehicle, for other ground stations.
 
@@ -107,7 +93,6 @@ def export(
     gcs export missions/field --to out --gates 3 --start 10:30:00
     """
     screen = Screen(json=json)
-    _check(autopilot, altitude, gates, smooth)
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
@@ -173,12 +158,7 @@ def export(
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
         }
     )
-    if not index.refused:
-        return 0
-    refusal = _not_written(index, plan, to)
-    if json:
-        return refusal.exit_code
-    raise refusal
+    return screen.ended(_not_written(index, plan, to) if index.refused else None)
 
 
 def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:
@@ -263,14 +243,3 @@ def _seconds_of_day(text: str) -> int:
         raise UsageError(f"--start {text}: not a time of day", hint="give HH:MM:SS in UTC")
     hour, minute, second = map(int, found.groups())
     return 3600 * hour + 60 * minute + second
-
-
-def _check(autopilot: str | None, altitude: str, gates: int, smooth: float | None) -> None:
-    """Refuse wrong options before heavy imports. Raises `UsageError`."""
-    within("--gates", gates, *GATES)
-    if smooth is not None:
-        within("--smooth", smooth, 1e-3, 1e3, "m")
-    if autopilot is not None and autopilot not in AUTOPILOTS:
-        raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
-    if altitude not in ALTITUDES:
-        raise unknown_choice("--altitude", altitude, ALTITUDES)

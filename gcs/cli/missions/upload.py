@@ -6,22 +6,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
+from gcs.cli import shared_options as shared
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import (
-    BackendOption,
-    DebugOption,
-    JsonOption,
-    KeyOption,
-    LinkOption,
-    MapOption,
-    MissionArgument,
-    TransferOption,
-    UntimedOption,
-    UnverifiedOption,
-    connection,
-)
 from gcs.errors import counted
 
 if TYPE_CHECKING:
@@ -34,25 +20,21 @@ FIND_S = 15.0
 
 
 def upload(
-    mission: MissionArgument,
-    link: LinkOption = None,
-    systems: MapOption = None,
+    mission: shared.MissionArgument,
+    link: shared.LinkOption = None,
+    systems: shared.MapOption = None,
     missions_only: Annotated[
-        bool, typer.Option("--missions-only", help="Do not change fences, rally points and parameters.")
+        bool, shared.option("Do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show which parameters would change; change nothing.")
-    ] = False,
-    to: Annotated[Path, typer.Option("--to", help="Folder for the record, which `gcs restore` reads.")] = Path(
-        "uploads"
-    ),
-    signing_key_file: KeyOption = None,
-    backend: BackendOption = "skein",
-    transfer: TransferOption = "auto",
-    untimed: UntimedOption = False,
-    unverified: UnverifiedOption = False,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    dry_run: Annotated[bool, shared.option("Show which parameters would change; change nothing.", "--dry-run")] = False,
+    to: Annotated[Path, shared.option("Folder for the record, which `gcs restore` reads.")] = Path("uploads"),
+    signing_key_file: shared.KeyOption = None,
+    backend: shared.BackendOption = "skein",
+    transfer: shared.TransferOption = "auto",
+    untimed: shared.UntimedOption = False,
+    unverified: shared.UnverifiedOption = False,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Upload missions, fences, rally points and parameters to all vehicles, read them back and compare.
 
@@ -68,7 +50,7 @@ def upload(
     from gcs.link.mission_protocol.strategy import sent_data
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
-    known = connection(link, systems, signing_key_file, transfer)
+    known = shared.connection(link, systems, signing_key_file, transfer)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
     loading = _upload(
@@ -98,14 +80,12 @@ def upload(
 
 
 def restore(
-    record: Annotated[
-        Path, typer.Argument(metavar="RECORD", help="Record that `gcs upload` wrote.", show_default=False)
-    ],
-    link: LinkOption = None,
-    systems: MapOption = None,
-    signing_key_file: KeyOption = None,
-    json: JsonOption = False,
-    debug: DebugOption = False,
+    record: Annotated[Path, shared.argument("Record that `gcs upload` wrote.", "RECORD")],
+    link: shared.LinkOption = None,
+    systems: shared.MapOption = None,
+    signing_key_file: shared.KeyOption = None,
+    json: shared.JsonOption = False,
+    debug: shared.DebugOption = False,
 ) -> int:
     """Write back the parameter values from before an upload.
 
@@ -115,7 +95,7 @@ def restore(
 
     screen = Screen(json=json)
     changes = read_record(record)
-    known = connection(link, systems, signing_key_file)
+    known = shared.connection(link, systems, signing_key_file)
 
     async def put_back() -> None:
         from gcs.link.fleet_upload.upload_fleet import restore as put

@@ -10,7 +10,7 @@ import typer
 
 from gcs.cli.console import Screen
 from gcs.cli.planning.new_options import COURSES, SurveyOptions, check_survey, parse_course, parse_place
-from gcs.cli.shared_options import DebugOption, JsonOption, one_of, unknown_choice, within
+from gcs.cli.shared_options import DebugOption, JsonOption, argument, one_of, option
 from gcs.errors import UsageError
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
@@ -19,38 +19,33 @@ OTHER_NAMES = {"wedge": "vee", "v": "vee", "abreast": "line", "row": "line", "ri
 
 
 def new(
-    folder: Annotated[
-        Path,
-        typer.Argument(metavar="FOLDER", help="Folder to make. Its last part names the scenario.", show_default=False),
-    ],
+    folder: Annotated[Path, argument("Folder to make. Its last part names the scenario.", "FOLDER")],
     at: Annotated[
         str | None,
-        typer.Option(
-            "--at",
+        option(
+            "Origin: degrees, degrees, m above mean sea level. Spaces do as well as commas.",
             metavar="LAT,LON[,ALT]",
-            help="Origin: degrees, degrees, m above mean sea level. Spaces do as well as commas.",
-            show_default="the field of ArduPilot's simulators",
+            shown="the field of ArduPilot's simulators",
         ),
     ] = None,
-    count: Annotated[int | None, typer.Option("--count", metavar="N", help="Vehicles.", show_default="6")] = None,
+    count: Annotated[int | None, option("Vehicles.", metavar="N", shown="6", limits=(1, 10_000, ""))] = None,
     shape: Annotated[
         str | None,
-        typer.Option(
-            "--shape",
+        option(
+            f"Formation: {', '.join(SHAPES[:-1])} or {SHAPES[-1]}. It faces the course.",
             metavar="SHAPE",
-            help=f"Formation: {', '.join(SHAPES[:-1])} or {SHAPES[-1]}. It faces the course.",
-            show_default="vee",
-            autocompletion=one_of(*SHAPES),
+            shown="vee",
+            words=SHAPES,
+            meant=OTHER_NAMES,
         ),
     ] = None,
     spacing: Annotated[
         float | None,
-        typer.Option("--spacing", metavar="METRES", help="Distance between neighbours.", show_default="10"),
+        option("Distance between neighbours.", metavar="METRES", shown="10", limits=(0.1, 1000.0, "m")),
     ] = None,
     course: Annotated[
         str | None,
         typer.Option(
-            "--course",
             metavar="COURSE",
             help="Direction of the flight: north-east, ne, or degrees clockwise from north.",
             show_default="north",
@@ -58,97 +53,77 @@ def new(
         ),
     ] = None,
     distance: Annotated[
-        float | None, typer.Option("--distance", metavar="METRES", help="Length of the flight.", show_default="300")
+        float | None, option("Length of the flight.", metavar="METRES", shown="300", limits=(1.0, 20_000.0, "m"))
     ] = None,
     end: Annotated[
         str | None,
-        typer.Option(
-            "--end",
-            metavar="LAT,LON",
-            help="End of the flight, degrees, instead of --course and --distance.",
-            show_default=False,
-        ),
+        option("End of the flight, degrees, instead of --course and --distance.", metavar="LAT,LON", shown=False),
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option("--height", metavar="METRES", help="Height of the flight above the origin.", show_default="15"),
+        option("Height of the flight above the origin.", metavar="METRES", shown="15", limits=(1.0, 1000.0, "m")),
     ] = None,
     positions: Annotated[
         Path | None,
-        typer.Option(
-            "--positions",
+        option(
+            "Sheet with the places of all vehicles on the ground: number, x (east), y (north), z (height) in m, or "
+            "number, latitude, longitude, height. Instead of --shape.",
             metavar="FILE.csv",
-            help="Sheet with the places of all vehicles on the ground: number, x (east), y (north), z (height) in m, "
-            "or number, latitude, longitude, height. Instead of --shape.",
-            show_default=False,
+            shown=False,
         ),
     ] = None,
     shapes: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--shapes",
+        option(
+            "With --positions: sheet with a shape to take on the way. Repeat it for several.",
             metavar="FILE.csv",
-            help="With --positions: sheet with a shape to take on the way. Repeat it for several.",
-            show_default=False,
+            shown=False,
         ),
     ] = None,
     route: Annotated[
         Path | None,
-        typer.Option(
-            "--route",
+        option(
+            "Route drawn in another program: .plan, .waypoints, .kml, .kmz, .gpx or .geojson. Instead of --course, "
+            "--distance and --end. --height counts for points without a height.",
             metavar="FILE",
-            help="Route drawn in another program: .plan, .waypoints, .kml, .kmz, .gpx or .geojson. Instead of "
-            "--course, --distance and --end. --height counts for points without a height.",
-            show_default=False,
+            shown=False,
         ),
     ] = None,
     survey: Annotated[
         Path | None,
-        typer.Option(
-            "--survey",
+        option(
+            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan): a line abreast mows it, there and back. "
+            "It flies from --at, or where the first pass begins, and comes home.",
             metavar="AREA",
-            help="Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan): a line abreast mows it, there and "
-            "back. It flies from --at, or where the first pass begins, and comes home.",
-            show_default=False,
+            shown=False,
         ),
     ] = None,
     swath: Annotated[
         float | None,
-        typer.Option("--swath", metavar="METRES", help="Width that a vehicle sees on its way.", show_default=False),
+        option("Width that a vehicle sees on its way.", metavar="METRES", shown=False, limits=(0.5, 1000.0, "m")),
     ] = None,
     overlap: Annotated[
         str | None,
-        typer.Option(
-            "--overlap",
-            metavar="SHARE",
-            help="Share of the swath that neighbours see both, at least: 20% or 0.2.",
-            show_default="20%",
-        ),
+        option("Share of the swath that neighbours see both, at least: 20% or 0.2.", metavar="SHARE", shown="20%"),
     ] = None,
     angle: Annotated[
         str | None,
-        typer.Option(
-            "--angle",
-            metavar="COURSE",
-            help="Direction of the passes: auto is the quickest one; or as --course.",
-            show_default="auto",
-        ),
+        option("Direction of the passes: auto is the quickest one; or as --course.", metavar="COURSE", shown="auto"),
     ] = None,
     speed: Annotated[
-        float | None, typer.Option("--speed", metavar="M/S", help="Speed of a survey.", show_default="4")
+        float | None, option("Speed of a survey.", metavar="M/S", shown="4", limits=(0.2, 100.0, "m/s"))
     ] = None,
     holes: Annotated[
         str | None,
-        typer.Option(
-            "--holes",
+        option(
+            "Holes of the area, ponds for example, are not surveyed. cross: vehicles fly over them; avoid: they are "
+            "no-fly zones.",
             metavar="cross|avoid",
-            help="Holes of the area, ponds for example, are not surveyed. cross: vehicles fly over them; avoid: they "
-            "are no-fly zones.",
-            show_default="cross",
-            autocompletion=one_of("cross", "avoid"),
+            shown="cross",
+            words=("cross", "avoid"),
         ),
     ] = None,
-    full: Annotated[bool, typer.Option("--full", help="Write every table, with comments.")] = False,
+    full: Annotated[bool, option("Write every table, with comments.", "--full")] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -181,13 +156,11 @@ def new(
     gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
     screen = Screen(json=json)
-    _check(count, shape, spacing, distance, height)
     end_deg = None if end is None else parse_place(end, "--end")[:2]
     if end_deg is not None and (course is not None or distance is not None):
         raise UsageError("--end gives the course and the distance.", hint="leave out --course and --distance")
-    if positions is not None and (shape is not None or full):
-        wrong = "--full" if full else "--shape"
-        raise UsageError(f"--positions and {wrong} exclude each other.", hint=f"leave out {wrong}")
+    if positions is not None:
+        _exclude("--positions", {"--full": full, "--shape": shape})
     if shapes and positions is None:
         raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
     surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
@@ -219,56 +192,38 @@ def new(
     if end_deg is not None:
         given |= straight_to(end_deg, (lat_deg, lon_deg))
     wanted = {key: value for key, value in given.items() if value is not None}
+    origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
     flight: Flight | None = FirstFlight(**wanted) if wanted else None
     if positions is not None:
         from gcs.cli.planning.new_flights import flight_of_sheets
 
-        origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
         flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
-    if route is not None:
-        from gcs.cli.planning.new_flights import text_of_drawing
-
-        text, left_out = text_of_drawing(folder, route, wanted, None if at is None else parse_place(at), screen)
-        atomic_write(file, text)
-        screen.say(f"wrote {file}")
-        screen.say(f"next: gcs plan {folder}")
-        screen.result({"scenario": file, "left_out": left_out})
-        return
     if survey is not None:
-        origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
         from gcs.cli.planning.new_flights import flight_of_survey
 
         flight, place = flight_of_survey(survey, surveyed, origin, count, height, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
-    atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))
+    left_out = {}
+    if route is not None:
+        from gcs.cli.planning.new_flights import text_of_drawing
+
+        drawn_at = None if at is None else parse_place(at)
+        text, left_out["left_out"] = text_of_drawing(folder, route, wanted, drawn_at, screen)
+    else:
+        text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
+    atomic_write(file, text)
     screen.say(f"wrote {file}")
-    if alt_amsl_m is None:
+    if alt_amsl_m is None and route is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
     screen.say(f"next: gcs plan {folder}")
-    screen.result({"scenario": file})
+    screen.result({"scenario": file, **left_out})
 
 
 def _exclude(option: str, others: dict[str, object]) -> None:
     """Raise `UsageError` if one of the others was given as well."""
     if wrong := next((other for other, value in others.items() if value), ""):
         raise UsageError(f"{option} and {wrong} exclude each other.", hint=f"leave out {wrong}")
-
-
-def _check(
-    count: int | None, shape: str | None, spacing: float | None, distance: float | None, height: float | None
-) -> None:
-    """Refuse wrong options before heavy imports. Raises `UsageError`."""
-    if shape is not None and shape not in SHAPES:
-        raise unknown_choice("--shape", shape, SHAPES, meant=OTHER_NAMES.get(shape.lower()))
-    for option, value, least, most, unit in (
-        ("--count", count, 1, 10_000, ""),
-        ("--spacing", spacing, 0.1, 1000.0, "m"),
-        ("--distance", distance, 1.0, 20_000.0, "m"),
-        ("--height", height, 1.0, 1000.0, "m"),
-    ):
-        if value is not None:
-            within(option, value, least, most, unit)
 
 
 def schema(debug: DebugOption = False) -> None:

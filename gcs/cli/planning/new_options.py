@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 from typer.core import TyperCommand
 
-from gcs.cli.shared_options import unknown_choice, within
+from gcs.cli.shared_options import as_number, as_share
 from gcs.errors import UsageError
 
 WINDS = ("n", "nne", "ne", "ene", "e", "ese", "se", "sse", "s", "ssw", "sw", "wsw", "w", "wnw", "nw", "nnw")
@@ -16,7 +15,6 @@ COURSES = ("north", "north-east", "east", "south-east", "south", "south-west", "
 _PLACE_MAX = {"--at": 3, "--end": 2}  # numbers of a place, by option
 _INITIALS = {"north": "n", "east": "e", "south": "s", "west": "w", "-": "", " ": ""}
 AUTO = "auto"
-HOLES = ("cross", "avoid")
 _OVERLAP_MAX = 0.9
 
 
@@ -61,10 +59,7 @@ def parse_course(text: str, option: str = "--course") -> float:
         wind = wind.replace(word, initial)
     if wind in WINDS:
         return 360.0 / len(WINDS) * WINDS.index(wind)
-    try:
-        course_deg = float(text)
-    except ValueError:
-        course_deg = math.nan
+    course_deg = as_number(text)
     if not -360.0 <= course_deg <= 360.0:
         raise UsageError(
             f"{option} {text}: not a course", hint="give degrees clockwise from north, or north, north-east, east, ..."
@@ -100,11 +95,6 @@ def check_survey(options: SurveyOptions) -> None:
     """Refuse wrong options before anything is read. Raises `UsageError`."""
     if options.swath is None:
         raise UsageError("--survey needs --swath.", hint="give the width that a vehicle sees, for example --swath 12")
-    within("--swath", options.swath, 0.5, 1000.0, "m")
-    if options.speed is not None:
-        within("--speed", options.speed, 0.2, 100.0, "m/s")
-    if options.holes is not None and options.holes not in HOLES:
-        raise unknown_choice("--holes", options.holes, HOLES)
     overlap_share(options.overlap)
     pass_course_deg(options.angle)
 
@@ -113,12 +103,8 @@ def overlap_share(text: str | None) -> float:
     """The share of `20%` or `0.2`. Raises `UsageError`."""
     if text is None:
         return 0.2
-    number, percent, rest = text.partition("%")
-    try:
-        share = float(number) / (100.0 if percent else 1.0)
-    except ValueError:
-        share = -1.0
-    if rest.strip() or not 0.0 <= share <= _OVERLAP_MAX:
+    share = as_share(text)
+    if not 0.0 <= share <= _OVERLAP_MAX:
         raise UsageError(f"--overlap {text}: not a share up to {_OVERLAP_MAX:.0%}", hint="give for example 20% or 0.2")
     return share
 

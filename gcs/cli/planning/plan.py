@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.planning.plan_tables import route_data, route_table
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument
+from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
 
 if TYPE_CHECKING:
     from gcs.plan.formation.changes.timeline import Move
@@ -23,17 +21,9 @@ _BAR = 20  # characters
 
 def plan(
     mission: MissionArgument,
-    to: Annotated[
-        Path | None,
-        typer.Option(
-            *("--to", "--out", "-o"),
-            metavar="FILE",
-            help="Plan file to write, or the folder for it.",
-            show_default="plans/NAME.skein",
-        ),
-    ] = None,
+    to: Annotated[Path | None, plan_file("plans/NAME.skein")] = None,
     alternatives: Annotated[
-        bool, typer.Option("--alternatives", help="Optimise every route class through the map and show its cost.")
+        bool, option("Optimise every route class through the map and show its cost.", "--alternatives")
     ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -67,17 +57,11 @@ def plan(
     screen.say(f"plan: {path}")
     screen.result(
         {
-            "ok": report.ok,
-            "plan": path,
-            "hash": made.hash,
-            "objective": made.objective,
-            "clearance_min_m": report.clearance_min_m,
-            "separation_min_m": report.separation_min_m,
+            **plan_data(made, report, path),
             "nearest_zone": None if report.nearest_zone is None else asdict(report.nearest_zone),
             "navigation_error": asdict(navigation_error(made.scenario)),
             "window_error_max_m": report.window_error_max_m,
             "terminal_error_m": report.terminal_error_m,
-            "failures": [str(c) for c in report.failures],
             "greatest_motion": greatest_motion(made).by_vehicle(made.sysids),
             "changes": [asdict(m) for m in made.moves],
             **({"route_points": route_data(made)} if made.passages else {}),
@@ -88,11 +72,20 @@ def plan(
         }
         | surveyed
     )
-    if report.ok:
-        return 0
-    if json:
-        return refusal(report).exit_code
-    raise refusal(report)
+    return screen.ended(None if report.ok else refusal(report))
+
+
+def plan_data(made: Plan, report: Report, path: Path) -> dict[str, Any]:
+    """What `--json` has of every plan that is written."""
+    return {
+        "ok": report.ok,
+        "plan": path,
+        "hash": made.hash,
+        "objective": made.objective,
+        "clearance_min_m": report.clearance_min_m,
+        "separation_min_m": report.separation_min_m,
+        "failures": [str(c) for c in report.failures],
+    }
 
 
 def show_plan(screen: Screen, made: Plan, report: Report) -> None:
@@ -279,11 +272,7 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
             "sampled": list(report.sampled),
         }
     )
-    if report.ok:
-        return 0
-    if json:
-        return refusal(report).exit_code
-    raise refusal(report)
+    return screen.ended(None if report.ok else refusal(report))
 
 
 def _zeroed(margin: float) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument, within
+from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument, as_number, option, plan_file
 
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
@@ -22,31 +22,20 @@ _PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,rates]]]"
 
 def replan(
     plan: PlanArgument,
-    at: Annotated[float, typer.Option("--at", metavar="T", help="Plan time, s after T0.", show_default=False)],
+    at: Annotated[float, option("Plan time, s after T0.", metavar="T", shown=False, limits=(0.0, _LATEST_S, "s"))],
     state: Annotated[
         str | None,
-        typer.Option(
+        option(
+            f"State of the leader: {_PARTS}; m, m/s, degrees. Numbers left out are as planned.",
             metavar="NUMBERS",
-            help=f"State of the leader: {_PARTS}; m, m/s, degrees. Numbers left out are as planned.",
-            show_default="as planned",
+            shown="as planned",
         ),
     ] = None,
     disk: Annotated[
-        list[str] | None,
-        typer.Option("--disk", metavar="NORTH,EAST,RADIUS", help="A new no-fly disk, m. Repeat it for several."),
+        list[str] | None, option("A new no-fly disk, m. Repeat it for several.", metavar="NORTH,EAST,RADIUS")
     ] = None,
-    to: Annotated[
-        Path | None,
-        typer.Option(
-            *("--to", "--out", "-o"),
-            metavar="FILE",
-            help="Plan file to write, or the folder for it.",
-            show_default="PLAN-at-T.skein",
-        ),
-    ] = None,
-    picture: Annotated[
-        Path | None, typer.Option("--picture", "-p", metavar="FILE", help="Draw a map of the new plan.")
-    ] = None,
+    to: Annotated[Path | None, plan_file("PLAN-at-T.skein")] = None,
+    picture: Annotated[Path | None, option("Draw a map of the new plan.", "--picture", "-p", metavar="FILE")] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -59,9 +48,8 @@ def replan(
     Example: gcs replan plans/simulation1.skein --at 100 --disk 560,480,30
     """
     screen = Screen(json=json)
-    within("--at", at, 0.0, _LATEST_S, "s")
     from gcs.cli.plan_argument import Stopwatch, plan_path, solve_line
-    from gcs.cli.planning.plan import show_plan
+    from gcs.cli.planning.plan import plan_data, show_plan
     from gcs.plan.replanning.replanner import Replanner
     from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.verification.verify import refusal, verify
@@ -90,24 +78,14 @@ def replan(
     screen.say(f"plan: {path}")
     screen.result(
         {
-            "ok": report.ok,
-            "plan": path,
-            "hash": made.hash,
+            **plan_data(made, report, path),
             "at_s": at,
-            "objective": made.objective,
-            "clearance_min_m": report.clearance_min_m,
-            "separation_min_m": report.separation_min_m,
-            "failures": [str(c) for c in report.failures],
             "iterations": [done.iterations for done in made.mesh_history],
             "time_s": watch.laps_s,
             **({"picture": picture} if picture else {}),
         }
     )
-    if report.ok:
-        return 0
-    if json:
-        return refusal(report).exit_code
-    raise refusal(report)
+    return screen.ended(None if report.ok else refusal(report))
 
 
 def _state(text: str | None, plan: Plan, at_s: float) -> Array:
@@ -133,10 +111,7 @@ def _disk(text: str) -> NoFlyZone:
 
 
 def _numbers(option: str, text: str, counts: tuple[int, ...], form: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
+    numbers = list(map(as_number, text.split(",")))
     if len(numbers) not in counts or not all(abs(n) <= _LARGEST for n in numbers):
         raise typer.BadParameter(f"{text!r} is not {form}", param_hint=option)
     return numbers

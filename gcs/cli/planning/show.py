@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from gcs.cli.console import Screen
 from gcs.cli.planning.plan_tables import (
     pads_of,
@@ -19,7 +17,7 @@ from gcs.cli.planning.plan_tables import (
     shown,
     write_pads,
 )
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
+from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, option
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,16 +34,11 @@ def show(
     mission: MissionArgument,
     picture: Annotated[
         Path | None,
-        typer.Option(
-            "--picture", "-p", metavar="FILE", help="Draw a map of ground, no-fly zones, tracks and clearances."
-        ),
+        option("Draw a map of ground, no-fly zones, tracks and clearances.", "--picture", "-p", metavar="FILE"),
     ] = None,
-    pads: Annotated[
-        Path | None, typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew.")
-    ] = None,
+    pads: Annotated[Path | None, option("Write the pads of all vehicles as CSV, for the crew.", metavar="FILE")] = None,
     coverage: Annotated[
-        Path | None,
-        typer.Option("--coverage", metavar="FILE", help="Draw what the vehicles of a survey's plan see of its area."),
+        Path | None, option("Draw what the vehicles of a survey's plan see of its area.", metavar="FILE")
     ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,

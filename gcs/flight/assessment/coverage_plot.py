@@ -14,17 +14,9 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from gcs.errors import UsageError
+from gcs.flight.assessment.pictures import map_layers
 from gcs.flight.assessment.pictures.figure_file import BESIDE, Labels, colours, head, save, settle
 from gcs.flight.assessment.pictures.flight_map import vehicle_entries
-from gcs.flight.assessment.pictures.map_layers import (
-    BESIDE_IN,
-    area_of,
-    draw_ground,
-    draw_zones,
-    label_zones,
-    layer_entries,
-    map_size_in,
-)
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.survey.coverage import Coverage, coverage
 
@@ -45,11 +37,11 @@ def draw_coverage(plan: Plan, found: Coverage) -> Any:
     """Return the map of a survey."""
     scenario, span_s = plan.scenario, (0.0, plan.flight_s)
     places = shapely.get_coordinates([found.tracks, found.area])
-    low, high = area = area_of(scenario, np.column_stack([places, np.zeros(len(places))]))
-    width_in, height_in = map_size_in(scenario, area)
+    low, high = area = map_layers.area_of(scenario, np.column_stack([places, np.zeros(len(places))]))
+    width_in, height_in = map_layers.map_size_in(scenario, area)
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
-    draw_ground(axes, scenario, area)
-    draw_zones(axes, scenario, span_s)
+    map_layers.draw_ground(axes, scenario, area)
+    map_layers.draw_zones(axes, scenario, span_s)
     _fill(axes, found.covered, **_SEEN)
     _fill(axes, found.uncovered, zorder=3, **_LEFT)
     _fill(axes, found.area, fill=False, ec="black", lw=1.4, zorder=2.5)
@@ -62,16 +54,20 @@ def draw_coverage(plan: Plan, found: Coverage) -> Any:
         Line2D([], [], color="black", lw=1.4, label="area"),
         Patch(**_SEEN, label=f"seen, swath {found.swath_m:g} m"),
         Patch(**_LEFT, label="not covered"),
-        *layer_entries(axes, scenario),
+        *map_layers.layer_entries(axes, scenario),
     ]
     axes.legend(handles=handles, **BESIDE)
     percent = int(1e3 * found.share) / 10.0
-    head(axes, f"{scenario.name}: {percent:g} % of {found.area.area / 1e4:.2f} ha covered", width_in - BESIDE_IN)
+    head(
+        axes,
+        f"{scenario.name}: {percent:g} % of {found.area.area / 1e4:.2f} ha covered",
+        width_in - map_layers.BESIDE_IN,
+    )
     settle(figure)
     labels = Labels(figure)
     for gap in found.gaps()[:_NAMED]:
         labels.place(axes, f"{gap.area_m2:.3g} m²", (gap.east_m, gap.north_m))
-    label_zones(axes, labels, scenario, span_s)
+    map_layers.label_zones(axes, labels, scenario, span_s)
     return figure
 
 

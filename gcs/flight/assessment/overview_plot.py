@@ -10,20 +10,10 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
+from gcs.flight.assessment.pictures import map_layers
 from gcs.flight.assessment.pictures.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
 from gcs.flight.assessment.pictures.figure_file import BESIDE, NAMED, Labels, colours, head, head_figure, save, settle
 from gcs.flight.assessment.pictures.flight_map import FlightMap, dart, vehicle_entries
-from gcs.flight.assessment.pictures.map_layers import (
-    BESIDE_IN,
-    area_of,
-    draw_ground,
-    draw_route,
-    draw_zones,
-    label_route,
-    label_zones,
-    layer_entries,
-    map_size_in,
-)
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -51,16 +41,16 @@ def draw_scenario(scenario: Scenario) -> Any:
     start, end = (np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end))
     offsets, ids = offsets_ned_m(scenario), sysids(scenario)
     drawn = np.array([point.position_m for point in scenario.route]).reshape(-1, 3) * NED_FROM_UP
-    low, high = area = area_of(scenario, np.stack([offsets + place for place in (start, *drawn, end)]))
-    width_in, height_in = map_size_in(scenario, area)
+    low, high = area = map_layers.area_of(scenario, np.stack([offsets + place for place in (start, *drawn, end)]))
+    width_in, height_in = map_layers.map_size_in(scenario, area)
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     span_s = (0.0, scenario.time.flight_s)
-    draw_ground(axes, scenario, area)
-    draw_zones(axes, scenario, span_s)
+    map_layers.draw_ground(axes, scenario, area)
+    map_layers.draw_zones(axes, scenario, span_s)
     for place, mark, fill in ((start, "^", True), (end, "s", False)):
         for colour, (north, east, _) in zip(colours(ids), offsets + place, strict=True):
             axes.plot(east, north, marker=mark, ms=6, color=colour, mfc=colour if fill else "white", ls="")
-    points = draw_route(axes, scenario)
+    points = map_layers.draw_route(axes, scenario)
     way = ((end if not len(drawn) else drawn[0]) - start)[1::-1]
     course = [
         Line2D([], [], marker=dart(float(np.degrees(np.arctan2(*way)))), label="course", ls="", color="black", ms=9)
@@ -78,18 +68,18 @@ def draw_scenario(scenario: Scenario) -> Any:
         Line2D([], [], marker="s", mfc="white", label="end", **look),
         *course[: bool(way.any())],
         *points,
-        *layer_entries(axes, scenario),
+        *map_layers.layer_entries(axes, scenario),
     ]
     axes.legend(handles=handles, **BESIDE)
-    head(axes, f"{scenario.name}: not planned", width_in - BESIDE_IN)
+    head(axes, f"{scenario.name}: not planned", width_in - map_layers.BESIDE_IN)
     settle(figure)
     labels = Labels(figure)
     labels.avoid_points(axes, np.concatenate([offsets + start, offsets + end])[:, 1::-1])
     labels.avoid_arrows(axes)
-    label_route(axes, labels, scenario)
+    map_layers.label_route(axes, labels, scenario)
     labels.place(axes, "start", tuple((offsets + start)[leader_index(scenario), 1::-1].tolist()))
     labels.place(axes, "end", tuple((offsets + end)[leader_index(scenario), 1::-1].tolist()))
-    label_zones(axes, labels, scenario, span_s)
+    map_layers.label_zones(axes, labels, scenario, span_s)
     return figure
 
 
@@ -101,7 +91,7 @@ def draw_plan(plan: Plan) -> Any:
     states = plan.states(t_s)
     places = states[..., POSITION]
     chart = FlightMap(scenario, plan.sysids, t_s, places)
-    width_in, height_in = map_size_in(scenario, chart.area)
+    width_in, height_in = map_layers.map_size_in(scenario, chart.area)
     sides = (width_in, _CURVES_IN)
     shapes = shapes_of(plan)
     heights = [max(height_in, _LEAST_IN)] + ([row_height_in(shapes, sum(sides))] if shapes else [])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -142,9 +142,7 @@ def straight_m(row: int, start: Array, end: Array) -> float:
 
 def choose(alternatives: Sequence[EnergyOption], remaining_pct: float, reserve_pct: float) -> EnergyChoice:
     """Return the choice among alternatives; at least one is needed."""
-    marked = tuple(
-        EnergyOption(**{**vars(one), "reachable": one.need_pct + reserve_pct <= remaining_pct}) for one in alternatives
-    )
+    marked = tuple(replace(one, reachable=one.need_pct + reserve_pct <= remaining_pct) for one in alternatives)
     preferred = sorted(marked, key=_preference)
     chosen = next((one for one in preferred if one.reachable), None)
     if chosen is None:

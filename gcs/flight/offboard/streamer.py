@@ -13,7 +13,7 @@ from gcs.aio import each, sleep_sharply
 from gcs.flight.contingency.manoeuvres import MotionReference, RejoinReference
 from gcs.flight.monitor import VehicleView
 from gcs.flight.offboard.leader_follower import FollowerState, FollowReference, FormationFollowing
-from gcs.flight.offboard.reference_trajectory import PlanReference, ReferenceTrajectory
+from gcs.flight.offboard.reference_trajectory import PlanReference, ReferenceTrajectory, Values
 from gcs.flight.offboard.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.sequence.fleet_time import FleetTime
@@ -21,6 +21,7 @@ from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.microservices.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
+from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.steady_loop import host_s, stalls_of
 
@@ -95,7 +96,7 @@ class Streamer:
         """
         if any(vehicle.behaviour.stream_first_s for vehicle in self._fleet.values()):
             self._schedule(self._time.sure_s() + _NEVER_S, ends=False)
-        await each(self._fleet.values(), self._switch)
+        await each(self._fleet.values(), self.obey)
         first_s = float(self._stream.t_s[0])
         ahead_s = _EMULATED_AHEAD_S if self._emulated else _AHEAD_S
         t0_unix_s = math.ceil(self._time.sure_s() + self._options.lead_s + ahead_s) - first_s
@@ -118,7 +119,7 @@ class Streamer:
     async def take_over(self, vehicle: FlightVehicle, reference: ReferenceTrajectory) -> None:
         """Have one vehicle fly this reference from now on. Raises as switching modes does."""
         self.follow(vehicle, reference)
-        await self._switch(vehicle)
+        await self.obey(vehicle)
 
     def hush(self) -> None:
         """After a standstill of this program, send nothing until `paused` is reset, or `_HUSHED_S` at most.
@@ -158,19 +159,10 @@ class Streamer:
                 self._let_follow(t0_unix_s)
             for vehicle in self._fleet.values():
                 base = self.streamed[vehicle.sysid].reference
-                values = base.at(self.scheduler.grid.ahead_of(t_s), t_s)
-                if values is not None:
-                    off_m = vehicle.view.position_ned_m - np.array(values[:3])
-                    off_mps = vehicle.view.velocity_ned_mps - np.array(values[3:6])
-                    self.streamed[vehicle.sysid].reference = RejoinReference(base, off_m, off_mps, t_s, fade_s)
-                now_s = self._time.sure_s() - t0_unix_s
-                end = None if vehicle.behaviour.stream_first_s else len(self._stream.t_s)
-                self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(now_s), end)
+                motion = vehicle.view.position_ned_m, vehicle.view.velocity_ned_mps
+                self._lead_back(vehicle, base, base.at(self.scheduler.grid.ahead_of(t_s), t_s), motion, t_s, fade_s)
+                self._stream_on(vehicle, t0_unix_s)
         return t0_unix_s
-
-    async def obey(self, vehicle: FlightVehicle) -> None:
-        """Switch a vehicle to obey setpoints, if it does not yet. Raises as switching modes does."""
-        await self._switch(vehicle)
 
     def rejoin(self, vehicle: FlightVehicle, view: VehicleView, begin_s: float, fade_s: float) -> None:
         """Lead a vehicle from its position back to its reference within `fade_s`."""
@@ -179,11 +171,7 @@ class Streamer:
         base = streamed.reference.base if isinstance(streamed.reference, RejoinReference) else streamed.reference
         seen_s = view.unix_s - t0_unix_s
         values = base.at(self.scheduler.grid.ahead_of(seen_s) - 1, seen_s)
-        if values is not None:
-            off_m = view.position_ned_m - np.array(values[:3])
-            streamed.reference = RejoinReference(
-                base, off_m, view.velocity_ned_mps - np.array(values[3:6]), begin_s, fade_s
-            )
+        self._lead_back(vehicle, base, values, (view.position_ned_m, view.velocity_ned_mps), begin_s, fade_s)
 
     def rejoin_together(
         self, vehicles: Sequence[FlightVehicle], t0_unix_s: float, t_s: float, fade_s: float, leader: int
@@ -204,12 +192,27 @@ class Streamer:
         for vehicle in vehicles:
             base = self._planned[vehicle.sysid]
             values = base.at(self.scheduler.grid.ahead_of(t_s), t_s)
-            if values is not None:
-                position, velocity = vehicle.view.predicted(t0_unix_s + t_s)
-                off_m, off_mps = position - np.array(values[:3]), velocity - np.array(values[3:6])
-                self.streamed[vehicle.sysid].reference = RejoinReference(base, off_m, off_mps, t_s, fade_s)
-            end = None if vehicle.behaviour.stream_first_s else len(self._stream.t_s)
-            self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(self._time.sure_s() - t0_unix_s), end)
+            self._lead_back(vehicle, base, values, vehicle.view.predicted(t0_unix_s + t_s), t_s, fade_s)
+            self._stream_on(vehicle, t0_unix_s)
+
+    def _lead_back(
+        self,
+        vehicle: FlightVehicle,
+        base: ReferenceTrajectory,
+        values: Values | None,
+        motion: tuple[Array, Array],
+        begin_s: float,
+        fade_s: float,
+    ) -> None:
+        """Stream `base`, from a motion to its `values` of that time, within `fade_s` from `begin_s` on."""
+        if values is not None:
+            off_m, off_mps = motion[0] - np.array(values[:3]), motion[1] - np.array(values[3:6])
+            self.streamed[vehicle.sysid].reference = RejoinReference(base, off_m, off_mps, begin_s, fade_s)
+
+    def _stream_on(self, vehicle: FlightVehicle, t0_unix_s: float) -> None:
+        assert self.scheduler is not None
+        end = None if vehicle.behaviour.stream_first_s else len(self._stream.t_s)
+        self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(self._time.sure_s() - t0_unix_s), end)
 
     def leave(self, sysid: int) -> None:
         """Stop the stream to a vehicle."""
@@ -277,8 +280,11 @@ class Streamer:
     def _send(self, sysid: int, message: Message) -> None:
         self._fleet[sysid].session.send(message)
 
-    async def _switch(self, vehicle: FlightVehicle) -> None:
-        """Switch to the mode that obeys setpoints, after as much of the stream as the autopilot requires."""
+    async def obey(self, vehicle: FlightVehicle) -> None:
+        """Switch to the mode that obeys setpoints, after as much of the stream as the autopilot requires.
+
+        Raises as switching modes does.
+        """
         if vehicle.session.custom_mode == vehicle.behaviour.guided and vehicle.options.mode is FlightMode.STREAM:
             return
         end_s = self._loop.time() + vehicle.options.phase_timeout_s

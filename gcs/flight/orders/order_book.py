@@ -6,7 +6,7 @@ known to the end of the flight. A planned landing is repeated in the same way; i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 20.0
 
@@ -88,9 +88,7 @@ class OrderBook:
             self._failed.pop((order.sysid, order.what), None)
         before = self._failed.get((order.sysid, order.what))
         if before is not None:
-            self._failed[order.sysid, order.what] = FailedOrder(
-                before.sysid, before.what, before.reason, before.attempts, carried_out=True
-            )
+            self._failed[order.sysid, order.what] = replace(before, carried_out=True, planned=False)
 
     def end(self, sysid: int) -> None:
         """End the order to a vehicle: it has landed, is out of reach, or a pilot flies it."""

@@ -3,29 +3,203 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
+from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError
 from gcs.flight.progress import Event
-from gcs.flight.recording.flight_folder import EVENTS, read_events
+from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
-from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
 from gcs.flight.recording.record_table import NAME as RECORD
 from gcs.flight.recording.record_table import build_record, read_record, reported_profiles, telemetry_logs
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
+from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
+from gcs.link.microservices.statustext import StatusTextJoiner
+from gcs.link.wire.local_motion import is_local_place, local_motion
 from gcs.link.wire.message import GROUND, Message
+from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan_file import read_plan
 
-PLAN = "plan.skein"
 _FORMS = ("{}_m", "v_{}_mps")
+_ELSEWHERE_S = 1.0
+_TOGETHER_S = 0.5  # a global and a local position within that are of one place
+
+
+@dataclass
+class _Heard:
+    """The reports of one system so far."""
+
+    autopilot: int = GENERIC_AUTOPILOT
+    beats: int = 0
+    armed: bool = False
+    mode: int = 0
+    battery_pct: int = -1
+    origin: Origin | None = None  # of its local frame
+    is_global: list[bool] = field(default_factory=list)
+    stamps: list[tuple[float, float]] = field(default_factory=list)  # received, boot clock
+    motion: list[tuple[float, ...]] = field(default_factory=list)  # lat lon alt or x y z; three velocities
+    state: list[tuple[bool, int, int]] = field(default_factory=list)
+
+
+def is_ground(message: Message) -> bool:
+    """Whether this is the HEARTBEAT of a ground station."""
+    return message.name == "HEARTBEAT" and message.fields["type"] == MavType.GCS
+
+
+def recording_from_telemetry(
+    messages: Iterable[tuple[float, Message]],
+) -> tuple[tuple[VehicleTrack, ...], tuple[Event, ...], tuple[Event, ...], tuple[str, ...]]:
+    """Return tracks, warnings, remarks and notes of messages with their times, in order; without plan, T0 or frame.
+
+    A vehicle's positions are the more frequent ones of GLOBAL_POSITION_INT and LOCAL_POSITION_NED. A local frame begins
+    where its vehicle does, and each vehicle has its own. GPS_GLOBAL_ORIGIN, HOME_POSITION or one GLOBAL_POSITION_INT
+    beside a local position tell where it lies. A vehicle with none of them keeps its own frame. The common origin is
+    the first position of the first vehicle.
+    """
+    heard: dict[int, _Heard] = {}
+    events: list[Event] = []
+    remarks: list[Event] = []
+    joiner = StatusTextJoiner()
+    for t_s, message in messages:
+        sysid = message.sysid
+        if sysid == GROUND.sysid or is_ground(message):
+            continue
+        one = heard.setdefault(sysid, _Heard())
+        if message.name == "HEARTBEAT":
+            remarks += [Event(t_s, t_s, sysid, what) for what in _beat(one, message.fields)]
+        elif message.name == "STATUSTEXT":
+            for said in joiner.receive(message, t_s):
+                bad = said.severity <= Severity.WARNING
+                (events if bad else remarks).append(Event(t_s, t_s, sysid, f"reports: {said.text}"))
+        else:
+            _take(one, message, t_s)
+    tracks, notes = _tracks({sysid: one for sysid, one in sorted(heard.items()) if one.motion})
+    return tracks, tuple(events), tuple(remarks), notes
+
+
+def _beat(one: _Heard, fields: dict[str, Any]) -> list[str]:
+    """Take in a HEARTBEAT; return what has changed, in words."""
+    if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
+        return []
+    armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
+    one.autopilot = int(fields["autopilot"])
+    said = []
+    if one.beats == 0 or mode != one.mode:
+        said.append(f"is in {mode_name(one.autopilot, mode)}")
+    if armed != one.armed:
+        said.append("is armed" if armed else "is disarmed")
+    one.beats, one.armed, one.mode = one.beats + 1, armed, mode
+    return said
+
+
+def _take(one: _Heard, message: Message, t_s: float) -> None:
+    fields = message.fields
+    if message.name == "SYS_STATUS":
+        one.battery_pct = int(fields["battery_remaining"])
+    elif message.name == "GPS_GLOBAL_ORIGIN":
+        one.origin = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
+    elif message.name == "HOME_POSITION" and one.origin is None:
+        place = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
+        at_m = [float(fields[name]) for name in ("x", "y", "z")]
+        if is_local_place(at_m):
+            one.origin = Origin(*(float(part) for part in ned_to_geodetic(-np.array(at_m), place)))
+    elif message.name == "GLOBAL_POSITION_INT" and (fields["lat"] or fields["lon"]):
+        motion = (fields["lat"] / 1e7, fields["lon"] / 1e7, fields["alt"] / 1e3)
+        _note(one, True, t_s, fields, (*motion, *(fields[name] / 1e2 for name in ("vx", "vy", "vz"))))
+    elif message.name == "LOCAL_POSITION_NED" and (local := local_motion(message)) is not None:
+        _note(one, False, t_s, fields, local)
+
+
+def _note(one: _Heard, is_global: bool, t_s: float, fields: dict[str, Any], motion: tuple[float, ...]) -> None:
+    one.is_global.append(is_global)
+    one.stamps.append((t_s, fields["time_boot_ms"] / 1e3))
+    one.motion.append(motion)
+    one.state.append((one.armed, one.mode, one.battery_pct))
+
+
+def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[str, ...]]:
+    origin: Origin | None = None
+    found, alone = [], []
+    for sysid, one in heard.items():
+        chosen, earth = _on_earth(one)
+        motion = np.array(one.motion)[chosen]
+        places = motion[:, :3]
+        if earth is None:
+            alone.append(sysid)
+        else:
+            origin = origin or Origin(*(float(part[0]) for part in earth))
+            places = geodetic_to_ned(*earth, origin)
+        stamps, state = np.array(one.stamps)[chosen], np.array(one.state)[chosen]
+        t_s = steady_times(stamps[:, 0], stamps[:, 1])
+        order = np.argsort(t_s, kind="stable")
+        found.append(
+            VehicleTrack(
+                sysid,
+                one.autopilot,
+                t_s[order],
+                places[order],
+                motion[order, 3:],
+                state[order, 0].astype(bool),
+                state[order, 1].astype(np.int64),
+                state[order, 2].astype(np.int64),
+            )
+        )
+    if alone and len(found) > 1:
+        named = ", ".join(map(str, alone))
+        return tuple(found), (
+            f"vehicle{'s' if len(alone) > 1 else ''} {named} reported no position on Earth: "
+            "each is drawn in its own local frame, which begins where the vehicle stood.",
+        )
+    return tuple(found), ()
+
+
+def _on_earth(one: _Heard) -> tuple[NDArray[np.bool_], tuple[Array, Array, Array] | None]:
+    """Return which reports make the track, and their latitudes, longitudes and altitudes; None in an unknown frame."""
+    motion, is_global = np.array(one.motion), np.array(one.is_global)
+    origin = one.origin or _frame_origin(motion, np.array(one.stamps)[:, 1], is_global)
+    if is_global.any() and (origin is None or 2 * is_global.sum() >= len(is_global)):
+        return is_global, (motion[is_global, 0], motion[is_global, 1], motion[is_global, 2])
+    places = motion[~is_global, :3]
+    return ~is_global, None if origin is None else ned_to_geodetic(places, origin)
+
+
+def _frame_origin(motion: Array, boot_s: Array, is_global: NDArray[np.bool_]) -> Origin | None:
+    """Return the origin of a local frame from the global and the local position (N, 6) that are nearest in time."""
+    if is_global.all() or not is_global.any():
+        return None
+    globals_, locals_ = motion[is_global], motion[~is_global]
+    after = np.clip(np.searchsorted(boot_s[~is_global], boot_s[is_global]), 0, len(locals_) - 1)
+    apart_s = np.abs(boot_s[~is_global][after] - boot_s[is_global])
+    nearest = int(np.argmin(apart_s))
+    if apart_s[nearest] > _TOGETHER_S:
+        return None
+    place = Origin(*(float(part) for part in globals_[nearest, :3]))
+    return Origin(*(float(part) for part in ned_to_geodetic(-locals_[after[nearest], :3], place)))
+
+
+def steady_times(noted_s: Array, boot_s: Array) -> Array:
+    """Return the times (N,) of reports by the boot clock; its offset is that of the least delayed report.
+
+    A reboot, a clock that was set, and time at another rate than the clock's begin a new section.
+    """
+    offset = noted_s - boot_s
+    times = np.empty_like(noted_s)
+    begin = 0
+    for end in range(1, len(offset) + 1):
+        if end == len(offset) or abs(offset[end] - offset[begin]) > _ELSEWHERE_S:
+            times[begin:end] = boot_s[begin:end] + offset[begin:end].min()
+            begin = end
+    return times
 
 
 class LoadedRecording:

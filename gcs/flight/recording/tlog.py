@@ -112,16 +112,6 @@ def _scan(file: IO[bytes], path: Path) -> Iterator[LoggedFrame | Gap]:
         yield Gap(gap, base + len(data) - gap, gap >= base and _is_cut(data, gap - base))
 
 
-def read_messages(path: Path) -> Iterator[Message]:
-    """Yield the messages of an undamaged log, up to where it was cut off. Raises FileFormatError."""
-    for one in scan(path):
-        if isinstance(one, LoggedFrame):
-            if one.message is not None:
-                yield one.message
-        elif not one.cut:
-            raise FileFormatError(f"{path} is damaged {one.at} bytes from its start.")
-
-
 def load_tlog(path: Path) -> Tlog:
     """Return what is readable of a log. Raises FileFormatError for a file without frames."""
     found = list(itertools.islice(scan(path), FRAMES_MAX + 1))

@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
 from typing import Any, TypeVar
 
 from gcs.aio import alongside, each, ended
-from gcs.autopilots.traits import Autopilot, autopilot_name, flight_behaviour
+from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
@@ -38,6 +38,7 @@ from gcs.flight.sequence.takeoff_landing import (
     until_ready,
 )
 from gcs.flight.sequence.text_watch import TextWatch
+from gcs.flight.setup.build_loads import refuse_no_hour
 from gcs.flight.setup.own_process import in_own_process
 from gcs.flight.setup.preflight_check import CLOCK, MESSAGES
 from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
@@ -255,13 +256,8 @@ class FlightSequence:
         return battery_model(self.plan)
 
     def _check_mode(self) -> None:
-        late = [v for v in self.vehicles.values() if not v.behaviour.waits_for_time_of_day]
-        if self.options.mode is FlightMode.MISSION and late:
-            named = ", ".join(f"vehicle {v.sysid} ({autopilot_name(v.session.autopilot)})" for v in late)
-            raise PeerError(
-                f"missions cannot start together: a mission cannot wait until a time of day on {named}.",
-                hint="fly with --mode stream, which keeps all vehicles on time",
-            )
+        if self.options.mode is FlightMode.MISSION:
+            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
 
     async def _fly_stream(self) -> float:
         """Stream setpoints to all vehicles from one T0; return T0."""

@@ -1,22 +1,32 @@
-"""From a plan to the load of each vehicle: mission, fence, rally point, parameters."""
+"""From a plan to the load of each vehicle: mission, fence, rally point, parameters, and what keeps its times."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
-from gcs.errors import PeerError, UsageError
+from gcs.errors import GcsError, PeerError, UsageError
+from gcs.flight.options import FlightMode
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.mission.export.export import export
 from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.failsafe.fence_rally import Safety, build_safety
 from gcs.mission.failsafe.rtl_altitudes import return_warnings
-from gcs.mission.formats.registry import select_formats
+from gcs.mission.formats.registry import DEFAULT, select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
+from gcs.mission.predicted.timing import Timing
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import Report
 from gcs.scenario.si import names_autopilots
+
+IDEAL, OWN, AUTO = "ideal", "own", "auto"
+NAVIGATORS = (AUTO, OWN, IDEAL)
+_SHARE = 0.5  # of a limit that the autopilot may use; sensors and wind take the rest
 
 
 def build_loads(
@@ -81,8 +91,8 @@ def refuse_other_autopilots(plan: Plan, autopilots: Iterable[int]) -> None:
         )
 
 
-def refuse_no_hour(vehicles: Iterable[tuple[int, int]]) -> None:
-    """Raises `UsageError` where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
+def refuse_no_hour(vehicles: Iterable[tuple[int, int]], error: type[GcsError] = UsageError) -> None:
+    """Raises an error where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
     known = {int(one): one for one in Autopilot}
     late = [
         f"vehicle {sysid} ({known[number].title})"
@@ -90,7 +100,7 @@ def refuse_no_hour(vehicles: Iterable[tuple[int, int]]) -> None:
         if number in known and not known[number].traits.flight.waits_for_time_of_day
     ]
     if late:
-        raise UsageError(
+        raise error(
             f"missions cannot start together: a mission cannot wait until a time of day on {', '.join(late)}.",
             hint="fly with --mode stream, which keeps all vehicles on time",
         )
@@ -143,3 +153,52 @@ def _firmware(sysid: int, autopilot: int) -> Autopilot:
             f"vehicle {sysid} runs autopilot number {autopilot}; missions are written for {titles()}.",
             hint="export the missions with `gcs export` and load them with its own ground station",
         ) from None
+
+
+@dataclass(frozen=True)
+class TimeKeeping:
+    """How a flight's missions keep time. `navigator` is that of emulated vehicles."""
+
+    mode: FlightMode
+    emulated: bool
+    navigator: str = AUTO
+    gates: int = 0
+
+
+def export_for_flight(
+    plan: Plan, report: Report, folder: Path, keeping: TimeKeeping, say: Callable[[str], None]
+) -> tuple[ExportIndex, str]:
+    """Export what is uploaded; return the index and the navigator of emulated vehicles.
+
+    `report` is that of the plan's verification. A setpoint stream needs no corrected speeds, and the ideal navigator
+    keeps the plan's own. Raises `VerificationError` if vehicles that fly their missions may come too close to each
+    other.
+    """
+    if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator == IDEAL):
+        return export(plan, folder, timed=False, report=report), IDEAL
+    start_s = 0 if keeping.gates else None  # the common start is known when all are ready
+    if not keeping.emulated or keeping.navigator == OWN:
+        return export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report), OWN
+    index = export(plan, folder, gates=keeping.gates, start_s=start_s, report=report)
+    reason = index.refused or (_predicted_failure(plan, index.timing) if index.timing else "")
+    if not reason or keeping.gates:
+        return index, OWN
+    say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {reason}")
+    return export(plan, folder, timed=False, report=report), IDEAL
+
+
+def _predicted_failure(plan: Plan, timing: Timing) -> str:
+    """The criterion that the predicted flight fails with a margin, in words; empty if it fails none."""
+    limits = plan.scenario.judge
+    worst = max(timing.vehicles, key=lambda vehicle: vehicle.error_rms_m)
+    if worst.error_rms_m > _SHARE * limits.position_rms_m:
+        return (
+            f"flown as by its autopilot, vehicle {worst.sysid} would be {worst.error_rms_m:.2f} m from the plan (RMS); "
+            f"the scenario asks for {limits.position_rms_m:g} m"
+        )
+    if abs(timing.arrival_late_s) > _SHARE * limits.arrival_time_s:
+        return (
+            f"flown as by their autopilot, vehicles would arrive {timing.arrival_late_s:+.2f} s late; the scenario "
+            f"asks for {limits.arrival_time_s:g} s"
+        )
+    return ""

@@ -24,27 +24,34 @@ _STOP_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True)
+class Emulated:
+    """How vehicles are emulated in a flight without a link: the options of `sim-bridge`."""
+
+    speedup: str = "10"
+    seed: int = 0
+    faults: tuple[str, ...] = ()
+    wind: str | None = None  # SPEED@FROM; None: the scenario's
+    gusts: str | None = None
+
+
+@dataclass(frozen=True)
 class SimulatorOptions:
     """The options of `sim-bridge` for one flight."""
 
     scenario: Path
     port: int
-    speedup: str = "10"
-    seed: int = 0
+    emulated: Emulated
     log: Path = Path(os.devnull)  # its stderr
     truth: Path | None = None
-    faults: tuple[str, ...] = ()
     navigator: str = "ideal"  # ideal: keeps arrival times; own: the autopilot's
-    wind: str | None = None  # SPEED@FROM; None: the scenario's
-    gusts: str | None = None
 
 
-def refuse_wrong_options(scenario: Scenario, faults: tuple[str, ...], wind: str | None, gusts: str | None) -> None:
+def refuse_wrong_options(scenario: Scenario, emulated: Emulated) -> None:
     """Have the simulator read its own options before anything is planned or written. Raises UsageError."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.model_dump_json())
-        line = _command_line(SimulatorOptions(file, 1, faults=faults, wind=wind, gusts=gusts))
+        line = _command_line(SimulatorOptions(file, 1, emulated))
         done = subprocess.run(
             [*line, "--check"], stdin=subprocess.DEVNULL, capture_output=True, timeout=_START_TIMEOUT_S, check=False
         )
@@ -82,16 +89,12 @@ async def simulator(options: SimulatorOptions) -> AsyncIterator[asyncio.subproce
 
 
 def _command_line(options: SimulatorOptions) -> list[str]:
+    how = options.emulated
     line = [sys.executable, "-m", "sim_bridge", os.fspath(options.scenario), "--udp", f"127.0.0.1:{options.port}"]
-    line += ["--speedup", options.speedup, "--seed", str(options.seed), "--nav", options.navigator, "--until-eof"]
-    if options.truth is not None:
-        line += ["--truth", os.fspath(options.truth)]
-    if options.wind is not None:
-        line += ["--wind", options.wind]
-    if options.gusts is not None:
-        line += ["--gusts", options.gusts]
-    for fault in options.faults:
-        line += ["--fault", fault]
+    line += ["--speedup", how.speedup, "--seed", str(how.seed), "--nav", options.navigator, "--until-eof"]
+    given = [("--truth", options.truth), ("--wind", how.wind), ("--gusts", how.gusts)]
+    for name, value in (*given, *(("--fault", fault) for fault in how.faults)):
+        line += [name, os.fspath(value)] if value is not None else []
     return line
 
 

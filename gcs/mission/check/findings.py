@@ -61,15 +61,7 @@ class Finding:
 
     def data(self) -> dict[str, Any]:
         """The finding for `--json`, without keys that do not apply."""
-        fields = {
-            "rule": self.rule.value,
-            "level": self.level.value,
-            "message": self.message,
-            "file": self.source,
-            "line": self.line,
-            "item": self.item,
-            "t_s": self.t_s,
-        }
+        fields = {("file" if key == "source" else key): value for key, value in vars(self).items()}
         return {key: value for key, value in fields.items() if value is not None}
 
 

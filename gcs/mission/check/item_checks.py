@@ -151,13 +151,8 @@ def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Findi
     elif math.isnan(times):
         yield found(mission, Rule.JUMP, Level.ERROR, "the number of jumps is not a number", index)
     elif times < 0 and target < index:
-        yield found(
-            mission,
-            Rule.JUMP,
-            Level.WARNING,
-            "jumps back without end; the vehicle never flies the items after this one",
-            index,
-        )
+        message = "jumps back without end; the vehicle never flies the items after this one"
+        yield found(mission, Rule.JUMP, Level.WARNING, message, index)
     elif target < index and not any(i.command <= MavCommand.NAV_LAST for i in mission.items[target:index]):
         yield found(mission, Rule.JUMP, Level.ERROR, "jumps back without a navigation command in between", index)
 

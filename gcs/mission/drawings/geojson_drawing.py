@@ -13,13 +13,15 @@ from gcs.mission.drawings.drawing import (
     Drawing,
     DrawnArea,
     DrawnDisk,
+    DrawnLine,
     DrawnPoint,
+    MapSketch,
+    drawing_of,
     labelled,
     on_earth,
     ring,
     tidy,
 )
-from gcs.mission.drawings.drawn_lines import DrawnLine, MapSketch, drawing_of
 from gcs.reading.bounded_json import read_json
 
 _DEPTH_MAX = 8  # of collections in collections

@@ -16,14 +16,16 @@ from gcs.mission.drawings.drawing import (
     Datum,
     Drawing,
     DrawnArea,
+    DrawnLine,
     DrawnPoint,
+    MapSketch,
     Place,
+    drawing_of,
     labelled,
     on_earth,
     ring,
     tidy,
 )
-from gcs.mission.drawings.drawn_lines import DrawnLine, MapSketch, drawing_of
 from gcs.reading.archives import BadArchive, member_names, read_member
 from gcs.reading.bounded_file import MIB
 from gcs.reading.bounded_xml import XmlElement, read_xml
@@ -54,9 +56,7 @@ def draw_kml(data: bytes, source: str) -> Drawing:
     """The drawing in a KML file. Raises `FileFormatError`."""
     found = MapSketch(source)
     try:
-        root = read_xml(data)
-        if root.name != "kml":
-            raise ValueError(f"its root is <{tidy(root.name)}>, not <kml>")
+        root = _root(data, "kml")
         for number, placemark in enumerate(root.below("Placemark"), start=1):
             _placemark(placemark, number, found)
     except ValueError as error:
@@ -65,6 +65,13 @@ def draw_kml(data: bytes, source: str) -> Drawing:
         for number, one in enumerate(root.below(kind), start=1):
             found.leave_out(labelled(kind, number, tidy(one.said("name"))), "not carried over: it draws no line")
     return drawing_of(found)
+
+
+def _root(data: bytes, name: str) -> XmlElement:
+    root = read_xml(data)
+    if root.name != name:
+        raise ValueError(f"its root is <{tidy(root.name)}>, not <{name}>")
+    return root
 
 
 def _placemark(placemark: XmlElement, number: int, found: MapSketch) -> None:
@@ -123,12 +130,12 @@ def _points(
 
 
 def _polygon(shape: XmlElement, label: str, inside: bool | None, found: MapSketch) -> None:
-    rings = [_ring(edge, label) for edge in (shape.first("outerBoundaryIs", "LinearRing"),) if edge is not None]
-    if not rings:
+    outer = shape.first("outerBoundaryIs", "LinearRing")
+    if outer is None:
         raise ValueError(f"{label} is a polygon without an edge")
     holes = [inner.first("LinearRing") for inner in shape.all("innerBoundaryIs")]
     inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
-    found.areas.append(DrawnArea(rings[0], label, inside, inner))
+    found.areas.append(DrawnArea(_ring(outer, label), label, inside, inner))
 
 
 def _ring(edge: XmlElement, label: str) -> tuple[Place, ...]:
@@ -139,9 +146,7 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
     """The drawing in a GPX file. Raises `FileFormatError`."""
     sketch = MapSketch(source)
     try:
-        root = read_xml(data)
-        if root.name != "gpx":
-            raise ValueError(f"its root is <{tidy(root.name)}>, not <gpx>")
+        root = _root(data, "gpx")
         for number, route in enumerate(root.all("rte"), start=1):
             label = labelled("route", number, tidy(route.said("name")))
             sketch.lines.append(DrawnLine(label, _gpx_points(route.all("rtept"), label)))

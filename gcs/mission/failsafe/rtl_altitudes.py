@@ -2,7 +2,7 @@
 
 Altitudes start above the highest ground under all return tracks and are one step apart. `stagger_order` searches the
 order of vehicles. Fleets of more than 12 return at one altitude, in formation. Vehicles return to their homes, or to
-the nearest of home and rally points (`rally_choice`).
+the nearest of home and rally points (`rtl_cases`).
 
 If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
 under climbing ones; at a lower speed it passes later, when they are higher.
@@ -20,27 +20,35 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.every_start.ground_below import highest_below_returns_m
-from gcs.mission.failsafe.every_start.pair_returns import proved_separation
+from gcs.mission.failsafe.every_start.pair_returns import StraightReturns, proved_separation
 from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
-from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_returns import (
     NoWay,
     RoutedReturns,
     highest_under_ways_m,
     instants_s,
+    nearest_return,
     routed_returns,
     without_way,
 )
-from gcs.mission.failsafe.routed.start_search import nearest_return
-from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases
-from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
-from gcs.mission.failsafe.stagger_order import SEARCHED_MAX, stagger_order
+from gcs.mission.failsafe.rtl_cases import (
+    Crossing,
+    Returning,
+    ReturnSpeeds,
+    highest_ground_m,
+    pair_distances,
+    places_at,
+    rally_points_ned_m,
+    return_cases,
+    return_ends,
+)
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.once import once
 from gcs.physics.quadrotor import Array
@@ -59,6 +67,11 @@ _COARSE_S, _FINE_S, _FINEST_S, _GROUND_S, _ROUTED_S = 8.0, 0.5, 0.05, 2.0, 1.0
 _IN_FORMATION_INSTANTS, _IN_FORMATION_LOOKS = 40, 60
 _CM = 100.0
 _CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
+SEARCHED_MAX = 12  # vehicles
+GAP_STEP_M = 0.05
+ENOUGH = 2.0
+_ALL_ORDERS = 8  # vehicles
+_STEPS_BEGIN = 0.382  # of a step: pads and formations have round distances, and steps shall not begin there
 
 
 @dataclass(frozen=True)
@@ -108,8 +121,9 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     if worst is None:
         return found
     prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
-    altitudes_m, required_m = np.array(found.altitudes_m), judged_separation_m(plan.scenario)
-    proof = prove(plan, firmware, found.speeds, altitudes_m, rally, required_m, worst.distance_m)
+    ends, required_m = return_ends(plan, firmware, rally), judged_separation_m(plan.scenario)
+    returns = StraightReturns(plan, ends, found.speeds, np.array(found.altitudes_m), required_m)
+    proof = prove(returns, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
         first, second = proof.pair
         worst = WorstReturn(proof.least_m, proof.t_s, (plan.sysids[first], plan.sysids[second]), proof.ends)
@@ -301,3 +315,45 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
                 f"crosses {crossing.name.edge}: vehicle {sysids}; at its fence it {at_fence}. Returns of the "
                 "ground station lead round it"
             )
+
+
+def stagger_order(cases: list[Returning], altitudes_m: Array, separation_m: float) -> NDArray[np.intp]:
+    """Place of each vehicle in the stagger (V,): the order with the largest least distance.
+
+    `altitudes_m` (L, V) are the altitudes that each vehicle would have at each place. All orders of up to 8 vehicles
+    are compared, and exchanges of two in fleets of up to 12. Many are equally good, for example because pads limit the
+    least distance, and then the last bits of a plan would choose among them. Least distances are therefore compared in
+    whole steps of `GAP_STEP_M`, and those of `ENOUGH` separations or more are equal. Of equally good orders the first
+    one counts: the vehicles' own order is the first, the reversed one the last.
+    """
+    vehicles = len(cases[0].from_ned_m)
+    if vehicles == 1 or vehicles > SEARCHED_MAX:
+        return np.zeros(vehicles, dtype=np.intp)
+    pairs = list(itertools.combinations(range(vehicles), 2))
+    gaps_m = np.full((vehicles, vehicles, vehicles, vehicles), np.inf)  # by pair, then by their places in the stagger
+    for case in cases:
+        motions = [case.motion(row, altitudes_m[:, row, None]) for row in range(vehicles)]
+        for i, j in pairs:
+            (times_i, places_i), (times_j, places_j) = motions[i], motions[j]
+            distance = pair_distances((times_i[:, None], places_i[:, None]), (times_j[None], places_j[None]))
+            gaps_m[i, j] = np.minimum(gaps_m[i, j], distance.min(axis=-1))
+    steps = np.floor(np.minimum(gaps_m, ENOUGH * separation_m) / GAP_STEP_M + _STEPS_BEGIN)
+    first, second = np.array(pairs).T
+
+    def worth(orders: NDArray[np.intp]) -> Array:
+        """The least distance (O,) of orders (O, V), in whole steps."""
+        return np.asarray(steps[first, second, orders[:, first], orders[:, second]].min(axis=1))
+
+    if vehicles <= _ALL_ORDERS:
+        orders = np.array(list(itertools.permutations(range(vehicles))))
+        best: NDArray[np.intp] = orders[np.argmax(worth(orders))]
+        return best
+    order = np.arange(vehicles)
+    while True:
+        swapped = np.repeat(order[None], len(pairs), axis=0)
+        rows = np.arange(len(pairs))
+        swapped[rows, first], swapped[rows, second] = order[second], order[first]
+        found = worth(swapped)
+        if found.max() <= worth(order[None])[0]:
+            return order
+        order = swapped[np.argmax(found)]

@@ -1,15 +1,22 @@
-"""One vehicle's mission as a file of any format holds it: what mission writers are given and mission readers return."""
+"""One vehicle's mission as a file of any format holds it: what mission writers are given and mission readers return.
+
+In JSON files it finds the line of a value.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from gcs.autopilots.traits import Autopilot
+from gcs.errors import FileFormatError
 from gcs.mission.formats.foreign.oddities import Oddity
-from gcs.mission.formats.json_lines import line_of
 from gcs.mission.geofence import NO_FENCE, Geofence, RallyPoint
 from gcs.mission.model import Home, MissionItem
+
+Key = str | int
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],]|[^\s{}\[\]:,"]+')
 
 
 @dataclass(frozen=True)
@@ -39,3 +46,37 @@ class MissionFile:
         if self.lines:
             return self.lines[index]
         return line_of(self.text, (*self.items_path, index)) if self.text else None
+
+
+def line_of(text: str, path: Sequence[Key]) -> int:
+    """The line, from 1, on which the value at `path` begins, or the innermost value around it that exists."""
+    wanted = tuple(path)
+    here: list[Key | None] = []  # key or index inside each open bracket; None if an object's key comes next
+    found, depth = 0, -1
+    for token in _TOKEN.finditer(text):
+        word = token.group()
+        if word in "}]":
+            del here[-1:]
+        elif word == ",":
+            if here:
+                last = here[-1]
+                here[-1] = last + 1 if isinstance(last, int) else None
+        elif here and here[-1] is None:
+            here[-1] = word[1:-1]
+        else:
+            if len(here) > depth and tuple(here) == wanted[: len(here)]:
+                found, depth = token.start(), len(here)
+                if depth == len(wanted):
+                    break
+            if word in "{[":
+                here.append(0 if word == "[" else None)
+    return text.count("\n", 0, found) + 1
+
+
+def refused(text: str, source: str, path: Sequence[Key], reason: str, *, hint: str = "") -> FileFormatError:
+    """The error for one value, with its line. If the text is not JSON, the reason contains the line."""
+    syntax = re.fullmatch(r"Invalid JSON: (.*) at line (\d+) column \d+", reason)
+    if syntax:
+        return FileFormatError(f"{source}, line {syntax[2]}: not JSON: {syntax[1]}.")
+    key = ".".join(map(str, path))
+    return FileFormatError(f"{source}, line {line_of(text, path)}: {f'{key}: ' if key else ''}{reason}.", hint=hint)

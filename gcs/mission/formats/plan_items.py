@@ -12,9 +12,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.formats.foreign.item_place import place_on_wire
-from gcs.mission.formats.foreign.oddities import Odd, OddityList
-from gcs.mission.formats.foreign.text_lines import decoded, without_mark
-from gcs.mission.formats.json_lines import Key, line_of, refused
+from gcs.mission.formats.foreign.oddities import Odd, OddityList, decoded, without_mark
+from gcs.mission.formats.mission_file import Key, line_of, refused
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.reading.bounded_json import refuse_crowded_json
 

@@ -1,53 +1,42 @@
 """`.plan` files: QGroundControl's JSON, mission version 2, with its geofence and rally points (both version 2).
 
-Only simple items are read. Survey patterns and other complex items are refused by name.
+Only simple items are read. Survey patterns and other complex items are refused by name. `.mission` files
+came before: version 1.0, a flat list of items, and version 2. They are only read.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.foreign.item_place import place_in_file
-from gcs.mission.formats.foreign.oddities import Odd, Oddity
+from gcs.mission.formats.foreign.oddities import MARK, Odd
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import (
     ITEMS_MAX,
     AnyItem,
     Finite,
+    PlanItem,
     PlanPart,
     PlanText,
     Point,
     PointAndAltitude,
     Whole,
 )
-from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
+from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Frame, Home, MissionItem
+from gcs.reading.bounded_json import refuse_crowded_json
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
 # QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 if items differ.
 _ALTITUDE_MODE = {Frame.GLOBAL: 2, Frame.GLOBAL_RELATIVE_ALT: 1, Frame.GLOBAL_TERRAIN_ALT: 4}
 _MIXED = 0
-
-
-@dataclass(frozen=True)
-class PlanFile:
-    """Contents of one file. QGroundControl uses the two speeds for its time estimate only."""
-
-    firmware: Autopilot
-    home: Home
-    items: tuple[MissionItem, ...]
-    cruise_speed_mps: float = 15.0
-    hover_speed_mps: float = 5.0
-    geofence: Geofence = NO_FENCE
-    rally: tuple[RallyPoint, ...] = ()
-    oddities: tuple[Oddity, ...] = field(default=(), compare=False)
+_CRUISE_MPS, _HOVER_MPS = 15.0, 5.0  # for its time estimate only
 
 
 class PlannedMission(PlanPart):
@@ -55,8 +44,8 @@ class PlannedMission(PlanPart):
 
     version: Literal[2]
     firmwareType: Whole
-    cruiseSpeed: Finite = 15.0
-    hoverSpeed: Finite = 5.0
+    cruiseSpeed: Finite = _CRUISE_MPS
+    hoverSpeed: Finite = _HOVER_MPS
     plannedHomePosition: PointAndAltitude
     items: Annotated[list[AnyItem], Field(max_length=ITEMS_MAX)]
 
@@ -99,18 +88,21 @@ class PlanDocument(PlanPart):
     rallyPoints: _Rally = _Rally(version=2)
 
 
-def write_plan_file(file: PlanFile) -> str:
-    """The text of a file; `read_plan_file` gives back the same values (NaN parameters are null there)."""
+def write_mission(file: MissionFile) -> str:
+    """The text of a file that holds this mission, its fence and its rally points (NaN parameters are null there)."""
+    if file.home is None:
+        raise ValueError(f"{file.source}: a .plan holds a home position, and this mission has none")
+    speed_mps = file.speed_mps
     modes = {_ALTITUDE_MODE[Frame(i.frame)] for i in file.items if i.frame in _ALTITUDE_MODE}
     document = {
         "fileType": "Plan",
         "geoFence": _written_fence(file.geofence),
         "groundStation": "Skein",
         "mission": {
-            "cruiseSpeed": file.cruise_speed_mps,
+            "cruiseSpeed": _CRUISE_MPS if speed_mps is None else speed_mps,
             "firmwareType": int(file.firmware),
             "globalPlanAltitudeMode": modes.pop() if len(modes) == 1 else _MIXED,
-            "hoverSpeed": file.hover_speed_mps,
+            "hoverSpeed": _HOVER_MPS if speed_mps is None else speed_mps,
             "items": [_written(item, number) for number, item in enumerate(file.items, start=1)],
             "plannedHomePosition": [file.home.lat_deg, file.home.lon_deg, file.home.alt_amsl_m],
             "vehicleType": _MULTIROTOR,
@@ -122,51 +114,26 @@ def write_plan_file(file: PlanFile) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def read_plan_file(text: str | bytes, source: str, firmware: Autopilot | None = None) -> PlanFile:
-    """Contents of a file; `source` names it in errors, `firmware` counts where the file names an unknown autopilot.
+def read_mission(data: str | bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
+    """The mission in a file, for `firmware` or the autopilot that the file names; `source` names the file in errors.
 
     What other programs write otherwise is in `oddities`. Raises `FileFormatError` with file, line, key and reason for
     anything that cannot be flown as written.
     """
-    plan = PlanText(text, source)
+    plan = PlanText(data, source)
     document = plan.parsed(PlanDocument)
     mission = document.mission
-    file = PlanFile(
-        plan.autopilot(mission.firmwareType, ("mission", "firmwareType"), firmware),
-        Home(*mission.plannedHomePosition),
-        plan.mission_items(mission.items, ("mission", "items")),
-        mission.cruiseSpeed,
-        mission.hoverSpeed,
-        fence_in_plan(document.geoFence, plan),
-        rally_in_plan(document.rallyPoints, plan),
-    )
-    return replace(file, oddities=plan.oddities.found())
-
-
-def write_mission(file: MissionFile) -> str:
-    """The text of a file that holds this mission, its fence and its rally points."""
-    if file.home is None:
-        raise ValueError(f"{file.source}: a .plan holds a home position, and this mission has none")
-    speeds = () if file.speed_mps is None else (file.speed_mps, file.speed_mps)
-    cruise_mps, hover_mps = speeds or (PlanFile.cruise_speed_mps, PlanFile.hover_speed_mps)
-    return write_plan_file(
-        PlanFile(file.firmware, file.home, file.items, cruise_mps, hover_mps, file.geofence, file.rally)
-    )
-
-
-def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
-    """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
-    file = read_plan_file(data, source, firmware)
+    named = plan.autopilot(mission.firmwareType, ("mission", "firmwareType"), firmware)
     return MissionFile(
         source,
-        file.firmware if firmware is None else firmware,
-        file.home,
-        file.items,
-        file.geofence,
-        file.rally,
-        file.hover_speed_mps if file.hover_speed_mps > 0 else None,
-        text=data.decode("utf-8"),
-        oddities=file.oddities,
+        named if firmware is None else firmware,
+        Home(*mission.plannedHomePosition),
+        plan.mission_items(mission.items, ("mission", "items")),
+        fence_in_plan(document.geoFence, plan),
+        rally_in_plan(document.rallyPoints, plan),
+        mission.hoverSpeed if mission.hoverSpeed > 0 else None,
+        text=plan.text,
+        oddities=plan.oddities.found(),
     )
 
 
@@ -239,3 +206,60 @@ def _degrees(place: GeoPoint) -> list[float]:
 
 def _place(lat_deg: float, lon_deg: float) -> GeoPoint:
     return GeoPoint(to_degE7(lat_deg), to_degE7(lon_deg))
+
+
+class _Kind(BaseModel):
+    fileType: Any = None
+    version: Any = None
+    mission: Any = None
+
+
+class _HomeItem(PlanPart):
+    coordinate: PointAndAltitude
+
+
+class _Version1(PlanPart):
+    MAV_AUTOPILOT: Whole
+    version: Literal["1.0", 1]
+    plannedHomePosition: _HomeItem
+    items: Annotated[list[PlanItem], Field(max_length=ITEMS_MAX)]
+    complexItems: list[Any] = Field(default_factory=list)
+
+
+def is_mission_json(data: bytes) -> bool:
+    """Whether a file is a `.mission`; any file that is no JSON is none."""
+    try:
+        refuse_crowded_json(data)
+        kind = _Kind.model_validate_json(data.decode("utf-8").removeprefix(MARK))
+    except ValueError:  # also of pydantic, and of the decoder
+        return False
+    return kind.fileType == "Mission" or (kind.fileType is kind.mission is None and kind.version is not None)
+
+
+def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
+    """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
+    file = PlanText(data, source)
+    version = file.parsed(_Kind).version
+    file.told(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
+    speed_mps = None
+    if version == 2:
+        mission = file.parsed(PlannedMission)
+        named = file.autopilot(mission.firmwareType, ("firmwareType",), firmware)
+        home, items = Home(*mission.plannedHomePosition), file.mission_items(mission.items, ("items",))
+        speed_mps = mission.hoverSpeed if mission.hoverSpeed > 0 else None
+    else:
+        older = file.parsed(_Version1)
+        if older.complexItems:
+            raise file.refused(("complexItems", 0), "a complex item; replace it by simple items")
+        named = file.autopilot(older.MAV_AUTOPILOT, ("MAV_AUTOPILOT",), firmware)
+        home, items = Home(*older.plannedHomePosition.coordinate), file.mission_items(older.items, ("items",))
+    return MissionFile(
+        source,
+        named if firmware is None else firmware,
+        home,
+        items,
+        speed_mps=speed_mps,
+        text=file.text,
+        items_path=("items",),
+        oddities=file.oddities.found(),
+    )

@@ -20,10 +20,8 @@ from gcs.errors import ScenarioError
 from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
-from gcs.mission.waypoints.clear_legs import clear_legs
-from gcs.mission.waypoints.drawn_points import with_drawn_points
-from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
-from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs, deviation, waypoint_indices
+from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.si import local_origin

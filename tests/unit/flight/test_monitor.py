@@ -117,7 +117,8 @@ def test_the_formation_error_ends_with_the_formation(simulation1_plan: Plan) -> 
     heard.at(plan.phase("landing").start_s + 10.0, (0.0, 0.0, 0.0))
     assert math.isnan(heard.monitor.formation_error_m())
     heard.monitor.watch_separation(plan.sysids)
-    assert heard.monitor.separation_m() > 0.3
+    assert (nearest := heard.monitor.nearest_now()) is not None
+    assert nearest.distance_m > 0.3
 
 
 def starting(plan: Plan, errors_ned_m: dict[int, tuple[float, float, float]]) -> Heard:
@@ -132,7 +133,7 @@ def starting(plan: Plan, errors_ned_m: dict[int, tuple[float, float, float]]) ->
 
 def test_before_the_take_off_there_is_no_separation(simulation1_plan: Plan) -> None:
     heard = starting(simulation1_plan, dict.fromkeys(simulation1_plan.sysids, (0.0, 0.0, 0.0)))
-    assert math.isnan(heard.monitor.separation_m())
+    assert heard.monitor.nearest_now() is None
     assert heard.monitor.nearest == {}
 
 
@@ -141,7 +142,8 @@ def test_at_the_take_off_separation_counts_from_the_pads_whatever_receivers_repo
     errors = {sysid: (1.5 * (-1) ** sysid, -0.9 * sysid, 2.0) for sysid in plan.sysids}
     heard = starting(plan, errors)
     heard.monitor.watch_separation(plan.sysids)
-    assert heard.monitor.separation_m() == pytest.approx(pdist(plan.pads_ned_m).min(), abs=1e-9)
+    assert (nearest := heard.monitor.nearest_now()) is not None
+    assert nearest.distance_m == pytest.approx(pdist(plan.pads_ned_m).min(), abs=1e-9)
     second = plan.pads_ned_m[1] - plan.pads_ned_m[4]  # vehicle 5 moves half of the way to vehicle 2
     half = tuple((np.array(errors[5]) + second / 2).tolist())
     heard.from_pad(-25.0, {**errors, 5: half})

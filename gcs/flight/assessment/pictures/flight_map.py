@@ -11,18 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path as Shape
 from matplotlib.transforms import Affine2D
 
+from gcs.flight.assessment.pictures import map_layers
 from gcs.flight.assessment.pictures.figure_file import BESIDE, NAMED, Labels, colours
-from gcs.flight.assessment.pictures.map_layers import (
-    DART,
-    Area,
-    area_of,
-    draw_ground,
-    draw_route,
-    draw_zones,
-    label_route,
-    label_zones,
-    layer_entries,
-)
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
 
@@ -45,9 +35,9 @@ class FlightMap:
     ends: tuple[str, str] = ("take-off", "landing")
 
     @property
-    def area(self) -> Area:
+    def area(self) -> map_layers.Area:
         """What the map covers."""
-        return area_of(self.scenario, self.tracks_ned_m)
+        return map_layers.area_of(self.scenario, self.tracks_ned_m)
 
     @property
     def leader(self) -> int:
@@ -62,18 +52,18 @@ class FlightMap:
         low, high = area = self.area
         handles = []
         if self.scenario is not None:
-            draw_ground(axes, self.scenario, area)
-            draw_zones(axes, self.scenario, self._span_s)
+            map_layers.draw_ground(axes, self.scenario, area)
+            map_layers.draw_zones(axes, self.scenario, self._span_s)
         for track in self.planned_ned_m if self.planned_ned_m is not None else ():
             axes.plot(track[:, 1], track[:, 0], **PLANNED)
         for colour, track in zip(colours(self.sysids), self.tracks_ned_m, strict=True):
             axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2)
         handles += self._draw_ends(axes) + self._draw_course(axes)
-        handles += draw_route(axes, self.scenario) if self.scenario is not None else []
+        handles += map_layers.draw_route(axes, self.scenario) if self.scenario is not None else []
         axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
         handles = vehicle_entries(self.sysids) + self._planned_entry() + handles
         if self.scenario is not None:
-            handles += layer_entries(axes, self.scenario)
+            handles += map_layers.layer_entries(axes, self.scenario)
         axes.legend(handles=handles, **BESIDE)
 
     def label(self, axes: Any, labels: Labels) -> None:
@@ -81,11 +71,11 @@ class FlightMap:
         times_s, places = self.marks()
         labels.avoid_points(axes, places[:, 1::-1])
         if self.scenario is not None:
-            label_route(axes, labels, self.scenario)
+            map_layers.label_route(axes, labels, self.scenario)
         for t_s, place in zip(times_s, places, strict=True):
             labels.place(axes, f"{t_s:.0f} s", (float(place[1]), float(place[0])))
         if self.scenario is not None:
-            label_zones(axes, labels, self.scenario, self._span_s)
+            map_layers.label_zones(axes, labels, self.scenario, self._span_s)
 
     @property
     def _span_s(self) -> tuple[float, float]:
@@ -147,7 +137,7 @@ class FlightMap:
 
 def dart(course_deg: float) -> Shape:
     """Return a marker that points along a course."""
-    return DART.transformed(Affine2D().rotate_deg(-course_deg))
+    return map_layers.DART.transformed(Affine2D().rotate_deg(-course_deg))
 
 
 def vehicle_entries(sysids: tuple[int, ...], **look: Any) -> list[Line2D]:

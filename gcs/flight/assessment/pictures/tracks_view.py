@@ -14,22 +14,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 from scipy.spatial.distance import pdist
 
+from gcs.flight.assessment.pictures import map_layers
 from gcs.flight.assessment.pictures.figure_file import NAMED, Labels, colours, head, settle
 from gcs.flight.assessment.pictures.flight_map import FlightMap, vehicle_entries
-from gcs.flight.assessment.pictures.map_layers import (
-    ARROW,
-    KEEP_IN,
-    WIND,
-    ZONE,
-    Area,
-    draw_ground,
-    draw_zones,
-    ground_grid,
-    levels_m,
-    outlines,
-    wind_entry,
-    zone_entry,
-)
 from gcs.flight.recording.recording import nearest_m
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.timeline import Move
@@ -81,8 +68,8 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
     low, high = area = chart.area
     lowest_m, top_m = _draw_ground(axes, scenario, area), float(np.nanmax(-tracks_ned_m[..., 2]))
     for zone in zones(scenario):
-        colour = KEEP_IN if isinstance(zone, KeepIn) else ZONE
-        for corners in outlines(zone, span_s):
+        colour = map_layers.KEEP_IN if isinstance(zone, KeepIn) else map_layers.ZONE
+        for corners in map_layers.outlines(zone, span_s):
             _draw_zone(axes, scenario, np.clip(corners, low, high), top_m, colour)
     for colour, track in zip(colours(sysids), tracks_ned_m, strict=True):
         under_m = ground_height_m(scenario.terrain, track[:, 0], track[:, 1])
@@ -103,12 +90,16 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
         axis.set_major_locator(MaxNLocator(_TICKS))
     axes.set_box_aspect((*sides_m, _HIGH), zoom=1.1)
     axes.view_init(elev=35, azim=-60)
-    entries = [*vehicle_entries(sysids), *zone_entry(scenario), wind_entry(scenario, in_space=True)]
+    entries = [
+        *vehicle_entries(sysids),
+        *map_layers.zone_entry(scenario),
+        map_layers.wind_entry(scenario, in_space=True),
+    ]
     axes.legend(handles=entries, fontsize=8, loc="upper left", ncols=2)
     head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
 
 
-def _draw_wind(axes: Any, scenario: Scenario, area: Area, flat_ned_m: Array, top_m: float) -> None:
+def _draw_wind(axes: Any, scenario: Scenario, area: map_layers.Area, flat_ned_m: Array, top_m: float) -> None:
     """Draw an arrow along the wind, as high as the highest track, over the corner that is farthest from all tracks."""
     if scenario.wind is None or scenario.wind.speed_mps == 0.0:
         return
@@ -118,16 +109,16 @@ def _draw_wind(axes: Any, scenario: Scenario, area: Area, flat_ned_m: Array, top
     corners = [corner + np.where(corner == low, 1.0, -1.0) * 0.7 * length_m for corner in corners]
     away_m = [np.nanmin(np.linalg.norm(flat_ned_m.reshape(-1, 2) - corner, axis=1)) for corner in corners]
     place = corners[int(np.argmax(away_m))]
-    turned = np.asarray(ARROW.transformed(Affine2D().rotate_deg(180.0 - scenario.wind.from_deg)).vertices)
+    turned = np.asarray(map_layers.ARROW.transformed(Affine2D().rotate_deg(180.0 - scenario.wind.from_deg)).vertices)
     east, north = (place[::-1] + 0.5 * length_m * turned).T
     outline = list(zip(east, north, np.full(len(east), top_m), strict=True))
-    axes.add_collection3d(Poly3DCollection([outline], facecolor=WIND, edgecolor="none", zorder=11))
+    axes.add_collection3d(Poly3DCollection([outline], facecolor=map_layers.WIND, edgecolor="none", zorder=11))
 
 
-def _draw_ground(axes: Any, scenario: Scenario, area: Area) -> float:
+def _draw_ground(axes: Any, scenario: Scenario, area: map_layers.Area) -> float:
     """Draw the ground as it is, in bands of height; return its lowest height."""
-    north, east, height = ground_grid(scenario, area, _CELLS)
-    levels = levels_m(height)
+    north, east, height = map_layers.ground_grid(scenario, area, _CELLS)
+    levels = map_layers.levels_m(height)
     if len(levels):
         range_m = Normalize(float(height.min()), float(height.max()))
         shade: Any = LightSource(315, 45).shade(
@@ -243,8 +234,8 @@ def draw_close_up(
     tracks = tracks_ned_m[:, during, 1::-1]
     at = int(np.argmin(np.abs(t_s - what.at_s))) if what.at_s is not None else int(during[-1])
     low, high = _frame(tracks, size_in)
-    draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
-    draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
+    map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
+    map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
     for colour, track, place in zip(colours(sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
         axes.plot(*track.T, color=colour, lw=1.2)
         axes.plot(*track[0], "o", color=colour, mfc="white", ms=4.5)

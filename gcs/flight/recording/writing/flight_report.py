@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import GRID_S, Verdict
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.recording.flight_folder import FAILED_TEXT, OK_TEXT, PLAN, limit_text
-from gcs.flight.setup.mission_choice import TimeKeeping
+from gcs.flight.setup.build_loads import TimeKeeping
+from gcs.flight.setup.simulator_process import Emulated
 from gcs.physics.wind import GUSTS_MPS
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import autopilots
@@ -50,21 +52,16 @@ FORMATION_ERROR = (
 SKEW = "difference of the delays of two vehicles behind the plan, from telemetry"
 
 
-def emulation_data(
-    scenario: Scenario, *, wind: str | None, gusts: str | None, seed: int, speedup: str, faults: tuple[str, ...]
-) -> dict[str, Any]:
+def emulation_data(scenario: Scenario, emulated: Emulated) -> dict[str, Any]:
     """Return the conditions of an emulated flight as plain values, for `report.json`."""
     return {
         "skein": version("skein-gcs"),
         "autopilots": sorted({known.key for known in autopilots(scenario)}),
         "sensors": scenario.sensors.grade,
-        "wind": wind,  # None: the scenario's
         "planned_wind": None if scenario.wind is None else scenario.wind.model_dump(),
-        "gusts": gusts,
-        "gusts_mps": _deviation_mps(gusts),
-        "seed": seed,
-        "speedup": speedup,
-        "faults": list(faults),
+        "gusts_mps": _deviation_mps(emulated.gusts),
+        **asdict(emulated),
+        "faults": list(emulated.faults),
     }
 
 

@@ -131,10 +131,8 @@ def refuse_without_room(folder: Path, needed: float) -> None:
     free = float(found.f_bavail * found.f_frsize)
     largest = resource.getrlimit(resource.RLIMIT_FSIZE)[0] if resource else -1
     if free < needed:
-        what, hint = (
-            f"the disk of {folder.parent} has {_mb(free)} free",
-            "free some room, or name another disk with --to",
-        )
+        what = f"the disk of {folder.parent} has {_mb(free)} free"
+        hint = "free some room, or name another disk with --to"
     elif 0 <= largest < needed:
         what = f"files of this process may grow to {_mb(largest)}"
         hint = "raise the limit with `ulimit -f unlimited`"

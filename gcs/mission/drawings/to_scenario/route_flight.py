@@ -13,8 +13,7 @@ import numpy as np
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing, LeftOut, Place, sentences, tidy
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTable, AreaTables, area_tables
-from gcs.mission.drawings.to_scenario.placed_point import PlacedPoint
-from gcs.mission.drawings.to_scenario.placed_route import PlacedRoute, placed_route
+from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
 from gcs.physics.quadrotor import Array
 from gcs.scenario.formations import places_up_m, turned
 from gcs.scenario.load import load_vehicle

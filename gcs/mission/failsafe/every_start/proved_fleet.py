@@ -12,12 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilots.traits import FleetFirmware
-from gcs.mission.failsafe.every_start.fleet_cell import FleetCell, FleetReturn
+from gcs.mission.failsafe.every_start.fleet_cell import FleetCell, FleetReturn, least_level_m
 from gcs.mission.failsafe.every_start.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
-from gcs.mission.failsafe.every_start.relative_motion import least_level_m
-from gcs.mission.failsafe.rtl_cases import return_ends
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import (
     Cells,
@@ -41,23 +38,13 @@ _GROUPS_MAX, _PAIRS_MAX = 3_000_000, 200_000  # looked at; what is left then is 
 _SAME = 1e-12  # of the shape's functions
 
 
-def proved_fleet(
-    plan: Plan,
-    firmware: FleetFirmware,
-    speeds: ReturnSpeeds,
-    altitudes_m: Array,
-    rally_ned_m: Array,
-    required_m: float,
-    seen_m: float,
-) -> ProvedSeparation:
-    """The proved separation of returns at these altitudes (V,); `seen_m` is a distance that is known to occur."""
+def proved_fleet(returns: StraightReturns, seen_m: float) -> ProvedSeparation:
+    """What `proved_separation` proves, of a fleet that returns at one altitude."""
     proof, looks = Proof.begun((1, 1), 3, seen_m), Looks(_PAIRS_MAX)
-    ends = return_ends(plan, firmware, rally_ned_m)
     for to_rally in (False, True):
-        pairs = StraightReturns(plan, ends, speeds, altitudes_m, required_m, to_rally)
         group_looks = Looks(_GROUPS_MAX)
-        for begin_s, end_s in _blocks(plan):
-            _settle_block(pairs, begin_s, end_s, proof, group_looks, looks)
+        for begin_s, end_s in _blocks(returns.plan):
+            _settle_block(replace(returns, to_rally=to_rally), begin_s, end_s, proof, group_looks, looks)
     return ProvedSeparation.of(proof)
 
 

@@ -47,10 +47,8 @@ def _crossings(plan: Plan, zone: Zone, name: ZoneName, ends_m: Array, *, to_rall
         some = np.flatnonzero(known & meets.any(axis=0))
         settled += [(float(begin_s[n]), float(end_s[n]), meets[:, n]) for n in some.tolist()]
         middle_s, left = cells.middle_s, ~known
-        begin_s, end_s = (
-            np.concatenate([begin_s[left], middle_s[left]]),
-            np.concatenate([middle_s[left], end_s[left]]),
-        )
+        begin_s = np.concatenate([begin_s[left], middle_s[left]])
+        end_s = np.concatenate([middle_s[left], end_s[left]])
     settled.sort(key=lambda span: span[:2])
     ends = "nearest" if to_rally else "home"
     while settled:

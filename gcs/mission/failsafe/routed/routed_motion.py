@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 
 ACCEL_MPS2 = 1.5  # a fifth of what a tilt of 60 degrees gives: any multicopter is able to

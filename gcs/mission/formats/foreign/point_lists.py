@@ -13,8 +13,7 @@ from collections.abc import Iterator
 
 from gcs.errors import FileFormatError
 from gcs.frames import to_degE7
-from gcs.mission.formats.foreign.oddities import Odd, Oddity, OddityList
-from gcs.mission.formats.foreign.text_lines import decoded, significant_lines
+from gcs.mission.formats.foreign.oddities import Odd, Oddity, OddityList, decoded, significant_lines
 from gcs.mission.geofence import LEAST_VERTICES, FencePolygon, Geofence, GeoPoint, RallyPoint
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"

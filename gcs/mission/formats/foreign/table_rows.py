@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from gcs.errors import FileFormatError
 from gcs.mavlink import MavCommand
 from gcs.mission.formats.foreign.item_place import Told, place_on_wire
-from gcs.mission.formats.foreign.oddities import Odd, OddityList
-from gcs.mission.formats.foreign.text_lines import significant_lines
+from gcs.mission.formats.foreign.oddities import Odd, OddityList, significant_lines
 from gcs.mission.model import MissionItem
 
 HEADER, HEADER_100 = "QGC WPL 110", "QGC WPL 100"

@@ -22,7 +22,7 @@ from gcs.flight.contingency.manoeuvres import (
 )
 from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory
 from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone

@@ -14,7 +14,7 @@ from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import Action, Order
 from gcs.flight.monitor import VehicleView
 from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from tests.unit.flight.contingency.straight_plan import straight_plan, yaw_rad
 

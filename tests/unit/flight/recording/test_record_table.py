@@ -17,7 +17,7 @@ from gcs.flight.assessment.comparison import compare
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitor import Lateness, lateness_s, skew_s
 from gcs.flight.recording.record_table import FlightReports, build_record, load_record
-from gcs.flight.recording.tlog import read_messages
+from gcs.flight.recording.tlog import Gap, LoggedFrame, scan
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY
@@ -144,12 +144,16 @@ def test_logs_are_read_up_to_where_they_were_cut(tmp_path: Path) -> None:
     frames = [codec.encode(Message("HEARTBEAT", beat)) for _ in range(3)]
     path = tmp_path / "telemetry.tlog"
     path.write_bytes(b"".join(struct.pack(">Q", 1) + frame for frame in frames)[:-4])
-    assert [m.name for m in read_messages(path)] == ["HEARTBEAT"] * 2
+    *whole, rest = scan(path)
+    assert [one.message.name for one in whole if isinstance(one, LoggedFrame) and one.message] == ["HEARTBEAT"] * 2
+    assert isinstance(rest, Gap)
+    assert rest.cut
     path.write_bytes(b"no log at all, but long enough")
-    with pytest.raises(FileFormatError, match="damaged 0 bytes"):
-        list(read_messages(path))
+    (damage,) = scan(path)
+    assert isinstance(damage, Gap)
+    assert (damage.at, damage.cut) == (0, False)
     with pytest.raises(FileFormatError, match="No such file"):
-        list(read_messages(tmp_path / "none.tlog"))
+        list(scan(tmp_path / "none.tlog"))
 
 
 @pytest.fixture(scope="module")

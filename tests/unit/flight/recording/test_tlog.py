@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.flight.recording.from_telemetry import recording_from_telemetry, steady_times
-from gcs.flight.recording.load_recording import load_recording
+from gcs.flight.recording.load_recording import load_recording, recording_from_telemetry, steady_times
 from gcs.flight.recording.tlog import load_tlog, mend_times
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.wire.codec import Codec

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gcs.cli.main import run
-from gcs.mission.check.beside_pads import check_pads
 from gcs.mission.check.findings import Level, Rule
+from gcs.mission.check.fleet_check import check_pads
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.predicted.planned_flight import Surroundings, fly
 from gcs.physics.quadrotor import Array

@@ -20,7 +20,7 @@ from gcs.mission.export.export import export
 from gcs.mission.formats.maps.geojson import read_geojson
 from gcs.mission.formats.maps.kml import read_kml, read_kmz
 from gcs.mission.formats.param import read_parameters
-from gcs.mission.formats.qgc_plan import read_plan_file
+from gcs.mission.formats.qgc_plan import read_mission
 from gcs.mission.formats.qgc_wpl import read_fence, read_rally, read_waypoints
 from gcs.mission.formats.registry import FORMATS
 from gcs.mission.formats.tables.history_csv import read_history
@@ -46,7 +46,7 @@ def test_everything_is_there_and_says_the_same(hop: Plan, tmp_path: Path) -> Non
     assert {name: hashlib.sha256(data).hexdigest() for name, data in written.items()} == index.sha256
     for mission in index.missions:
         waypoints = read_waypoints(written[f"uav{mission.sysid}.waypoints"], "w")
-        plan = read_plan_file(written[f"uav{mission.sysid}.plan"], "p")
+        plan = read_mission(written[f"uav{mission.sysid}.plan"], "p")
         assert waypoints.items == plan.items == mission.items
         assert waypoints.home == plan.home == mission.home
         assert index.items == len(mission.items)
@@ -64,7 +64,7 @@ def test_every_format(hop: Plan, tmp_path: Path) -> None:
         parquet = read_setpoints_parquet(written[f"uav{sysid}.parquet"], "s")
         assert (parquet.plan_hash, parquet.origin) == (csv.plan_hash, csv.origin)
         assert np.array_equal(parquet.stream.position_ned_m, csv.stream.position_ned_m)
-        plan_file = read_plan_file(written[f"uav{sysid}.plan"], "p")
+        plan_file = read_mission(written[f"uav{sysid}.plan"], "p")
         assert read_fence(written[f"uav{sysid}.fence"], "f") == plan_file.geofence
         assert read_rally(written[f"uav{sysid}.rally"], "r") == plan_file.rally
         parameters = read_parameters(written[f"uav{sysid}.param"], "p", Autopilot.ARDUPILOT)
@@ -107,7 +107,7 @@ def test_every_format_reads_back_what_it_wrote(hop: Plan, tmp_path: Path) -> Non
 
 def test_autopilot_and_altitude_on_request(hop: Plan, tmp_path: Path) -> None:
     export(hop, tmp_path, formats=["plan"], firmware=Autopilot.PX4, altitude=Altitude.AMSL, timed=False)
-    plan = read_plan_file((tmp_path / "uav1.plan").read_bytes(), "p")
+    plan = read_mission((tmp_path / "uav1.plan").read_bytes(), "p")
     assert plan.firmware is Autopilot.PX4
     assert {i.frame for i in plan.items} == {0, 2}
     index = json.loads((tmp_path / INDEX).read_text())

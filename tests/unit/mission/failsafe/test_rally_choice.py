@@ -10,8 +10,8 @@ import shapely
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.fence_areas import inclusion_corners, planned_places_m
-from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
+from gcs.mission.failsafe.rtl_cases import rally_points_ned_m
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m

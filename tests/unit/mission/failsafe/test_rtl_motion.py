@@ -16,8 +16,7 @@ from gcs.mavlink import FenceCommand
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.fence_rally import FENCE_ABOVE_M, build_rally, build_safety, return_parameters
 from gcs.mission.failsafe.rtl_altitudes import STEP_MIN_M, ReturnPlan, plan_returns
-from gcs.mission.failsafe.rtl_cases import highest_ground_m, return_cases
-from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances
+from gcs.mission.failsafe.rtl_cases import Returning, ReturnSpeeds, highest_ground_m, pair_distances, return_cases
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.plan import Plan

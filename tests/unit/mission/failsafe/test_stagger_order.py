@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.mission.failsafe.rtl_cases import return_cases
-from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds
-from gcs.mission.failsafe.stagger_order import SEARCHED_MAX, stagger_order
+from gcs.mission.failsafe.rtl_altitudes import SEARCHED_MAX, stagger_order
+from gcs.mission.failsafe.rtl_cases import Returning, ReturnSpeeds, return_cases
 from gcs.plan.trajectory.plan import Plan
 
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=3.5, sink_mps=2.0, wait_s=5.0)

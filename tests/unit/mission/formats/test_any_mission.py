@@ -10,7 +10,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.export.atomic_folder import Folder, exported_from
 from gcs.mission.formats.any_mission import load_missions, read_mission
-from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+from gcs.mission.formats.mission_file import MissionFile
+from gcs.mission.formats.qgc_plan import write_mission
 from gcs.mission.formats.qgc_wpl import WaypointFile, write_fence, write_rally, write_waypoints
 from gcs.mission.geofence import FenceCircle, Geofence, RallyPoint
 from tests.unit.mission.fleets import mission, out_and_land, place
@@ -20,7 +21,7 @@ HOME = mission(ITEMS).home
 FENCE = Geofence((), (FenceCircle(place(0, 0), 100.0, True),))
 RALLY = (RallyPoint(place(50, 0), 10.0),)
 assert HOME is not None
-PLAN = write_plan_file(PlanFile(Autopilot.PX4, HOME, ITEMS, 6.0, 4.0, FENCE, RALLY)).encode()
+PLAN = write_mission(MissionFile("a.plan", Autopilot.PX4, HOME, ITEMS, FENCE, RALLY, 4.0)).encode()
 WITH_HOME = write_waypoints(WaypointFile(HOME, ITEMS)).encode()
 WITHOUT_HOME = write_waypoints(WaypointFile(None, ITEMS)).encode()
 

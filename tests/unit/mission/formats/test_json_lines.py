@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.mission.formats.json_lines import line_of
+from gcs.mission.formats.mission_file import line_of
 
 TEXT = """{
   "a": [10, {"b": "x, ]} \\" [{",

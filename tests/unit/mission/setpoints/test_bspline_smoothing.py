@@ -13,8 +13,7 @@ from gcs.errors import UsageError, VerificationError
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
-from gcs.mission.setpoints.bspline_smoothing import SHORTEST_KNOT_S, SmoothPath, smoothed
-from gcs.mission.setpoints.path_bounds import path_bounds
+from gcs.mission.setpoints.bspline_smoothing import SHORTEST_KNOT_S, SmoothPath, path_bounds, smoothed
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from gcs.mission.check.flight_limits import limits_of
-from gcs.mission.waypoints.clear_legs import clear_legs
 from gcs.mission.waypoints.mission_items import timed_legs
-from gcs.mission.waypoints.placement import Deviation, SampledFlight, waypoint_indices
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs, waypoint_indices
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m

@@ -11,8 +11,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Command
 from gcs.mission.waypoints.arrival_times import _gate_samples, corrected_legs
-from gcs.mission.waypoints.drawn_points import with_drawn_points
 from gcs.mission.waypoints.mission_items import ROUNDING_M, build_missions, timed_legs
+from gcs.mission.waypoints.timed_legs import with_drawn_points
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin

@@ -10,7 +10,7 @@ import pytest
 
 from gcs.autopilots.navigation.predict import Prediction
 from gcs.mission.machine_independent import ORDER_GRID
-from gcs.mission.waypoints.leg_profile import SHARES, LegProfile, leg_profile
+from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, leg_profile
 from gcs.physics.quadrotor import Array
 
 THIRDS = np.array(SHARES)

@@ -8,8 +8,7 @@ import pytest
 from gcs.autopilots.navigation.predict import predict
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.machine_independent import ORDER_GRID
-from gcs.mission.waypoints.leg_profile import SHARES, leg_profile
-from gcs.mission.waypoints.speed_correction import correct
+from gcs.mission.waypoints.speed_correction import SHARES, correct, leg_profile
 
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
 SPEED_NED_MPS = np.array([6.0, 6.0, 2.0])

@@ -11,11 +11,10 @@ from scipy.interpolate import PPoly
 
 from gcs.autopilots.navigation.predict import Prediction
 from gcs.mission.check.flight_limits import limits_of
-from gcs.mission.waypoints import terrain_raise
-from gcs.mission.waypoints.clear_legs import short_of_m
-from gcs.mission.waypoints.leg_profile import LegProfile
-from gcs.mission.waypoints.speed_correction import Corrected
-from gcs.mission.waypoints.terrain_raise import TerrainRaise
+from gcs.mission.waypoints import arrival_times
+from gcs.mission.waypoints.arrival_times import TerrainRaise
+from gcs.mission.waypoints.placement import short_of_m
+from gcs.mission.waypoints.speed_correction import Corrected, LegProfile
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.plan import Plan, phases_of
@@ -67,7 +66,7 @@ def raised(
     row: int | None = None,
 ) -> tuple[TerrainRaise, float]:
     """By a flight through points (N + 1, 3), whose legs have these numbers of `count`."""
-    monkeypatch.setattr(terrain_raise, "predict", Model().predict)
+    monkeypatch.setattr(arrival_times, "predict", Model().predict)
     profile = LegProfile(points_ned_m, np.zeros((len(legs), 3)), np.zeros(len(legs)), 0.5, np.full(len(legs), 8.0))
     made = TerrainRaise(plan, np.linspace(10.0, 40.0, count + 1))
     found = Corrected(np.full(len(legs), 5.0), 0.0, flown(points_ned_m), np.zeros(len(legs)))

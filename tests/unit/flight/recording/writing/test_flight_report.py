@@ -14,7 +14,8 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import FlightTimes
 from gcs.flight.recording.flight_folder import report_data
 from gcs.flight.recording.writing.flight_report import DEFINITIONS, emulation_data, repeat_command, write_report
-from gcs.flight.setup.mission_choice import TimeKeeping
+from gcs.flight.setup.build_loads import TimeKeeping
+from gcs.flight.setup.simulator_process import Emulated
 from gcs.scenario.schema.scenario import Scenario
 
 KEEPING = TimeKeeping(FlightMode.STREAM, emulated=True)
@@ -27,7 +28,7 @@ def written(folder: Path, scenario: Scenario, *, wind: str | None, gusts: str | 
         Criterion("separation", "m", 6.267, 0.75, True, 1, 58.485, 2, 4.0),
     )
     verdict = Verdict(criteria, {1: 0.487, 5: 2.0523}, {1: 0.836, 5: 2.671}, 1.989)
-    emulation = emulation_data(scenario, wind=wind, gusts=gusts, seed=seed, speedup="max", faults=("3:die@60",))
+    emulation = emulation_data(scenario, Emulated("max", seed, ("3:die@60",), wind, gusts))
     extra = {
         "mode": "stream",
         "navigator": None,
@@ -73,7 +74,7 @@ def test_every_figure_is_defined_and_none_is_on_the_screen_only(tmp_path: Path, 
 
 
 def test_a_mission_with_gates_is_repeated_with_them(simulation1: Scenario) -> None:
-    emulation = emulation_data(simulation1, wind=None, gusts=None, seed=0, speedup="10", faults=())
+    emulation = emulation_data(simulation1, Emulated())
     keeping = TimeKeeping(FlightMode.MISSION, emulated=True, navigator="own", gates=2)
     options = FlightOptions(on_loss=OnLoss.RETURN)
     assert repeat_command(keeping, options, emulation) == (

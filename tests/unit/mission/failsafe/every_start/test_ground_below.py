@@ -11,8 +11,7 @@ from scipy.interpolate import PPoly
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.every_start.ground_below import GAP_M, highest_along_m, highest_below_returns_m
 from gcs.mission.failsafe.rtl_altitudes import plan_returns
-from gcs.mission.failsafe.rtl_cases import highest_ground_m, return_cases
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds, highest_ground_m, return_cases
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m

@@ -10,11 +10,10 @@ import shapely
 from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.failsafe.every_start.pair_returns import proved_separation
+from gcs.mission.failsafe.every_start.pair_returns import StraightReturns, proved_separation
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
-from gcs.mission.failsafe.rtl_cases import return_cases
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds, pair_distances
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds, pair_distances, return_cases, return_ends
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Phase, Plan
@@ -118,7 +117,9 @@ def test_bounds_are_below_returns_every_2_ms(simulation1: Scenario, seed: int, f
     plan = flown(simulation1, leader, joints_s, functions, tables)
     altitudes_m = random.uniform(12.0, 22.0, 3)
     rally = plan.landing_points_ned_m[:, None]
-    proof = proved_separation(plan, firmware, SPEEDS, altitudes_m, rally, 0.3, np.inf)
+    proof = proved_separation(
+        StraightReturns(plan, return_ends(plan, firmware, rally), SPEEDS, altitudes_m, 0.3), np.inf
+    )
     brute_m = np.inf
     for case in return_cases(plan, firmware, SPEEDS, 2e-3):
         motions = [case.motion(row, float(altitudes_m[row])) for row in range(3)]

@@ -10,10 +10,11 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
+from gcs.mission.failsafe.every_start.fleet_cell import Between, least_level_m
+from gcs.mission.failsafe.every_start.pair_returns import StraightReturns
 from gcs.mission.failsafe.every_start.proved_fleet import proved_fleet
-from gcs.mission.failsafe.every_start.relative_motion import Between, least_level_m
 from gcs.mission.failsafe.rtl_altitudes import plan_returns, return_warnings
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds, return_ends
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
@@ -42,6 +43,12 @@ def least_by_steps(plan: Plan, ends_m: Array, t_s: float, wait_s: float) -> floa
     return min(float(np.linalg.norm(a - b, axis=1).min()) for a, b in itertools.combinations(tracks, 2))
 
 
+def returning(plan: Plan, rally_ned_m: Array, required_m: float) -> StraightReturns:
+    """All vehicles at one altitude."""
+    ends = return_ends(plan, Autopilot.ARDUPILOT, rally_ned_m)
+    return StraightReturns(plan, ends, SPEEDS, np.full(len(plan.sysids), ALTITUDE_M), required_m)
+
+
 def scattered(scenario: Scenario, seed: int) -> Plan:
     """Vehicles that fly about 12 m apart on tracks of their own, and about as far apart over their pads."""
     random = np.random.default_rng(seed)
@@ -58,8 +65,7 @@ def scattered(scenario: Scenario, seed: int) -> Plan:
 def test_no_return_is_nearer_than_was_proved(simulation1: Scenario, seed: int) -> None:
     plan = scattered(simulation1, seed)
     rally = plan.pads_ned_m[:, None] + np.array([[[150.0 - 80.0 * seed, 40.0, 0.0]]])
-    altitudes_m = np.full(VEHICLES, ALTITUDE_M)
-    proof = proved_fleet(plan, Autopilot.ARDUPILOT, SPEEDS, altitudes_m, rally, 0.3, np.inf)
+    proof = proved_fleet(returning(plan, rally, 0.3), np.inf)
     assert proof.proved_m >= 0.0
     random = np.random.default_rng(100 + seed)
     wait_s = Autopilot.ARDUPILOT.traits.returns.wait_s
@@ -73,7 +79,7 @@ def test_bounds_come_as_near_as_they_promise(simulation1: Scenario) -> None:
     """Vehicles that return to homes only, so that all choose alike: the bound is within 10 cm of what occurs."""
     plan = scattered(simulation1, 1)
     far = plan.pads_ned_m[:, None] + np.array([[[9e5, 0.0, 0.0]]])
-    proof = proved_fleet(plan, Autopilot.ARDUPILOT, SPEEDS, np.full(VEHICLES, ALTITUDE_M), far, 0.3, np.inf)
+    proof = proved_fleet(returning(plan, far, 0.3), np.inf)
     wait_s = Autopilot.ARDUPILOT.traits.returns.wait_s
     seen = least_by_steps(plan, plan.pads_ned_m[:, None], proof.t_s, wait_s)
     assert proof.least_m == pytest.approx(seen, abs=0.2)
@@ -108,11 +114,10 @@ def test_vehicles_as_far_from_home_as_from_rally_points_may_cross(simulation1: S
     half_way_s = 25.0
     first = leader[1, 0] + half_way_s * leader[0, 0]
     rally = 2.0 * (first + tables[0])[:, None] * [1.0, 1.0, 0.0] - plan.pads_ned_m[:, None] * [1.0, 1.0, 0.0]
-    args = plan, Autopilot.ARDUPILOT, SPEEDS, np.full(VEHICLES, ALTITUDE_M)
-    proof = proved_fleet(*args, rally, 0.3, 10.0)
+    proof = proved_fleet(returning(plan, rally, 0.3), 10.0)
     assert proof.proved_m < 0.3
     assert proof.proved_at_s == pytest.approx(half_way_s, abs=0.1)
-    assert proved_fleet(*args, rally + np.array([9e5, 0.0, 0.0]), 0.3, 10.0).proved_m > 9.8
+    assert proved_fleet(returning(plan, rally + np.array([9e5, 0.0, 0.0]), 0.3), 10.0).proved_m > 9.8
 
 
 @pytest.mark.parametrize("vehicles", [200, 1000])
@@ -129,7 +134,7 @@ def test_a_rigid_fleet_is_one_cell(simulation1: Scenario, vehicles: int) -> None
     many = replace(few, scenario=Scenario.model_validate(data), shape=Shape(still, np.zeros((1, vehicles, 3))))
     plan = replace(many, shape=Shape(still, (many.pads_ned_m - many.pads_ned_m[0])[None]))
     far = plan.pads_ned_m[:, None] + np.array([[[9e5, 0.0, 0.0]]])
-    proof = proved_fleet(plan, Autopilot.ARDUPILOT, SPEEDS, np.full(vehicles, ALTITUDE_M), far, 2.0, 3.0)
+    proof = proved_fleet(returning(plan, far, 2.0), 3.0)
     assert 2.89 <= proof.proved_m <= 3.0
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gcs.flight.contingency.manoeuvres import MotionReference
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_motion import ACCEL_MPS2, CORNER_M, routed_motion, stops
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone

@@ -10,11 +10,15 @@ from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.routed import start_search
-from gcs.mission.failsafe.routed.routed_returns import RoutedReturns, instants_s, nearest_pairs, routed_returns
-from gcs.mission.failsafe.routed.start_search import nearest_return
+from gcs.mission.failsafe.routed.routed_returns import (
+    RoutedReturns,
+    instants_s,
+    nearest_pairs,
+    nearest_return,
+    routed_returns,
+)
 from gcs.mission.failsafe.rtl_altitudes import plan_returns
-from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -37,7 +41,7 @@ def test_instants_close_in_on_where_the_way_jumps(simulation1: Scenario, monkeyp
         looked.append(t_s)
         return routed_returns(plan, routes, t_s)
 
-    monkeypatch.setattr(start_search, "routed_returns", recorded)
+    monkeypatch.setattr("gcs.mission.failsafe.routed.routed_returns.routed_returns", recorded)
     first = routed_returns(plan, routes, instants_s(plan, 1.0))
     nearest_return(plan, routes, first, np.array([-30.0, -40.0]), SPEEDS)
     corners = first[0].kinds()[:, :, 1]
