@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,23 +14,45 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from gcs.errors import ScenarioError
 from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file
 from gcs.reading.bounded_json import read_json
-from gcs.scenario.degrees.to_metres import in_metres
-from gcs.scenario.mistakes.degree_keys_in_errors import in_degree_keys
-from gcs.scenario.mistakes.error_report import error_report
-from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.degrees.to_metres import in_degree_keys, in_metres
+from gcs.scenario.mistakes.mistake import Mistake, dotted, value_at
 from gcs.scenario.mistakes.schema_words import from_pydantic
-from gcs.scenario.mistakes.slips import Meant, as_meant, type_mistake
-from gcs.scenario.mistakes.toml_slips import read_toml, syntax_mistake
+from gcs.scenario.mistakes.slips import UNIT, Meant, as_meant, type_mistake
 from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.si import ground_needed, local_origin, with_changes_of_route
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.toml_lines import Key
+from gcs.scenario.validation.toml_lines import Key, key_lines, line_of
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_PARTS_MAX}}}""")
+_SLIPS_MAX = 20  # corrected in one file
+_TEXT_MAX, _LINE_MAX = 200_000, 2_000  # characters of what a person wrote
+_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+_TWICE = re.compile(r"Cannot declare \((.*?),?\) twice")
+_TEXT_OR_REMARK = re.compile(r"""("(?:[^"\\\n]|\\.)*"|'[^'\n]*'|#[^\n]*)""")
+_VALUE, _AFTER = r"(?<=[=\[,])(\s*)", r"(?=\s*(?:[,}\]\0]|$))"
+_TRUTH, _TRUE = "{} is not a value of TOML", "write %s, in lower case, without quotes"
+_BARE = rf"{_VALUE}(?!(?:true|false|inf|nan)\b)([A-Za-z][\w-]*){_AFTER}"
+_SLIPS = [  # what is looked for in a line, what was meant, and a sentence where the value does not show that
+    (r"^(\s*)([\w.-]+)\s*:\s+(?=\S)", r"\1\2 = ", "a colon stands after {}", "write {} = ..."),
+    (rf"(?<![\w.:])()([-+]?[0-9][0-9_]*(?:\.[0-9]+)?\s*(?:{UNIT})|[0-9]+:[0-9]+)(?![\w/²^:-])", r'\1"\2"', "", ""),
+    (r"^(\s*[\w.-]+\s*=\s*)([-+]?[0-9]+,[0-9]+)(?=\s*(?:\0|$))", r'\1"\2"', "", ""),
+    (rf"{_VALUE}(True|TRUE|[Yy]es){_AFTER}", r"\1true", _TRUTH, _TRUE % "true"),
+    (rf"{_VALUE}(False|FALSE|[Nn]o){_AFTER}", r"\1false", _TRUTH, _TRUE % "false"),
+    (_BARE, r'\1"\2"', "the text {} stands without quotes", 'write "{}"'),
+]
+_WORDS = {  # what tomllib says, as this program says it
+    "Cannot overwrite a value": "this key stands twice in its table. Keep one of the two",
+    "Unclosed array": "a list is not closed. Give the missing ]",
+    "Unclosed inline table": "a table in one line is not closed. Give the missing }",
+    "Invalid value": "no value of TOML stands here. Give a number, true, false, text in quotes or a list",
+    "Unterminated string": "text is not closed. Give the missing quote",
+    "Expected '=' after a key in a key/value pair": "a key has no value. Write key = value",
+    "Expected newline or end of document after a statement": "something stands after the value. Remove it",
+}
 
 
 def load_scenario(path: Path | str) -> Scenario:
@@ -58,7 +81,7 @@ def load_scenario(path: Path | str) -> Scenario:
         if not meant.follows(one) and all(_has(others, one) for _, others in judged)
     ]
     if mistakes or elsewhere is not None or scenario is None:
-        raise error_report(file, mistakes, meant, elsewhere)
+        raise _error_report(file, mistakes, meant, elsewhere)
     return with_changes_of_route(scenario)
 
 
@@ -74,7 +97,7 @@ def load_vehicle(file: Path) -> VehicleFile:
     except ValidationError as error:
         mistakes += [one for one in from_pydantic(error, VehicleFile) if not meant.follows(one)]
     if mistakes:
-        raise error_report(file, mistakes, meant)
+        raise _error_report(file, mistakes, meant)
     return kind
 
 
@@ -151,9 +174,9 @@ def _meant(file: Path, text: str, model: type[BaseModel], also: tuple[str, ...] 
         if file.suffix == ".json":
             data = read_json(text)
         else:
-            data, text, slips = read_toml(text, _from_toml)
+            data, text, slips = _read_toml(text)
     except tomllib.TOMLDecodeError as error:
-        raise error_report(file, [syntax_mistake(text, error)]) from None
+        raise _error_report(file, [_syntax_mistake(text, error)]) from None
     except json.JSONDecodeError as error:
         raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
     except ValueError as error:  # a number of thousands of digits, for example
@@ -164,6 +187,55 @@ def _meant(file: Path, text: str, model: type[BaseModel], also: tuple[str, ...] 
     meant.text = text
     meant.mistakes[:0] = slips
     return meant
+
+
+def _read_toml(text: str) -> tuple[dict[str, Any], str, list[Mistake]]:
+    """The tables of a text, the text that was read, and the slips in it.
+
+    Raises tomllib.TOMLDecodeError where it is not plain what was meant.
+    """
+    mistakes: list[Mistake] = []
+    for _ in range(_SLIPS_MAX):
+        try:
+            return _from_toml(text), text, mistakes
+        except tomllib.TOMLDecodeError as error:
+            lines = text.split("\n")
+            number = min(_line_at(text, error), len(lines))
+            mended, found = _mended(lines[number - 1], number)
+            if mended == lines[number - 1] or len(text) > _TEXT_MAX:
+                raise
+            mistakes += found
+            lines[number - 1] = mended
+            text = "\n".join(lines)
+    return _from_toml(text), text, mistakes
+
+
+def _syntax_mistake(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
+    """The mistake of a text that is not TOML."""
+    said = _PLACE.sub("", str(error))
+    if found := _TWICE.fullmatch(said):
+        name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
+        said = f"table [{name}] stands twice. Keep one, with the keys of both"
+    return Mistake((), f"not TOML: {_WORDS.get(said, said)}", line=_line_at(text, error))
+
+
+def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
+    place = _PLACE.search(str(error))
+    return int(place[1]) if place and place[1] else max(len(text.splitlines()), 1)
+
+
+def _mended(line: str, number: int) -> tuple[str, list[Mistake]]:
+    """A line as it was meant, and what was wrong with it where the value does not show that itself."""
+    told: list[Mistake] = []
+    if len(line) > _LINE_MAX:
+        return line, told
+    pieces = _TEXT_OR_REMARK.split(line)
+    code = "".join(piece if n % 2 == 0 else f"\0{n}\0" for n, piece in enumerate(pieces))
+    for pattern, right, text, step in _SLIPS:
+        slips = [found[2] for found in re.finditer(pattern, code)] if text else []
+        told += [Mistake((), text.format(one), remedy=step.format(one), line=number) for one in slips]
+        code = re.sub(pattern, right, code)
+    return re.sub(r"\0(\d+)\0", lambda mark: pieces[int(mark[1])], code), told
 
 
 def _from_toml(text: str) -> dict[str, Any]:
@@ -227,3 +299,39 @@ def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
         except ValidationError:
             continue
     return sound
+
+
+def _error_report(
+    file: Path, mistakes: Sequence[Mistake], meant: Meant | None = None, elsewhere: ScenarioError | None = None
+) -> ScenarioError:
+    """The error that tells every mistake of a file, after those of another file (its vehicle's)."""
+    lines = {} if meant is None or file.suffix == ".json" else key_lines(meant.text)
+
+    def line(one: Mistake) -> int:
+        return one.line or line_of(lines, meant.in_file(one.key) if meant else one.key) or 0
+
+    def sentence(one: Mistake, text: str) -> str:
+        place = f"{file}:{line(one)}" if line(one) else str(file)
+        is_absent = one.value is not None and meant is not None and value_at(meant.data, one.key) is None
+        return f"{place}: {one.place}{' (not in this file)' * is_absent}: {text}" if one.key else f"{place}: {text}"
+
+    alike: dict[tuple[int, Key, str], dict[str, Mistake]] = {}  # rows of one list with the same mistake
+    for one in sorted(mistakes, key=lambda one: (line(one), str(one))):
+        table = one.key[:-1] if one.key and isinstance(one.key[-1], int) else one.key
+        alike.setdefault((line(one), table, one.whole), {})[str(one)] = one
+    placed, listed = [], []
+    for one, *others in (rows.values() for rows in alike.values()):
+        placed.append(one)
+        text = one.told[0] if len(alike) == 1 and elsewhere is None else one.whole
+        listed.append(sentence(one, text) + (f" (and {len(others)} more in this list)" if others else ""))
+    if len(listed) > 1:
+        listed.insert(0, f"{file} has {len(placed)} mistakes")
+    if elsewhere is not None:
+        return ScenarioError("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint)
+    steps = [
+        one.told[1] or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
+        for one in placed
+    ]
+    number = "both" if len(placed) == 2 else f"all {len(placed)}"
+    hint = steps[0] if len({*steps}) == 1 else f"correct {number}; the first: {steps[0]}"
+    return ScenarioError("\n".join(listed), hint=hint)

@@ -45,14 +45,8 @@ def from_heights(height_m: Callable[[Array, Array], Array], slope_max: float) ->
 
 def _mountains(mountains: Mountains, low_m: Array, high_m: Array) -> Array:
     total = np.zeros(len(low_m))
-    rows = zip(
-        mountains.height_m,
-        zip(mountains.north_m, mountains.east_m, strict=True),
-        zip(mountains.spread_north_m, mountains.spread_east_m, strict=True),
-        strict=True,
-    )
-    for height_m, summit_m, spread_m in rows:
-        centre = np.array(summit_m)
+    for height_m, north, east, *spread_m in mountains.rows:
+        centre = np.array([north, east])
         near = np.clip(centre, low_m, high_m) - centre
         if height_m < 0.0:  # a hollow: highest where it is farthest
             near = np.where(np.abs(low_m - centre) > np.abs(high_m - centre), low_m, high_m) - centre

@@ -6,14 +6,14 @@ relief. The distance to a union is the least of the distances, so kinks of the g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.relief_distance import distance_to_relief_m
-from gcs.scenario.environment.terrain import ground_height_m, ripple_peak_m
+from gcs.scenario.environment.terrain import ground_height_m, ripple_peak_m, ripple_wave_m
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
 
 Highest = Callable[[Array, Array, Array], Array]  # north, east, distance
@@ -89,7 +89,7 @@ def _surfaces(terrain: Terrain) -> list[tuple[Surface, float, Highest]]:
 
 def _mountains(mountains: Mountains, north: Array, east: Array) -> tuple[Array, Array, Array]:
     height, slope_north, slope_east = (np.zeros_like(north) for _ in range(3))
-    for top, n, e, spread_n, spread_e in _each(mountains):
+    for top, n, e, spread_n, spread_e in mountains.rows:
         x, y = (north - n) / spread_n, (east - e) / spread_e
         part = top * np.exp(-x * x - y * y)
         height += part
@@ -101,23 +101,11 @@ def _mountains(mountains: Mountains, north: Array, east: Array) -> tuple[Array, 
 def _highest(mountains: Mountains, north: Array, east: Array, distance_m: Array) -> Array:
     """A height (N,) that mountains nowhere exceed within a distance (N,) of places."""
     height = np.zeros_like(north)
-    for top, n, e, spread_n, spread_e in _each(mountains):
+    for top, n, e, spread_n, spread_e in mountains.rows:
         x = np.maximum(np.abs(north - n) - distance_m, 0.0) / spread_n
         y = np.maximum(np.abs(east - e) - distance_m, 0.0) / spread_e
         height += max(top, 0.0) * np.exp(-x * x - y * y)
     return height
-
-
-def _each(mountains: Mountains) -> Iterator[tuple[float, float, float, float, float]]:
-    """Height, north, east and both spreads of each mountain."""
-    yield from zip(
-        mountains.height_m,
-        mountains.north_m,
-        mountains.east_m,
-        mountains.spread_north_m,
-        mountains.spread_east_m,
-        strict=True,
-    )
 
 
 def _ripple(ripple: Ripple, sign: float, north: Array, east: Array) -> tuple[Array, Array, Array]:
@@ -125,13 +113,7 @@ def _ripple(ripple: Ripple, sign: float, north: Array, east: Array) -> tuple[Arr
     r = np.hypot(north, east)
     outward = ripple.f * ripple.g * np.cos(ripple.g * r) - ripple.c * ripple.d * np.sin(ripple.d * r)
     outward = outward / np.maximum(r, 1e-9)
-    height = (
-        np.sin(east + ripple.a)
-        + ripple.b * np.sin(north)
-        + ripple.c * np.cos(ripple.d * r)
-        + ripple.e * np.cos(east)
-        + ripple.f * np.sin(ripple.g * r)
-    )
+    height = ripple_wave_m(ripple, north, east)
     slope_north = ripple.b * np.cos(north) + outward * north
     slope_east = np.cos(east + ripple.a) - ripple.e * np.sin(east) + outward * east
     return sign * height, sign * slope_north, sign * slope_east

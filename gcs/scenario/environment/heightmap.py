@@ -52,21 +52,20 @@ class Region:
 class Relief(Part):
     """An elevation model in the local frame; made by reading a file, not by hand."""
 
-    rows: Annotated[int, Field(ge=2)] = Field(description="pixels from one end to the other, first axis")
-    columns: Annotated[int, Field(ge=2)] = Field(description="pixels along the second axis")
+    rows: int = Field(ge=2, description="pixels from one end to the other, first axis")
+    columns: int = Field(ge=2, description="pixels along the second axis")
     heights: str = Field(description="m above height 0: float32, little endian, row by row; zlib, base64")
     centre_m: tuple[Covered, Covered] = Field(description="north, east of where the polynomials are expanded, m")
-    reach_m: Annotated[Number, Field(ge=0.001, le=1e6)] = Field(description="unit of their variables, m")
+    reach_m: Number = Field(ge=0.001, le=1e6, description="unit of their variables, m")
     row: Polynomial = Field(description="row of a place, counted from 0 at the first pixel's centre")
     column: Polynomial = Field(description="column of a place")
-    spacing_m: Annotated[Number, Field(ge=PIXEL_LEAST_M, le=PIXEL_MOST_M)] = Field(
-        description="distance between two pixels, the smaller one, m"
+    spacing_m: Number = Field(
+        ge=PIXEL_LEAST_M, le=PIXEL_MOST_M, description="distance between two pixels, the smaller one, m"
     )
     north_m: tuple[Covered, Covered] = Field(description="[low, high] of what is covered for certain, m")
     east_m: tuple[Covered, Covered] = Field(description="[low, high] of what is covered for certain, m")
 
-    def disagreements(self) -> Findings:
-        """Heights that are no table of this size, or no numbers."""
+    def _disagreements(self) -> Findings:
         try:
             table = self.pixels_m
         except ValueError as problem:

@@ -29,16 +29,14 @@ def ground_height_m(terrain: Terrain, north_m: Array, east_m: Array) -> Array:
 
 def ripple_height_m(ripple: Ripple, north_m: Array, east_m: Array) -> Array:
     """Eq. 52."""
+    return np.asarray(np.abs(ripple_wave_m(ripple, north_m, east_m)))
+
+
+def ripple_wave_m(ripple: Ripple, north_m: Array, east_m: Array) -> Array:
+    """Eq. 52 without its absolute value."""
     r = np.hypot(north_m, east_m)
-    return np.asarray(
-        np.abs(
-            np.sin(east_m + ripple.a)
-            + ripple.b * np.sin(north_m)
-            + ripple.c * np.cos(ripple.d * r)
-            + ripple.e * np.cos(east_m)
-            + ripple.f * np.sin(ripple.g * r)
-        )
-    )
+    waves = np.sin(east_m + ripple.a) + ripple.b * np.sin(north_m) + ripple.c * np.cos(ripple.d * r)
+    return np.asarray(waves + ripple.e * np.cos(east_m) + ripple.f * np.sin(ripple.g * r))
 
 
 def ripple_peak_m(ripple: Ripple) -> float:
@@ -50,17 +48,8 @@ def ripple_peak_m(ripple: Ripple) -> float:
 def mountain_height_m(mountains: Mountains, north_m: Any, east_m: Any, xp: Any = np) -> Any:
     """Eq. 53, on arrays or on symbols."""
     total: Any = 0.0 * north_m  # of the caller's shape, mountains or none
-    columns = (
-        mountains.height_m,
-        mountains.north_m,
-        mountains.east_m,
-        mountains.spread_north_m,
-        mountains.spread_east_m,
-    )
-    for height, north, east, spread_north, spread_east in zip(*columns, strict=True):
-        total = total + height * xp.exp(
-            -(((north_m - north) / spread_north) ** 2) - ((east_m - east) / spread_east) ** 2
-        )
+    for height, north, east, spread_n, spread_e in mountains.rows:
+        total = total + height * xp.exp(-(((north_m - north) / spread_n) ** 2) - ((east_m - east) / spread_e) ** 2)
     return total
 
 

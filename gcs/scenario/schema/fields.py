@@ -45,6 +45,12 @@ Direction = tuple[
     Annotated[Number, Field(ge=-1000, le=1000)],
 ]
 
+
+def left_out(text: str) -> Any:
+    """A key that a file may leave out, and that nothing writes where its value is None."""
+    return Field(default=None, description=text, exclude_if=lambda value: value is None)
+
+
 Finding = tuple[Key, str]  # a key inside a table, () for the table itself, and what is wrong with it
 Findings = Iterator[Finding]
 
@@ -72,10 +78,9 @@ class Part(BaseModel):
 
     @model_validator(mode="after")
     def _agrees(self) -> Self:
-        if found := list(self.disagreements()):
+        if found := list(self._disagreements()):
             raise Disagreement(found)
         return self
 
-    def disagreements(self) -> Findings:
-        """Yield the keys of this table that disagree."""
+    def _disagreements(self) -> Findings:
         return iter(())

@@ -25,6 +25,7 @@ from gcs.scenario.schema.fields import (
     Speed,
     Truth,
     Turn,
+    left_out,
 )
 
 SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
@@ -46,11 +47,7 @@ class FormationVehicle(Part):
 
     sysid: SysId = Field(description="MAVLink system id")
     position_m: Place = Field(description="north, east, height at t = 0, m")
-    autopilot: AutopilotKey | None = Field(
-        default=None,
-        description="its autopilot, where a fleet is mixed; left out: mission.autopilot",
-        exclude_if=lambda autopilot: autopilot is None,
-    )
+    autopilot: AutopilotKey | None = left_out("its autopilot, where a fleet is mixed; left out: mission.autopilot")
 
 
 class ShapeTable(Part):
@@ -59,10 +56,8 @@ class ShapeTable(Part):
     name: ShapeName = Field(description="name of the shape, for changes")
     generator: Generator | None = Field(default=None, description="a shape for any number of vehicles")
     spacing_m: Length | None = Field(default=None, description="generator: distance between neighbours, m")
-    heading_deg: Turn | None = Field(
-        default=None,
-        description="generator: direction of its front, degrees clockwise from north; left out: north",
-        exclude_if=lambda heading: heading is None,
+    heading_deg: Turn | None = left_out(
+        "generator: direction of its front, degrees clockwise from north; left out: north"
     )
     offsets_m: tuple[Place, ...] = Field(
         default=(),
@@ -70,8 +65,7 @@ class ShapeTable(Part):
         description="instead of a generator: north, east, up from the leader, one per vehicle in order, m",
     )
 
-    def disagreements(self) -> Findings:
-        """Yield a shape without places, or with two definitions of them."""
+    def _disagreements(self) -> Findings:
         if self.name == START_SHAPE:
             yield ("name",), "is the name of the shape at t = 0. Give this shape another name"
         if self.generator is None and not self.offsets_m:
@@ -101,10 +95,8 @@ class ChangeTable(Part):
     gate_m: tuple[Point, Point] | None = Field(
         default=None, description="begins when the leader crosses the line between these two points (north, east), m"
     )
-    at_point: Annotated[int, Strict(), Field(ge=1, le=100)] | None = Field(
-        default=None,
-        description="begins when the leader is at this point of [[route]]; the first is 1, later rounds count on",
-        exclude_if=lambda point: point is None,
+    at_point: Annotated[int, Strict(), Field(ge=1, le=100)] | None = left_out(
+        "begins when the leader is at this point of [[route]]; the first is 1, later rounds count on"
     )
     auto: Truth = Field(default=False, description="the planner chooses the time and the amount")
     angle_deg: Turn | None = Field(
@@ -127,8 +119,7 @@ class ChangeTable(Part):
         default=None, description="auto: cost of a whole flight in the fully changed shape, in units of Eq. 35"
     )
 
-    def disagreements(self) -> Findings:
-        """Yield a change without exactly one time, and keys of another kind of change."""
+    def _disagreements(self) -> Findings:
         yield from self._when()
         yield from self._what()
         if self.auto:
@@ -208,8 +199,7 @@ class Formation(Part):
         """
         return self.frame == "inertial" and all(change.auto for change in self.change)
 
-    def disagreements(self) -> Findings:
-        """Yield vehicles, shapes and changes that disagree."""
+    def _disagreements(self) -> Findings:
         if self.count is None and not self.vehicle:
             yield (), "has no vehicles. Give [[formation.vehicle]] tables, or count and start_shape"
         else:

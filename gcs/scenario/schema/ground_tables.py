@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import shapely
@@ -51,8 +52,13 @@ class Mountains(Part):
         default=(), max_length=_LISTED_MAX, description="decay length east and west, m"
     )
 
-    def disagreements(self) -> Findings:
-        """Yield lists of unequal length."""
+    @property
+    def rows(self) -> Iterator[tuple[float, float, float, float, float]]:
+        """Height, north, east, and the spreads north and east of each mountain, m."""
+        lists = self.height_m, self.north_m, self.east_m, self.spread_north_m, self.spread_east_m
+        return zip(*lists, strict=True)
+
+    def _disagreements(self) -> Findings:
         lengths = {key: len(getattr(self, key)) for key in type(self).model_fields}
         if len(set(lengths.values())) > 1:
             found = ", ".join(f"{key} {length}" for key, length in lengths.items())
@@ -81,8 +87,7 @@ class Terrain(Part):
         default=None, description="the heights read from the elevation model; the program writes it"
     )
 
-    def disagreements(self) -> Findings:
-        """Yield an elevation model that stands beside formulas."""
+    def _disagreements(self) -> Findings:
         if self.dem is not None and (self.ripple is not None or self.mountains.height_m):
             yield ("dem",), "is the whole ground. Remove ripple and mountains, or remove [terrain.dem]"
 
@@ -106,8 +111,7 @@ class NoFlyZone(Part):
         description="displacement over time, linear in between: [t s, north m, east m], in order of time",
     )
 
-    def disagreements(self) -> Findings:
-        """Yield a zone that is not exactly one of disk and polygon, bad corners, and times out of order."""
+    def _disagreements(self) -> Findings:
         disk = {"north_m": self.north_m, "east_m": self.east_m, "radius_m": self.radius_m}
         lacking = [key for key, value in disk.items() if value is None]
         if self.polygon_m is None:

@@ -22,6 +22,7 @@ from gcs.scenario.schema.fields import (
     Speed,
     Torque,
     TurnRate,
+    left_out,
 )
 
 
@@ -61,20 +62,14 @@ class Performance(Part):
         description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s"
     )
     thrust_N: Annotated[tuple[Force, Force], AfterValidator(_ordered)] = Field(description="U_1, [low, high], N")
-    roll_pitch_force_N: TorquePair | None = Field(
-        default=None,
-        description="largest |U_2|, |U_3| as Eqs. 1 and 2 have them: forces on the arm, N",
-        exclude_if=lambda pair: pair is None,
+    roll_pitch_force_N: TorquePair | None = left_out(
+        "largest |U_2|, |U_3| as Eqs. 1 and 2 have them: forces on the arm, N"
     )
-    roll_pitch_moment_Nm: TorquePair | None = Field(
-        default=None,
-        description="instead of roll_pitch_force_N: the moments arm_m |U_2|, arm_m |U_3|, the unit of Eq. 51, N m",
-        exclude_if=lambda pair: pair is None,
+    roll_pitch_moment_Nm: TorquePair | None = left_out(
+        "instead of roll_pitch_force_N: the moments arm_m |U_2|, arm_m |U_3|, the unit of Eq. 51, N m"
     )
-    yaw_moment_Nm: Torque | None = Field(
-        default=None,
-        description="largest |U_4|, N m; needed beside roll_pitch_force_N and roll_pitch_moment_Nm",
-        exclude_if=lambda moment: moment is None,
+    yaw_moment_Nm: Torque | None = left_out(
+        "largest |U_4|, N m; needed beside roll_pitch_force_N and roll_pitch_moment_Nm"
     )
     torque: tuple[Torque, Torque, Torque] | None = Field(
         default=None,
@@ -82,21 +77,18 @@ class Performance(Part):
         exclude_if=lambda torque: torque is None,
         json_schema_extra={"deprecated": True},
     )
-    load_factor_max: Annotated[Number, Field(ge=0.001, le=100)] = Field(
-        description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
+    load_factor_max: Number = Field(
+        ge=0.001, le=100, description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
     )
     accel_max_mps2: Acceleration | None = Field(
         default=None, description="a_max, largest acceleration of a vehicle, m/s^2"
     )
-    jerk_max_mps3: Jerk | None = Field(
-        default=None,
-        description="j_max, largest jerk of a vehicle: the rate at which its acceleration changes, m/s^3",
-        exclude_if=lambda jerk: jerk is None,
+    jerk_max_mps3: Jerk | None = left_out(
+        "j_max, largest jerk of a vehicle: the rate at which its acceleration changes, m/s^3"
     )
     control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
 
-    def disagreements(self) -> Findings:
-        """Yield limits of U_2..U_4 that are not given exactly once."""
+    def _disagreements(self) -> Findings:
         given = [key for key in ROLL_PITCH_KEYS if getattr(self, key) is not None]
         if not given:
             yield (), f"lacks the limits of U_2 and U_3. Give one of {', '.join(ROLL_PITCH_KEYS[:2])}"
@@ -120,9 +112,7 @@ class LimitsTable(Performance):
         description="h_min, least distance to the ground in any direction between take-off and landing, m"
     )
     separation_min_m: Length = Field(description="least distance between two planned vehicles, m")
-    zone_margin_m: Distance | None = Field(
-        default=None,
-        description="least distance of every vehicle to every no-fly zone, m; left out: the plan keeps the navigation "
-        "error of [sensors] where there is room",
-        exclude_if=lambda margin: margin is None,
+    zone_margin_m: Distance | None = left_out(
+        "least distance of every vehicle to every no-fly zone, m; left out: the plan keeps the navigation "
+        "error of [sensors] where there is room"
     )

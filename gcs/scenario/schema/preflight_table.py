@@ -32,12 +32,10 @@ class PreflightTable(Part):
     origin_m: Length = Field(
         default=5.0, description="largest horizontal distance of its local frame's origin from its pad, m"
     )
-    round_trip_s: Annotated[Number, Field(ge=0.001, le=60)] = Field(
-        default=1.0, description="longest round trip of TIMESYNC, s"
-    )
+    round_trip_s: Number = Field(default=1.0, ge=0.001, le=60, description="longest round trip of TIMESYNC, s")
     reserve: Share = Field(default=0.25, description="charge left after the flight, share of a full battery")
-    endurance_s: Annotated[Number, Field(ge=1, le=86_400)] = Field(
-        default=900.0, description="hover time of a full battery, used without [vehicle.power], s"
+    endurance_s: Number = Field(
+        default=900.0, ge=1, le=86_400, description="hover time of a full battery, used without [vehicle.power], s"
     )
     effort: Annotated[Number, Field(ge=1, le=100)] = Field(
         default=1.15, description="energy for climbs and wind over that of hover, used without [vehicle.power]"
@@ -47,7 +45,6 @@ class PreflightTable(Part):
         description="largest difference of the capacity that a vehicle is set to from that of [vehicle.power], share",
     )
 
-    def disagreements(self) -> Findings:
-        """Yield sensors that are both required and only mentioned."""
+    def _disagreements(self) -> Findings:
         for name in sorted({*self.required_sensors} & {*self.mentioned_sensors}):
             yield ("mentioned_sensors",), f'has "{name}", which required_sensors has too. Name it in one of them'

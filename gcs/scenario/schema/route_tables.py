@@ -9,7 +9,18 @@ from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
 from gcs.scenario.schema.degree_keys import POLYGON, POSITION
-from gcs.scenario.schema.fields import FLIGHT_MAX_S, Findings, Length, Number, Part, Place, Point, Speed, Turn
+from gcs.scenario.schema.fields import (
+    FLIGHT_MAX_S,
+    Findings,
+    Length,
+    Number,
+    Part,
+    Place,
+    Point,
+    Speed,
+    Turn,
+    left_out,
+)
 from gcs.scenario.schema.ground_tables import CORNERS_MAX, polygon_findings
 
 ROUTE_MAX = 100  # points, all rounds together
@@ -23,9 +34,7 @@ class RoutePoint(Part):
 
     degree_keys = (POSITION,)
 
-    name: Annotated[str, Field(max_length=100)] | None = Field(
-        default=None, description="name, as reports and maps show it", exclude_if=lambda name: name is None
-    )
+    name: Annotated[str, Field(max_length=100)] | None = left_out("name, as reports and maps show it")
     position_m: Place = Field(description="north, east, height, m")
     radius_m: Length | None = Field(
         default=None,
@@ -41,8 +50,7 @@ class RoutePoint(Part):
         default=None, description="name of the shape from here on; the change begins when the leader is there"
     )
 
-    def disagreements(self) -> Findings:
-        """Yield times that exclude each other, and a hold that is not at a point or not at rest."""
+    def _disagreements(self) -> Findings:
         if self.at_s is not None:
             for key in ("after_s", "by_s"):
                 if getattr(self, key) is not None:
@@ -55,15 +63,12 @@ class RoutePoint(Part):
             yield ("speed_mps",), "the leader hovers here. Remove speed_mps or hold_s"
 
 
-class KeepIn(Part):
-    """An area that no vehicle leaves, at any height. With several, vehicles stay inside each of them."""
-
+class _Polygon(Part):
     degree_keys = (POLYGON,)
 
     polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
 
-    def disagreements(self) -> Findings:
-        """Yield bad corners."""
+    def _disagreements(self) -> Findings:
         yield from polygon_findings(self.polygon_m)
 
     @property
@@ -71,22 +76,18 @@ class KeepIn(Part):
         """The area (north, east), m."""
         return shapely.Polygon(self.polygon_m)
 
+
+class KeepIn(_Polygon):
+    """An area that no vehicle leaves, at any height. With several, vehicles stay inside each of them."""
+
     @property
     def moves(self) -> tuple[tuple[float, float, float], ...]:
         """The displacements over time that a zone may have: none."""
         return ()
 
 
-class SurveyHole(Part):
+class SurveyHole(_Polygon):
     """A part of the area that needs no coverage, a pond for example. Vehicles may cross it: [[no_fly]] forbids that."""
-
-    degree_keys = (POLYGON,)
-
-    polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
-
-    def disagreements(self) -> Findings:
-        """Yield bad corners."""
-        yield from polygon_findings(self.polygon_m)
 
 
 class SurveyTable(Part):
@@ -98,8 +99,7 @@ class SurveyTable(Part):
     polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
     hole: tuple[SurveyHole, ...] = Field(default=(), max_length=100, description="parts that need no coverage")
 
-    def disagreements(self) -> Findings:
-        """Yield bad corners, and holes that leave nothing."""
+    def _disagreements(self) -> Findings:
         yield from polygon_findings(self.polygon_m)
         if shapely.Polygon(self.polygon_m).is_valid and self.area.is_empty:
             yield ("hole",), "leave nothing of the area. Remove one of them"
@@ -109,5 +109,5 @@ class SurveyTable(Part):
         """The area without its holes (north, east), m."""
         area: BaseGeometry = shapely.Polygon(self.polygon_m)
         for hole in self.hole:
-            area = area.difference(shapely.Polygon(hole.polygon_m))
+            area = area.difference(hole.area)
         return area

@@ -5,6 +5,7 @@ A rule refuses only what no plan can satisfy. The planner decides whether there 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection
 
 import numpy as np
@@ -13,9 +14,7 @@ from gcs.physics.quadrotor import Array
 from gcs.scenario.mistakes import unit_guesses
 from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation import boundaries, formation_rules, vehicle_rules, zone_rules
-from gcs.scenario.validation.route import route_places, route_shapes, route_times
-from gcs.scenario.validation.route.route_times import WITH_TURNS
+from gcs.scenario.validation import boundaries, formation_rules, route_rules, vehicle_rules, zone_rules
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.toml_lines import Key
 
@@ -33,17 +32,8 @@ def check(
     asked = [mistake for mistake in unit_guesses.RULES.violated(scenario, tables) if mistake.key not in certain]
     alike = {dotted(mistake.key): mistake for mistake in asked}
     sound = set(tables) - {mistake.key[0] for mistake in alike.values()}
-    rule_sets = (
-        RULES,
-        vehicle_rules.RULES,
-        boundaries.RULES,
-        zone_rules.RULES,
-        route_places.RULES,
-        route_times.RULES,
-        formation_rules.RULES,
-        route_shapes.RULES,
-    )
-    return [*alike.values(), *(mistake for rules in rule_sets for mistake in rules.violated(scenario, sound))]
+    sets = RULES, *(one.RULES for one in (vehicle_rules, boundaries, zone_rules, route_rules, formation_rules))
+    return [*alike.values(), *(mistake for rules in sets for mistake in rules.violated(scenario, sound))]
 
 
 @RULES.needs("limits", "judge")
@@ -57,21 +47,16 @@ def _judged_separation_is_planned(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "end", "limits")
 def _ends_are_within_state_limits(scenario: Scenario) -> Mistakes:
-    limits = scenario.limits
-    axes = ("north", "east", "up")
-    angles = ("roll", "pitch", "yaw")
-    for table, boundary in (("start", scenario.start), ("end", scenario.end)):
-        for axis, (value, most) in enumerate(zip(boundary.velocity_mps, limits.speed_ned_mps, strict=True)):
+    limited = (
+        ("velocity_mps", "speed_ned_mps", ("fast north", "fast east", "fast up"), "m/s"),
+        ("roll_pitch_yaw_deg", "roll_pitch_yaw_deg", ("much roll", "much pitch", "much yaw"), "degrees"),
+    )
+    for table, (key, limit, words, unit) in itertools.product(("start", "end"), limited):
+        values, limits = getattr(getattr(scenario, table), key), getattr(scenario.limits, limit)
+        for axis, (value, most) in enumerate(zip(values, limits, strict=True)):
             if abs(value) > most:
-                text = f"too fast {axes[axis]}; limits.speed_ned_mps[{axis}] allows {-most:g} to {most:g} m/s"
-                yield Mistake((table, "velocity_mps", axis), text, value)
-        turns = zip(boundary.roll_pitch_yaw_deg, limits.roll_pitch_yaw_deg, strict=True)
-        for axis, (value, most) in enumerate(turns):
-            if abs(value) > most:
-                text = (
-                    f"too much {angles[axis]}; limits.roll_pitch_yaw_deg[{axis}] allows {-most:g} to {most:g} degrees"
-                )
-                yield Mistake((table, "roll_pitch_yaw_deg", axis), text, value)
+                text = f"too {words[axis]}; limits.{limit}[{axis}] allows {-most:g} to {most:g} {unit}"
+                yield Mistake((table, key, axis), text, value)
 
 
 @RULES.needs("objective", "limits")
@@ -93,7 +78,7 @@ def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
 @RULES.needs("start", "end", "time", "limits")
 def _time_is_enough(scenario: Scenario) -> Mistakes:
     if scenario.route:
-        return  # `route_times` has the rule
+        return  # `route_rules` has the rule
     distance_m = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
     needed = distance_m / scenario.limits.speed_ned_mps
     axis = int(needed.argmax())
@@ -105,25 +90,23 @@ def _time_is_enough(scenario: Scenario) -> Mistakes:
             f"too short: {plain(distance_m[axis])} m {name} take at least {needed[axis]:.1f} s "
             f"at limits.speed_ned_mps[{axis}] = {plain(scenario.limits.speed_ned_mps[axis])} m/s"
         )
-        enough_s = np.ceil(needed[axis] * WITH_TURNS)
+        enough_s = np.ceil(needed[axis] * route_rules.WITH_TURNS)
         yield Mistake(("time", key), text, longest_s, remedy=f"set time.{key} to {enough_s:.0f}")
 
 
 @RULES.needs("time", "objective", "formation")
 def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
-    if not scenario.time.free:
-        return
-    if scenario.time.latest_s is None and not scenario.objective.time_weight:
-        text = (
-            "needs a cost of time, or the slowest flight is the best. Give [objective] time_weight, or a latest_s here"
-        )
-        yield Mistake(("time", "free"), text, True)
-    if any(not change.auto and change.at_point is None for change in scenario.formation.change):
-        text = "the planner cannot choose the time while changes have fixed times. Set auto = true in each"
-        yield Mistake(("time", "free"), text, True)
-    if any(zone.moves for zone in scenario.no_fly):
-        text = "the planner cannot choose the time while no-fly zones move. Remove their moves"
-        yield Mistake(("time", "free"), text, True)
+    cannot = "the planner cannot choose the time while"
+    is_costless = scenario.time.latest_s is None and not scenario.objective.time_weight
+    is_fixed = any(not change.auto and change.at_point is None for change in scenario.formation.change)
+    for is_wrong, text in (
+        (is_costless, "needs a cost of time, or the slowest flight is the best. Give [objective] time_weight, or "
+         "a latest_s here"),
+        (is_fixed, f"{cannot} changes have fixed times. Set auto = true in each"),
+        (any(zone.moves for zone in scenario.no_fly), f"{cannot} no-fly zones move. Remove their moves"),
+    ):  # fmt: skip
+        if scenario.time.free and is_wrong:
+            yield Mistake(("time", "free"), text, True)
 
 
 @RULES.needs("start", "ground_phases")

@@ -12,9 +12,8 @@ import pytest
 from gcs.scenario.mistakes import unit_guesses
 from gcs.scenario.mistakes.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation import boundaries, cross_table, formation_rules, vehicle_rules, zone_rules
+from gcs.scenario.validation import boundaries, cross_table, formation_rules, route_rules, vehicle_rules, zone_rules
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.route import route_places, route_shapes, route_times
 from tests.unit.scenario.variants import violated, with_tables
 
 
@@ -224,9 +223,7 @@ def test_rules_look_at_no_table_but_those_they_need(data: dict[str, Any]) -> Non
             vehicle_rules.RULES,
             boundaries.RULES,
             zone_rules.RULES,
-            route_places.RULES,
-            route_times.RULES,
-            route_shapes.RULES,
+            route_rules.RULES,
             formation_rules.RULES,
         ):
             for needed, rule in rules._rules:

@@ -1,6 +1,8 @@
-"""Rules about the legs of a route: their number, their lengths, and the times that they leave each other.
+"""Rules about a route: its legs and times, where its points are and how the leader passes them, and its shapes.
 
-A leg leads from one point to the next; leg 1 from the start to the first point, the last one to the end.
+A leg leads from one point to the next; leg 1 from the start to the first point, the last one to the end. Where the
+formation may have changed its shape, these rules check the leader alone, and the verification of the plan checks the
+others. Zones are in `gcs.scenario.validation.zone_rules`.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ from gcs.errors import counted
 from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Place
 from gcs.scenario.schema.route_tables import ROUTE_MAX
-from gcs.scenario.schema.scenario import RoutePoint, Scenario
+from gcs.scenario.schema.scenario import START_SHAPE, RoutePoint, Scenario
 from gcs.scenario.si import route_points
+from gcs.scenario.validation.boundaries import BOX, Stop, out_of_the_box, stop_at, too_low
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK
 from gcs.scenario.validation.toml_lines import Key
@@ -165,3 +168,78 @@ def _legs(scenario: Scenario) -> list[_Leg]:
         axis = int(least_s.argmax())
         found.append(_Leg(number, key, float(least_s[axis]), axis, holds[number - 1]))
     return found
+
+
+@RULES.needs("start", "route", "formation", "limits")
+def _points_are_in_the_box(scenario: Scenario) -> Mistakes:
+    for stop in _stops(scenario):
+        for axis in range(len(BOX)):
+            yield from out_of_the_box(scenario, stop, axis)
+
+
+@RULES.needs("start", "route", "formation", "limits", "terrain")
+def _points_clear_the_ground(scenario: Scenario) -> Mistakes:
+    for stop in _stops(scenario):
+        if not stop.radius_m:  # else the leader may pass where the ground is lower
+            yield from too_low(scenario, stop)
+
+
+@RULES.needs("route", "limits")
+def _speeds_are_allowed(scenario: Scenario) -> Mistakes:
+    fastest_mps = float(np.linalg.norm(scenario.limits.speed_ned_mps))
+    for row, point in enumerate(scenario.route):
+        if point.speed_mps is not None and point.speed_mps > fastest_mps + SLACK:
+            text = f"faster than any vehicle: limits.speed_ned_mps allows {fastest_mps:.2f} m/s"
+            step = f"set route[{row}].speed_mps to {plain(np.floor(100.0 * fastest_mps) / 100.0)} or less"
+            yield Mistake(("route", row, "speed_mps"), text, point.speed_mps, remedy=step)
+
+
+@RULES.needs("route", "limits")
+def _headings_are_allowed(scenario: Scenario) -> Mistakes:
+    most_deg = scenario.limits.roll_pitch_yaw_deg[2]
+    for row, point in enumerate(scenario.route):
+        if point.heading_deg is None:
+            continue
+        yaw_deg = 180.0 - (180.0 - point.heading_deg) % 360.0
+        if abs(yaw_deg) > most_deg + SLACK:
+            text = f"out of reach; limits.roll_pitch_yaw_deg[2] allows a yaw of {-most_deg:g} to {most_deg:g} degrees"
+            yield Mistake(("route", row, "heading_deg"), text, point.heading_deg)
+
+
+def _stops(scenario: Scenario) -> list[Stop]:
+    return [
+        stop_at(scenario, ("route", row), point.position_m, point.radius_m or 0.0)
+        for row, point in enumerate(scenario.route)
+    ]
+
+
+@RULES.needs("route", "formation")
+def _shapes_exist(scenario: Scenario) -> Mistakes:
+    names = (START_SHAPE, *(shape.name for shape in scenario.formation.shape))
+    for row, point in enumerate(scenario.route):
+        if point.shape is not None and point.shape not in names:
+            known = ", ".join(f'"{name}"' for name in names)
+            yield Mistake(("route", row, "shape"), f"names no shape; there are {known}. Correct it", point.shape)
+
+
+@RULES.needs("route", "loops", "formation")
+def _changes_begin_at_points(scenario: Scenario) -> Mistakes:
+    count = len(route_points(scenario))
+    for row, change in enumerate(scenario.formation.change):
+        if change.at_point is not None and change.at_point > count:
+            rounds = f" in {scenario.loops} rounds" if scenario.loops > 1 else ""
+            there = f"has {counted(count, 'point')}{rounds}" if count else "does not exist"
+            text = f"is no point: [[route]] {there}. Correct it"
+            yield Mistake(("formation", "change", row, "at_point"), text, change.at_point)
+
+
+@RULES.needs("route", "formation")
+def _shapes_are_changed_in_one_place(scenario: Scenario) -> Mistakes:
+    """In which order changes of both kinds come is known when the leader's track is."""
+    timed = [row for row, change in enumerate(scenario.formation.change) if not change.auto]
+    shaped = [row for row, point in enumerate(scenario.route) if point.shape is not None]
+    if timed and shaped:
+        row = shaped[0]
+        text = f"stands beside formation.change[{timed[0]}], which changes the shape too"
+        step = f"write each shape of [[route]] as [[formation.change]] instead: at_point = {row + 1} for this one"
+        yield Mistake(("route", row, "shape"), text, scenario.route[row].shape, remedy=step)
