@@ -17,34 +17,42 @@ AXIS = np.array([0.6, 0.0, 0.8])
 SHARES = np.array([0.0, 0.2, 0.7, 1.0])
 
 
-def off_m(law: str, places: Array, after: Array = AFTER) -> Array:
+def off_m(law: str, places: Array, after: Array = AFTER, axis_ned: Array = AXIS) -> Array:
     """How far (V, N) vehicles at places (V, N, 3) are from a law."""
-    span = Span(0.0, 9.0, law, BEFORE, after, AXIS)
+    span = Span(0.0, 9.0, law, BEFORE, after, axis_ned)
     off = _off(span, [constant(places[..., axis], ORDER) for axis in range(3)])
     assert all(np.abs(part.c[1:]).max() == 0.0 for part in off)
     return np.linalg.norm([part.middle for part in off], axis=0)
 
 
-def lawful(law: str) -> Array:
+def lawful(law: str, axis_ned: Array = AXIS) -> Array:
     """Places (V, 4, 3) that keep a law."""
     if law == "rigid":
         return np.repeat(BEFORE[:, None], len(SHARES), axis=1)
     if law == "in step":
         return BEFORE[:, None] + SHARES[:, None] * (AFTER - BEFORE)[:, None]
-    turns = Rotation.from_rotvec(2.2 * SHARES[:, None] * AXIS)
+    turns = Rotation.from_rotvec(2.2 * SHARES[:, None] * axis_ned)
     return np.stack([turns.apply(place) for place in BEFORE])
 
 
-@pytest.mark.parametrize("law", ["rigid", "in step", "rotate"])
-def test_a_vehicle_off_the_law_of_a_change_is_seen_and_no_other(law: str) -> None:
+@pytest.mark.parametrize(
+    ("law", "axis"),
+    [
+        ("rigid", AXIS),
+        ("in step", AXIS),
+        ("rotate", AXIS),
+        *(("rotate", axis) for axis in (*np.eye(3)[::2], *-np.eye(3)[::2])),
+    ],
+)
+def test_a_vehicle_off_the_law_of_a_change_is_seen_and_no_other(law: str, axis: Array) -> None:
     """Vehicle 1 is off by 0.5 m. The place of the one with the longest way, and of the widest one, tells the share."""
-    places = lawful(law)
-    np.testing.assert_allclose(off_m(law, places), 0.0, atol=1e-12)
+    places = lawful(law, axis)
+    np.testing.assert_allclose(off_m(law, places, axis_ned=axis), 0.0, atol=1e-12)
     off = np.array([0.3, 0.0, -0.4])
     places[1] += off
     expected = np.zeros((4, len(SHARES)))
     expected[1] = 0.5
-    np.testing.assert_allclose(off_m(law, places), expected, atol=1e-12)
+    np.testing.assert_allclose(off_m(law, places, axis_ned=axis), expected, atol=1e-12)
 
 
 def test_the_vehicle_that_tells_the_share_of_a_way_is_judged_across_it() -> None:
