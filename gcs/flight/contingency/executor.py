@@ -332,8 +332,7 @@ class ContingencyExecutor:
         match order.action:
             case Action.OBEY:
                 watch.order(m.guided)
-                if self._t0_known:
-                    self._standstill.gather()
+                self._standstill.gather()
                 self._start(order.sysid, order.action.value, partial(self._standstill.take_back, vehicle))
             case Action.LEAVE:
                 self._carrier.end(order.sysid)
