@@ -55,9 +55,9 @@ class ContingencyPolicy:
         """The vehicles that fly the plan, heard or not."""
         return tuple(i for i, state in self.states.items() if state in IN_FORMATION)
 
-    def take(self, incident: Incident, *, higher: bool = True) -> list[Order]:
-        """Return the orders for an incident. `higher`: a conflict's first vehicle is not below the other one."""
-        now = self._now(incident.unix_s, incident, higher=higher)
+    def take(self, incident: Incident) -> list[Order]:
+        """Return the orders for an incident."""
+        now = self._now(incident.unix_s, incident)
         because = ""
         if incident.kind is IncidentKind.CONFLICT:
             self._conflict_s.update(dict.fromkeys((now.sysid, now.other), incident.unix_s))
@@ -101,7 +101,7 @@ class ContingencyPolicy:
         """Return the orders to vehicles that yielded and had no conflict for `CLEAR_S` since."""
         return self._trigger(Trigger.CLEAR, unix_s)
 
-    def _now(self, unix_s: float, incident: Incident | None = None, *, higher: bool = True) -> Situation:
+    def _now(self, unix_s: float, incident: Incident | None = None) -> Situation:
         waiting = [i for i, state in self.states.items() if state in YIELDED]
         now = Situation(
             self.states,
@@ -121,7 +121,7 @@ class ContingencyPolicy:
             outcome=incident.outcome,
             ours=incident.ours,
             takeable=incident.takeable and self._take_overs.get(incident.sysid, 0) < TAKE_OVERS_MAX,
-            first_is_upper=higher,
+            first_is_upper=incident.higher,
         )
 
     def _acts(self, sysid: int, unix_s: float) -> bool:

@@ -50,6 +50,7 @@ class Incident:
     outcome: Outcome | None = None  # of a low battery: what its energy allows; None: not known
     takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and does not land already
     ours: bool = False  # of a failsafe: this program stood still, so the vehicle had no setpoints
+    higher: bool = True  # of a conflict: the vehicle is not below the other one
 
 
 @dataclass(frozen=True)

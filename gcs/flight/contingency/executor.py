@@ -295,18 +295,20 @@ class ContingencyExecutor:
             farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
             higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
             distance = f"{conflict.distance_m:.2f} m"
-            incident = Incident(IncidentKind.CONFLICT, farther, now_s, distance, other=other, in_s=conflict.in_s)
-            self._decide(incident, t_s, higher=higher)
+            incident = Incident(
+                IncidentKind.CONFLICT, farther, now_s, distance, other=other, in_s=conflict.in_s, higher=higher
+            )
+            self._decide(incident, t_s)
 
     def _off_m(self, sysid: int) -> float:
         """How far a vehicle is from its place in the plan; before T0, to the side of its pad."""
         view = self._monitor.views[sysid]
         return float(np.nan_to_num(view.error_m)) if self._t0_known else self._separation.off_pad_m(view)
 
-    def _decide(self, incident: Incident, t_s: float, *, higher: bool = True) -> None:
+    def _decide(self, incident: Incident, t_s: float) -> None:
         battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)
         again = battery and (incident.sysid, incident.kind) in self._told
-        orders = self.policy.take(incident, higher=higher)
+        orders = self.policy.take(incident)
         if orders or not (again or incident.kind is IncidentKind.CONFLICT):
             choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
             data = None if choice is None else choice.data()
@@ -330,8 +332,7 @@ class ContingencyExecutor:
         match order.action:
             case Action.OBEY:
                 watch.order(m.guided)
-                if self._t0_known:
-                    self._standstill.gather()
+                self._standstill.gather()
                 self._start(order.sysid, order.action.value, partial(self._standstill.take_back, vehicle))
             case Action.LEAVE:
                 self._carrier.end(order.sysid)

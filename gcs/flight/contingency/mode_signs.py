@@ -31,8 +31,7 @@ class ModeSigns:
         self._signs = behaviour.failsafe
         self._told_s = told_s
         self._evidence_s = evidence_s
-        self._text_s = self._critical_s = self._pilot_s = self._sticks_s = -math.inf
-        self._cause_s = -math.inf
+        self._text_s = self._critical_s = self._pilot_s = self._sticks_s = self._cause_s = -math.inf
         self._critical = False
         self._channels: tuple[int, ...] = ()
         self._reported: int | None = None  # the mode last reported
@@ -104,6 +103,5 @@ class ModeSigns:
         if cause is None:
             return
         self._text_s = unix_s
-        recent = unix_s - self._cause_s < self._evidence_s
-        if cause is not FailsafeCause.OTHER or not recent:  # a general text follows the one with the cause
+        if cause is not FailsafeCause.OTHER:  # a general text follows the one with the cause
             self.cause, self._cause_s = cause, unix_s

@@ -127,7 +127,7 @@ def _checked(
     """What a rejoin that begins at plan time `t_s` keeps, or the first limit that it violates."""
     scenario, rows = plan.scenario, list(here.rows)
     s = np.linspace(0.0, 1.0, round(fade_s / _STEP_S) + 1)
-    at_s = np.minimum(t_s + s * fade_s, np.nextafter(plan.t_end_s, -np.inf))
+    at_s = np.minimum(t_s + s * fade_s, plan.t_end_s)
     states = plan.states(at_s)[rows]
     off_m = here.position_ned_m - states[:, 0, POSITION]
     off_mps = here.velocity_ned_mps - states[:, 0, VELOCITY]
@@ -170,4 +170,4 @@ def _off_m(plan: Plan, rows: Sequence[int], here: Stranded, at_s: Array) -> Arra
 
 
 def _within(plan: Plan, t_s: float) -> float:
-    return float(np.clip(t_s, plan.airborne_s, np.nextafter(plan.t_end_s, -np.inf)))
+    return float(np.clip(t_s, plan.airborne_s, plan.t_end_s))

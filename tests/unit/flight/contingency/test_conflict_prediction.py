@@ -205,3 +205,16 @@ def test_the_distance_to_the_pad_is_level_and_by_what_a_vehicle_moved() -> None:
     views = reported(-30.0, T0)
     standing((3.0, 4.0, -12.0), (0.0, 0.0, 0.0))(views)
     assert SeparationWatch(straight_plan(), 2.0).off_pad_m(views[1]) == pytest.approx(5.0)
+
+
+def test_every_vehicle_climbs_to_its_own_hover() -> None:
+    ours = SeparationWatch(straight_plan(), 2.0)
+    ours._hover_down_m = np.array([-6.0, -8.0, -10.0])  # of 3, 1 and 2
+    views = reported(-30.0, T0)
+    standing((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))(views)
+    for sysid, hover_down_m in ((3, -6.0), (1, -8.0), (2, -10.0)):
+        views[sysid].velocity_ned_mps = np.array([0.5, 0.5, -4.0])
+        pad = straight_plan().pads_ned_m[straight_plan().sysids.index(sysid)]
+        path = ours._climb(views[sysid], 0.25)
+        np.testing.assert_allclose(path[:, :2], np.tile(pad[:2], (len(path), 1)))
+        np.testing.assert_allclose(path[:, 2], np.maximum(-4.0 * (0.25 * np.arange(13) + 0.25), hover_down_m))

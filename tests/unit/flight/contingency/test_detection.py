@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -414,3 +415,44 @@ def test_limits_of_silence_are_passed_and_not_reached() -> None:
     assert kinds(ours.look(103.01)) == [IncidentKind.LINK_LOST]
     assert kinds(ours.look(110.0)) == []
     assert kinds(ours.look(110.01)) == [IncidentKind.VEHICLE_LOST]
+
+
+def sticks(ours: VehicleWatch, unix_s: float) -> None:
+    for moved_us in (1100, 1700):
+        ours.receive(Message("RC_CHANNELS", {f"chan{n}_raw": moved_us for n in range(1, 9)}), unix_s)
+
+
+@pytest.mark.parametrize("stood_still_s", [0.0, 20.0])
+@pytest.mark.parametrize(
+    ("behaviour", "sign", "critical", "fresh", "stale"),
+    [
+        (ARDUPILOT, lambda ours: says(ours, "GCS Failsafe", 101.0), False, "failsafe", "pilot"),
+        (ARDUPILOT, lambda ours: shows(ours, ARDUPILOT.guided, 101.0, 5), True, "failsafe", "pilot"),
+        (ARDUPILOT, lambda ours: sticks(ours, 101.0), True, "pilot", "failsafe"),
+        (PX4, lambda ours: says(ours, "Pilot took over using sticks\t", 101.0), True, "pilot", "failsafe"),
+        (PX4, lambda ours: says(ours, "Critical battery, return now\t", 101.0), True, "battery", "not told"),
+    ],
+)
+def test_a_sign_tells_whose_choice_a_mode_is_for_three_seconds(
+    behaviour: FlightBehaviour,
+    sign: Callable[[VehicleWatch], None],
+    critical: bool,
+    fresh: str,
+    stale: str,
+    stood_still_s: float,
+) -> None:
+    """Without other signs; the seconds in which this program did not listen do not count."""
+
+    def says_whose(age_s: float) -> str:
+        ours = watch(behaviour=behaviour)
+        shows(ours, behaviour.guided, 100.0)
+        sign(ours)
+        now_s = 101.0 + stood_still_s + age_s
+        ours.excuse(stood_still_s, 101.0 + stood_still_s)
+        shows(ours, behaviour.returning, now_s, 5 if critical else 4)
+        (told,) = ours.look(now_s) + ours.look(now_s + 1.5)
+        return f"{told.kind.value}; {told.detail}"
+
+    assert fresh in says_whose(0.0)
+    assert fresh in says_whose(3.0)
+    assert stale in says_whose(3.125)

@@ -8,12 +8,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.contingency.detection import DetectionLimits
+from gcs.flight.contingency.conflict_prediction import Conflict
+from gcs.flight.contingency.detection import DetectionLimits, Incident
+from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss, State
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.mission.failsafe.return_routes import ReturnRoutes
@@ -413,3 +417,27 @@ def test_landing_points_of_lost_and_landed_vehicles_are_free_unless_another_is_n
         assert "landing point of vehicle 2" in [point.name for point in free(1)]
 
     flown(hop, hop_returns, story)
+
+
+@pytest.mark.parametrize("off_m", [(0.0, 2.0), (2.0, 0.0)])
+@pytest.mark.parametrize("down_m", [(-8.0, -9.0), (-9.0, -8.0)])
+def test_the_vehicle_farther_from_its_place_yields_whether_it_is_above_or_below(
+    off_m: tuple[float, float], down_m: tuple[float, float]
+) -> None:
+    ours: Any = object.__new__(ContingencyExecutor)
+    told: list[Incident] = []
+    ours.policy = SimpleNamespace(states=dict.fromkeys((1, 2), State.FLYING))
+    ours._vehicles = dict.fromkeys((1, 2), SimpleNamespace(session=SimpleNamespace(armed=True)))
+    views = {
+        sysid: SimpleNamespace(error_m=off, position_ned_m=np.array([0.0, 0.0, down]))
+        for sysid, off, down in zip((1, 2), off_m, down_m, strict=True)
+    }
+    ours._monitor = SimpleNamespace(views=views, t0_unix_s=0.0, watch_separation=lambda aloft: None)
+    ours._standstill = SimpleNamespace(gathers=False)
+    ours._separation = SimpleNamespace(look=lambda *_: [Conflict((1, 2), 0.75, 1.234)])
+    ours._decide = lambda incident, t_s: told.append(incident)
+    ours._check_separation(20.0, 20.0)
+    (incident,) = told
+    farther = 1 + int(np.argmax(off_m))
+    assert (incident.sysid, incident.other, incident.in_s, incident.detail) == (farther, 3 - farther, 0.75, "1.23 m")
+    assert incident.higher is (int(np.argmin(down_m)) == farther - 1)

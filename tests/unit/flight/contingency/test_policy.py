@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -79,6 +80,7 @@ def test_every_row_is_reached_and_done(row: Row) -> None:
             outcome=now.outcome,
             takeable=now.takeable,
             ours=now.ours,
+            higher=now.first_is_upper,
         )
         orders = ours.take(incident)
         assert ours.states[sysid] == (row.to or now.states[sysid])
@@ -410,8 +412,8 @@ def test_from_t0_on_vehicles_fly_the_plan() -> None:
     assert ours.in_formation == FOUR
 
 
-def conflict(at_s: float, in_s: float, pair: tuple[int, int] = (3, 2)) -> Incident:
-    return Incident(IncidentKind.CONFLICT, pair[0], at_s, "0.2 m", other=pair[1], in_s=in_s)
+def conflict(at_s: float, in_s: float, pair: tuple[int, int] = (3, 2), **more: Any) -> Incident:
+    return Incident(IncidentKind.CONFLICT, pair[0], at_s, "0.2 m", other=pair[1], in_s=in_s, **more)
 
 
 def test_conflicts_escalate_hold_spread_land() -> None:
@@ -434,14 +436,14 @@ def test_an_order_says_which_conflict_it_answers() -> None:
 
 
 def test_with_no_time_to_brake_the_upper_one_climbs() -> None:
-    assert ordered(fleet().take(conflict(10.0, 0.5), higher=True)) == {3: Action.SPREAD}
-    assert ordered(fleet().take(conflict(10.0, 0.5), higher=False)) == {2: Action.SPREAD}
+    assert ordered(fleet().take(conflict(10.0, 0.5))) == {3: Action.SPREAD}
+    assert ordered(fleet().take(conflict(10.0, 0.5, higher=False))) == {2: Action.SPREAD}
 
 
 def test_a_vehicle_out_of_the_formation_yields_to_it() -> None:
     ours = fleet()
     ours.take(Incident(IncidentKind.FENCE, 2, 5.0))
-    orders = ours.take(conflict(10.0, 2.5), higher=False)
+    orders = ours.take(conflict(10.0, 2.5, higher=False))
     assert ordered(orders) == {2: Action.LAND}  # it returns already, below others: nothing else is left
 
 
@@ -459,7 +461,7 @@ def test_a_vehicle_that_yielded_returns_when_the_conflict_is_over() -> None:
 
 def test_troubles_name_the_vehicle_that_leaves_and_the_reason() -> None:
     ours = fleet()
-    ours.take(conflict(10.0, 0.5), higher=False)  # of 3 and 2, vehicle 2 is above and climbs
+    ours.take(conflict(10.0, 0.5, higher=False))  # of 3 and 2, vehicle 2 is above and climbs
     ours.take(Incident(IncidentKind.FENCE, 4, 11.0, "2 m outside"))
     assert [(one.sysid, one.kind, one.detail) for one in ours.troubles] == [
         (2, IncidentKind.CONFLICT, "vehicles 3 and 2 will be 0.2 m apart in 0.5 s"),

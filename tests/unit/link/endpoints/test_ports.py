@@ -109,6 +109,24 @@ def test_a_serial_line_that_was_unplugged_is_opened_again(tmp_path: Path, monkey
     asyncio.run(asyncio.wait_for(scene(), 10.0))
 
 
+def test_a_connection_that_was_opened_again_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(endpoints, "_REOPEN_S", 0.001)
+
+    async def scene() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            ours = make_endpoint(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+            await ours.open(lambda *_: None)
+            server.accept()[0].close()
+            server.setblocking(False)
+            loop = asyncio.get_running_loop()
+            again, _ = await loop.sock_accept(server)
+            with again, pytest.raises(TimeoutError):
+                await asyncio.wait_for(loop.sock_accept(server), 0.03)
+            ours.close()
+
+    asyncio.run(asyncio.wait_for(scene(), 10.0))
+
+
 def test_what_a_slow_peer_could_not_take_at_once_follows_without_another_frame(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

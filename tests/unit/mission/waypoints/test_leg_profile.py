@@ -161,3 +161,15 @@ def test_a_vehicle_that_swings_back_has_passed_what_it_passed() -> None:
     places = northwards(t_s, [0.0, 4.0, 6.0, 12.0], [0.0, 16.0, 8.0, 30.0])
     made = profile([[0, 0, -10], [30, 0, -10]], [0.0])
     np.testing.assert_allclose(made.passed_s(flight(t_s, places, [12.0], [12.0]))[0, 0], 2.5)
+
+
+@pytest.mark.parametrize("hold_s", [0.5, 4.0])
+def test_a_leg_begins_when_the_hold_before_it_has_ended(hold_s: float) -> None:
+    """20 m at 2 m/s, a hold in which it is blown 12 m ahead and comes back, and 30 m at 3 m/s."""
+    t_s = np.arange(0.0, 25.05, 0.1)
+    leaves_s = 10.3 + hold_s
+    places = northwards(t_s, [0.0, 10.0, leaves_s - 0.2, leaves_s, leaves_s + 10.0], [0.0, 20.0, 32.0, 20.0, 50.0])
+    made = profile([[0, 0, -10], [20, 0, -10], [50, 0, -10]], [hold_s, 0.0])
+    passed_s = made.passed_s(flight(t_s, places, [9.5, leaves_s + 10.0], [leaves_s, leaves_s + 10.0]))
+    assert passed_s[0, -1] == pytest.approx(10.3)
+    np.testing.assert_allclose(passed_s[1], leaves_s + 10.0 * THIRDS, atol=0.02)

@@ -529,3 +529,17 @@ def test_a_formation_that_faces_away_from_its_course_is_found(
     problem = flight_problem(fleet(simulation1, 5, "row", (), BLOCK, **FLIGHT, formation={"frame": "course"}))
     complaints = found(problem, trajectory=turning(problem, lag_deg, speed_mps))
     assert ("heading along the course" in complaints) == complains
+
+
+def test_a_coordinate_leaves_its_range_by_a_share_of_it_without_complaint(simulation1: Scenario) -> None:
+    """The tolerance is half of the verifier's 0.1 %: of a heading's range of 4 pi, that is 6 mrad."""
+    problem = flight_problem(fleet(simulation1, 5, "row", (), BLOCK, **FLIGHT, formation={"frame": "course"}))
+    (heading,) = problem.coordinates
+
+    def complaints(share: float) -> set[str]:
+        lag_deg = 45.0 - np.degrees(share * heading.high)
+        return set(found(problem, trajectory=turning(problem, lag_deg, 0.9)))  # too slow to face along a course
+
+    for side in (1.0, -1.0):
+        assert complaints(side * 1.0004) == set()
+        assert complaints(side * 1.0006) == {"heading"}

@@ -277,6 +277,15 @@ def test_no_motion_does_with_less_than_the_least_acceleration(accel: list[tuple[
     assert least_acceleration_mps2(-way, -before, time_s) <= most * (1.0 + 1e-9) + 1e-12
 
 
+def test_a_way_aside_takes_as_much_as_the_worse_of_two_directions() -> None:
+    """Uniform braking from 4 m/s in 10 s leads 20 m ahead. What is needed beside that is 4 times the way / time^2."""
+    velocity = np.array([4.0, 0.0, 0.0])
+    for aside_m in (0.0, 5.0, 15.0, 40.0):
+        way = np.array([20.0, 0.6 * aside_m, -0.8 * aside_m])
+        needed = max(4.0 / 10.0, 4.0 * aside_m / 10.0**2)
+        assert least_acceleration_mps2(way, velocity, 10.0) == pytest.approx(needed, rel=1e-12)
+
+
 def test_rules_of_the_formation_wait_for_their_tables(data: Data) -> None:
     late = Scenario.model_validate(with_changes(data, {**TURN, "at_s": 300.0}))
     assert check(late, ("formation", "limits", "start", "end")) == []

@@ -230,3 +230,42 @@ def test_a_vehicle_holds_from_where_it_is_when_its_setpoints_begin(t_s: float) -
     assert track.at(0, track.begin_s)[:6] == pytest.approx((10.0, 1.6, -8.0, 0.0, 2.0, 0.0), abs=1e-5)
     assert track.at(0, track.begin_s)[9] == pytest.approx(yaw_rad(min(t_s + 0.3, 60.0)))
     assert track.end_ned_m == pytest.approx([10.0, 1.6 + 2.0**2 / (2 * 1.5), -8.0], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("mps", "fleet_s", "local_s", "waits"),
+    [
+        (0.49, 1.0, 1.0, False),
+        (0.51, 1.0, 1.0, True),
+        (9.0, 19.9, 15.1, True),
+        (9.0, 20.1, 14.9, True),
+        (9.0, 20.1, 15.1, False),
+    ],
+)
+def test_vehicles_gather_until_all_are_slow_or_both_clocks_say_that_it_takes_too_long(
+    mps: float, fleet_s: float, local_s: float, waits: bool
+) -> None:
+    """One of them follows setpoints a little later than the other. They are slow below 0.5 m/s."""
+    ours: Any = object.__new__(Standstill)
+    clock = SimpleNamespace(now_s=0.0)
+    ours._loop, ours._streamer = SimpleNamespace(time=lambda: clock.now_s), SimpleNamespace(paused=True)
+    ours._monitor, ours._before_s, ours._held = SimpleNamespace(t0_unix_s=0.0), 0.0, set()
+    ours._stranded, ours.gathers = True, False
+    ours._vehicles = {
+        sysid: SimpleNamespace(
+            sysid=sysid,
+            session=SimpleNamespace(armed=True, custom_mode=GUIDED),
+            behaviour=SimpleNamespace(guided=GUIDED),
+            view=VehicleView(sysid, np.zeros(3), np.zeros(3), 0.0),
+        )
+        for sysid in (1, 2)
+    }
+    ours._states = lambda: dict.fromkeys((1, 2), State.FLYING)
+    ours._hold, ours._choose = lambda *_: None, lambda *_: "they go on"
+    ours._vehicles[2].session.custom_mode = RTL
+    assert ours.step(0.0, lambda _: True) is None
+    ours._vehicles[2].session.custom_mode = GUIDED
+    ours._vehicles[2].view.velocity_ned_mps = mps * np.array([0.6, 0.0, -0.8])
+    clock.now_s = local_s
+    assert ours.step(fleet_s, lambda _: True) == (None if waits else "they go on")
+    assert ours.gathers is waits

@@ -229,3 +229,21 @@ def test_a_refused_range_ends_it_at_once_or_after_four_waits_of_doubt(result, en
     machine.receive(addressed("MISSION_ACK", type=int(result)), 10.0)
     assert (ticks(machine) or [(10.0, "")])[-1] == (end_s, "")
     assert isinstance(machine.error, PeerTimeout if result == MissionResult.ACCEPTED else MissionRefused)
+
+
+@pytest.mark.parametrize("repeats", [False, True])
+def test_round_trips_of_what_was_sent_once_are_learned(repeats):
+    """The request for the item answers the range, and the read-back the question; the item itself is not measured."""
+    trip = SteadyTrip()
+    machine = ItemRewrite({2: until(2.0)}, VEHICLE, AP, round_trip=trip)
+    machine.start(10.0)
+    if repeats:
+        assert machine.tick(10.5)
+    machine.receive(addressed("MISSION_REQUEST_INT", seq=2), 10.7)
+    machine.receive(addressed("MISSION_REQUEST_INT", seq=2), 10.8)
+    machine.receive(addressed("MISSION_ACK", type=0), 11.0)
+    if repeats:
+        assert machine.tick(11.5)
+    on_board(2, until(2.0), 11.6, machine)
+    assert machine.done
+    assert trip.samples_s == ([] if repeats else [0.7, 0.6])

@@ -182,12 +182,16 @@ def test_bounds_are_no_more_than_the_margin_at_any_instant(planned: Planned, sim
         assert low[0, number] <= margin.min() + 1e-5
 
 
-@pytest.mark.parametrize(("speed_mps", "applies"), [(1.5, True), (0.9, False)])
-def test_the_heading_worked_by_hand(planned: Planned, simulation1: Scenario, speed_mps: float, applies: bool) -> None:
-    """The shape has turned by 30 degrees, the leader flies towards 33: of 5 degrees, 2 are left."""
+@pytest.mark.parametrize(
+    ("speed_mps", "scale", "applies"), [(1.5, 1.0, True), (0.9, 1.0, False), (1.5, 1.02, True), (1.5, 0.9, True)]
+)
+def test_the_heading_worked_by_hand(
+    planned: Planned, simulation1: Scenario, speed_mps: float, scale: float, applies: bool
+) -> None:
+    """The shape has turned by 30 degrees, the leader flies towards 33: of 5 degrees, 2 are left, whatever its scale."""
     scenario = changed(fleet(simulation1, 5, formation=COURSE), start={"velocity_mps": [0.0, 0.0, 0.0]})
     facing = scenario.start.roll_pitch_yaw_deg[2]
-    plan = still(planned, scenario, turned(offsets_ned_m(scenario), 30.0))
+    plan = still(planned, scenario, scale * turned(offsets_ned_m(scenario), 30.0))
     course = np.radians(facing + 33.0)
     state = np.zeros((2, 1, 12))
     state[1, 0, 3:5] = speed_mps * np.cos(course), speed_mps * np.sin(course)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor, equations_of_motion
+from gcs.physics.wind import SteadyWind
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.reintegration import IntegrationSteps, step_edges, window_errors
+from gcs.plan.verification.constraints.reintegration import IntegrationSteps, _growth, step_edges, window_errors
 from gcs.plan.verification.proof.taylor import Taylor, constant
 
 ORDER = 6
@@ -75,3 +76,29 @@ def test_what_the_control_leaves_out_grows_as_a_force_does(meadow_plan: Plan) ->
     remainder = steps.control.remainder.copy()
     remainder[1] += 1.0
     assert np.isinf(error_m(replace(steps, control=Taylor(steps.control.c, remainder)), [0], [count], q)[0])
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0 / 7.0, 0.6])
+def test_no_error_grows_faster_than_it_is_said_to(meadow_plan: Plan, exponent: float) -> None:
+    """Derivatives of Eq. 1 by central differences, at states near the plan, in a wind that grows with height."""
+    wind = SteadyWind(3.0, -2.0, reference_m=8.0, exponent=exponent)
+    q = replace(meadow_plan.quadrotor, wind=wind, drag_Nspm=(0.3, 0.2, 0.25))
+    steps, _ = falling(q, 0.3)
+    most = _growth(steps, q)
+    random = np.random.default_rng(5)
+    state = random.uniform(-1.0, 1.0, (12, 2000)) * np.repeat([5.0, 3.0, 1.2, 0.05], 3)[:, None]
+    state[2] = -random.uniform(0.0, 12.0, 2000)  # above height 0
+    control = np.repeat(np.array([[q.weight_N - 0.3 * q.mass_kg], [0.0], [0.0], [0.0]]), 2000, axis=1)
+    found, step = np.empty((12, 12)), 1e-5
+    for column in range(12):
+        ahead, behind = state.copy(), state.copy()
+        ahead[column] += step
+        behind[column] -= step
+        change = np.stack(equations_of_motion(ahead, control, q)) - np.stack(equations_of_motion(behind, control, q))
+        found[:, column] = np.abs(change).max(axis=1) / (2.0 * step)
+    assert (found <= most + 1e-6).all()
+    exact = [(row, row) for row in (3, 4, 5)] + [(row, row + 3) for row in (0, 1, 2, 6, 7, 8)]
+    for row, column in exact:
+        assert most[row, column] == pytest.approx(found[row, column], rel=1e-6)
+    for axis in (0, 1):
+        assert most[3 + axis, 2] <= 2.5 * found[3 + axis, 2], "the wind's slope"

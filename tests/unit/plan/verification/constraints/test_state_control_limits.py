@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from scipy.interpolate import PPoly
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.constraints.state_control_limits import _turning
+from gcs.plan.verification.constraints.state_control_limits import _turning, divided
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, plain_cells
 from gcs.plan.verification.proof.taylor import Taylor
 from tests.unit.plan.problems import changed
 from tests.unit.plan.verification.constraints.even_flights import assert_margin, check_of, even
@@ -110,3 +113,35 @@ def test_the_proved_load_factor_holds_at_every_instant_of_an_interval() -> None:
         proved, middle = _turning(state, moved, most, 9.8)
         assert middle == pytest.approx(most - 3.0 / 9.8)
         assert proved[0] <= most - 4.5 / 9.8  # at the ends
+
+
+def test_cells_are_divided_into_groups_that_are_wide_and_into_times_that_are_long() -> None:
+    """Group 0 is 10 m wide and consists of 1 and 2; group 2, of 0.1 m, of 3 and 4. A vehicle flies 5 m in 1 s."""
+    tree: Any = SimpleNamespace(
+        parts=np.array([[1, 2], [-1, -1], [3, 4], [-1, -1], [-1, -1]]), reach_m=np.array([10.0, 0.0, 0.1, 0.0, 0.0])
+    )
+    short_s = 0.9 * SHORTEST_S
+    rows = [(0, 1.0), (0, 3.0), (2, 1.0), (2, short_s), (1, 1.0), (1, short_s), (0, 1.0)]
+    start_s = 10.0 * np.arange(len(rows))
+    cells = plain_cells(
+        np.array([[who] for who, _ in rows]), start_s, start_s + np.array([length_s for _, length_s in rows])
+    )
+    wanted = np.array([True] * 6 + [False])
+
+    def parts_of(tree: Any) -> dict[int, list[tuple[int, float, float]]]:
+        parts, origin = divided(cells, wanted, tree)
+        found: dict[int, list[tuple[int, float, float]]] = {}
+        for who, begin_s, end_s, number in zip(parts.who[:, 0], parts.start_s, parts.end_s, origin, strict=True):
+            of_cell = begin_s - start_s[number], end_s - start_s[number]
+            found.setdefault(int(number), []).append((int(who), *np.round(of_cell, 6).tolist()))
+        return found
+
+    assert parts_of(tree) == {
+        0: [(1, 0.0, 1.0), (2, 0.0, 1.0)],
+        1: [(0, 0.0, 1.5), (0, 1.5, 3.0)],  # it flies farther than it is wide
+        2: [(2, 0.0, 0.5), (2, 0.5, 1.0)],
+        3: [(3, 0.0, round(short_s, 6)), (4, 0.0, round(short_s, 6))],
+        4: [(1, 0.0, 0.5), (1, 0.5, 1.0)],
+    }
+    assert sorted(parts_of(None)) == [0, 1, 2, 4], "without groups only times are divided"
+    assert parts_of(None)[0] == [(0, 0.0, 0.5), (0, 0.5, 1.0)]

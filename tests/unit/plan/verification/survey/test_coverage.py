@@ -12,11 +12,12 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import rigid
+from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.survey.coverage import Coverage, coverage
 from gcs.scenario.load import load_scenario
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import Power, Scenario
 from gcs.scenario.si import NED_FROM_UP, offsets_ned_m, quadrotor
 from gcs.scenario.survey.survey_flight import SurveyOrder, survey_flight
 from gcs.scenario.template import scenario_text
@@ -140,3 +141,12 @@ def test_area_per_battery_leaves_the_reserve(scenario: Scenario) -> None:
     found = proved(flown(scenario, corners_of(scenario)))
     kept = 1.0 - scenario.preflight.reserve
     assert found.ha_per_battery * float(found.used.sum()) == pytest.approx(found.covered_ha * kept)
+
+
+def test_the_battery_of_a_survey_is_that_of_the_whole_flight(scenario: Scenario) -> None:
+    """It hovers by its controls: so much each second, at 15 m in air that is 0.15 % thinner."""
+    power = Power(battery_Wh=80.0, rotor_radius_m=0.1, figure_of_merit=0.6)
+    scenario = scenario.model_copy(update={"vehicle": scenario.vehicle.model_copy(update={"power": power})})
+    plan = flown(scenario, corners_of(scenario)[:3])
+    hovers = battery_model(plan).hover_per_s * (plan.t_end_s - plan.t_start_s)
+    assert proved(plan).used == pytest.approx([hovers] * len(plan.sysids), rel=5e-3)
