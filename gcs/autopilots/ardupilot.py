@@ -13,29 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from gcs.autopilots.columns import (
-    ABOVE_GROUND,
-    ABOVE_HOME,
-    AMSL,
-    POSITION_FLAGS,
-    AutopilotTraits,
-    CommandSource,
-    EstimatorReport,
-    FailsafeCause,
-    FailsafeSigns,
-    FlightBehaviour,
-    LandingBehaviour,
-    LandingProfile,
-    LinkBehaviour,
-    MissionSupport,
-    ParameterFileStyle,
-    ParameterRenaming,
-    RenamedParameter,
-    ReturnBehaviour,
-    ReturnParameters,
-    ReturnSettings,
-    commands_of,
-)
+from gcs.autopilots import columns
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
@@ -44,8 +22,8 @@ from gcs.mavlink import CopterMode, EkfFlag, FenceCommand, MavCommand, MessageId
 _CM = 100
 _ALTITUDE_AND_AREAS = 5  # FENCE_TYPE: not the circle around home, which is on by default and ends 300 m away
 # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed, so readiness is read from these flags.
-_ESTIMATOR = EstimatorReport(
-    MessageId.EKF_STATUS_REPORT, POSITION_FLAGS, EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
+_ESTIMATOR = columns.EstimatorReport(
+    MessageId.EKF_STATUS_REPORT, columns.POSITION_FLAGS, EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
 )
 _ABSENT = published(StoredAs.ZERO)
 _EXACT = published(StoredAs.EXACT)
@@ -91,7 +69,7 @@ ARDUPILOT_ITEMS = ItemStorage(
 )
 
 
-def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
+def _return_parameters(wanted: columns.ReturnSettings) -> columns.ReturnParameters:
     """The parameters under their names up to 4.6, in cm and cm/s; `_RENAMING` has those of 4.7."""
     return (
         ("RTL_ALT", round(wanted.altitude_m * _CM)),
@@ -124,15 +102,15 @@ _REASONS = {
 
 
 # Its published sources: every failsafe announces itself by a text. Only some set system_status, the fence does not.
-_FAILSAFE = FailsafeSigns(
+_FAILSAFE = columns.FailsafeSigns(
     texts=(
-        ("fence breached", FailsafeCause.FENCE),
-        ("ekf failsafe", FailsafeCause.POSITION),
-        ("dead reckoning", FailsafeCause.POSITION),
-        ("battery failsafe", FailsafeCause.BATTERY),
-        ("gcs failsafe", FailsafeCause.LINK),
-        ("radio failsafe", FailsafeCause.LINK),
-        ("failsafe", FailsafeCause.OTHER),
+        ("fence breached", columns.FailsafeCause.FENCE),
+        ("ekf failsafe", columns.FailsafeCause.POSITION),
+        ("dead reckoning", columns.FailsafeCause.POSITION),
+        ("battery failsafe", columns.FailsafeCause.BATTERY),
+        ("gcs failsafe", columns.FailsafeCause.LINK),
+        ("radio failsafe", columns.FailsafeCause.LINK),
+        ("failsafe", columns.FailsafeCause.OTHER),
     ),
     not_texts=("cleared", "resolved", "continuing"),
     modes=frozenset(
@@ -150,37 +128,26 @@ _FAILSAFE = FailsafeSigns(
 
 # ArduPilot's page "Parameter Name Changes" (4.6 to 4.7). A source tree of 4.7.0-dev has MAV_SYSID, and the old names of
 # all others; the recorded one has old names too.
-_RENAMING = ParameterRenaming(
+_FROM_CM = """
+    RTL_ALT RTL_ALT_M, RTL_ALT_FINAL RTL_ALT_FINAL_M, RTL_CLIMB_MIN RTL_CLIMB_MIN_M, RTL_SPEED RTL_SPEED_MS,
+    LAND_SPEED LAND_SPD_MS, LAND_SPEED_HIGH LAND_SPD_HIGH_MS, LAND_ALT_LOW LAND_ALT_LOW_M, WPNAV_SPEED WP_SPD,
+    WPNAV_SPEED_UP WP_SPD_UP, WPNAV_SPEED_DN WP_SPD_DN, WPNAV_ACCEL WP_ACC, WPNAV_ACCEL_C WP_ACC_CNR,
+    WPNAV_ACCEL_Z WP_ACC_Z, WPNAV_RADIUS WP_RADIUS_M, LOIT_SPEED LOIT_SPEED_MS, PILOT_SPEED_UP PILOT_SPD_UP,
+    PILOT_SPEED_DN PILOT_SPD_DN, PILOT_ACCEL_Z PILOT_ACC_Z, PILOT_TKOFF_ALT PILOT_TKO_ALT_M
+"""
+_RENAMING = columns.ParameterRenaming(
     since=(4, 7),
     names=(
-        RenamedParameter("SYSID_THISMAV", "MAV_SYSID"),
-        RenamedParameter("SYSID_MYGCS", "MAV_GCS_SYSID"),
-        RenamedParameter("RTL_ALT", "RTL_ALT_M", _CM),
-        RenamedParameter("RTL_ALT_FINAL", "RTL_ALT_FINAL_M", _CM),
-        RenamedParameter("RTL_CLIMB_MIN", "RTL_CLIMB_MIN_M", _CM),
-        RenamedParameter("RTL_SPEED", "RTL_SPEED_MS", _CM),
-        RenamedParameter("LAND_SPEED", "LAND_SPD_MS", _CM),
-        RenamedParameter("LAND_SPEED_HIGH", "LAND_SPD_HIGH_MS", _CM),
-        RenamedParameter("LAND_ALT_LOW", "LAND_ALT_LOW_M", _CM),
-        RenamedParameter("WPNAV_SPEED", "WP_SPD", _CM),
-        RenamedParameter("WPNAV_SPEED_UP", "WP_SPD_UP", _CM),
-        RenamedParameter("WPNAV_SPEED_DN", "WP_SPD_DN", _CM),
-        RenamedParameter("WPNAV_ACCEL", "WP_ACC", _CM),
-        RenamedParameter("WPNAV_ACCEL_C", "WP_ACC_CNR", _CM),
-        RenamedParameter("WPNAV_ACCEL_Z", "WP_ACC_Z", _CM),
-        RenamedParameter("WPNAV_RADIUS", "WP_RADIUS_M", _CM),
-        RenamedParameter("WPNAV_JERK", "WP_JERK"),
-        RenamedParameter("LOIT_SPEED", "LOIT_SPEED_MS", _CM),
-        RenamedParameter("PILOT_SPEED_UP", "PILOT_SPD_UP", _CM),
-        RenamedParameter("PILOT_SPEED_DN", "PILOT_SPD_DN", _CM),
-        RenamedParameter("PILOT_ACCEL_Z", "PILOT_ACC_Z", _CM),
-        RenamedParameter("PILOT_TKOFF_ALT", "PILOT_TKO_ALT_M", _CM),
-        RenamedParameter("ANGLE_MAX", "ATC_ANGLE_MAX", 100),  # centidegrees in a degree
+        columns.RenamedParameter("SYSID_THISMAV", "MAV_SYSID"),
+        columns.RenamedParameter("SYSID_MYGCS", "MAV_GCS_SYSID"),
+        columns.RenamedParameter("WPNAV_JERK", "WP_JERK"),
+        columns.RenamedParameter("ANGLE_MAX", "ATC_ANGLE_MAX", 100),  # centidegrees in a degree
+        *(columns.RenamedParameter(old, new, _CM) for old, new in map(str.split, _FROM_CM.split(","))),
     ),
 )
 
 
-def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
+def _landing_profile(values: Mapping[str, float]) -> columns.LandingProfile:
     """Its law of braking leads from the speed above LAND_ALT_LOW to LAND_SPEED: gain 1/s, at most 1 m/s2.
 
     Both speeds are reached above LAND_ALT_LOW. Without a rangefinder heights count from home.
@@ -188,15 +155,15 @@ def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
     low_m, slow_mps = max(values["LAND_ALT_LOW"] / _CM, 1.0), values["LAND_SPEED"] / _CM
     fast_mps = (values["LAND_SPEED_HIGH"] or values["WPNAV_SPEED_DN"]) / _CM
     if fast_mps <= slow_mps:
-        return LandingProfile((0.0,), (slow_mps,), slow_mps / 2.0)
+        return columns.LandingProfile((0.0,), (slow_mps,), slow_mps / 2.0)
     speeds = [slow_mps + (fast_mps - slow_mps) * share for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     above_m = [speed if speed <= 1.0 else speed**2 / 2.0 + 0.5 for speed in speeds]
-    return LandingProfile(tuple(low_m + height for height in above_m), tuple(speeds), fast_mps / 2.0)
+    return columns.LandingProfile(tuple(low_m + height for height in above_m), tuple(speeds), fast_mps / 2.0)
 
 
-_COMMANDS = commands_of(
+_COMMANDS = columns.commands_of(
     {
-        CommandSource.MANUAL: """
+        columns.CommandSource.MANUAL: """
             NAV_LOITER_UNLIM NAV_LOITER_TURNS NAV_LOITER_TIME NAV_RETURN_TO_LAUNCH NAV_SPLINE_WAYPOINT NAV_GUIDED_ENABLE
             NAV_PAYLOAD_PLACE CONDITION_DELAY CONDITION_DISTANCE CONDITION_YAW DO_JUMP DO_SET_HOME DO_SET_RELAY
             DO_REPEAT_RELAY DO_SET_SERVO DO_REPEAT_SERVO DO_SET_ROI DO_DIGICAM_CONFIGURE DO_DIGICAM_CONTROL
@@ -204,15 +171,15 @@ _COMMANDS = commands_of(
             DO_AUX_FUNCTION DO_GUIDED_LIMITS JUMP_TAG DO_JUMP_TAG DO_GIMBAL_MANAGER_PITCHYAW DO_WINCH NAV_SCRIPT_TIME
             NAV_ATTITUDE_TIME
         """,
-        CommandSource.RECORDED: "NAV_WAYPOINT NAV_LAND NAV_TAKEOFF NAV_DELAY DO_CHANGE_SPEED",
-        CommandSource.IGNORED: "DO_SET_MODE",
+        columns.CommandSource.RECORDED: "NAV_WAYPOINT NAV_LAND NAV_TAKEOFF NAV_DELAY DO_CHANGE_SPEED",
+        columns.CommandSource.IGNORED: "DO_SET_MODE",
     }
 )
 
-ARDUPILOT = AutopilotTraits(
+ARDUPILOT = columns.AutopilotTraits(
     title="ArduCopter",
-    missions=MissionSupport(
-        frames=AMSL | ABOVE_HOME | ABOVE_GROUND,
+    missions=columns.MissionSupport(
+        frames=columns.AMSL | columns.ABOVE_HOME | columns.ABOVE_GROUND,
         items_max=650,  # 4.5 and 4.7 answer NO_SPACE to the 651st
         fence_items_max=70,  # the manual's limit
         rally_points_max=10,  # or more
@@ -226,7 +193,7 @@ ARDUPILOT = AutopilotTraits(
         takeoff_goes_to_place=False,
         commands=_COMMANDS,
     ),
-    returns=ReturnBehaviour(
+    returns=columns.ReturnBehaviour(
         altitude_above_home=True,
         # It returns to a rally point at the point's altitude or at RTL_ALT, whichever is higher: here both are equal.
         rally_at_return_altitude=True,
@@ -238,7 +205,7 @@ ARDUPILOT = AutopilotTraits(
         parameters=_return_parameters,
         reasons=_REASONS,
     ),
-    flight=FlightBehaviour(
+    flight=columns.FlightBehaviour(
         guided=CopterMode.GUIDED,
         mission=CopterMode.AUTO,
         hold=CopterMode.LOITER,
@@ -254,10 +221,10 @@ ARDUPILOT = AutopilotTraits(
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS, MessageId.RC_CHANNELS),
         failsafe=_FAILSAFE,
     ),
-    landing=LandingBehaviour(
+    landing=columns.LandingBehaviour(
         {"LAND_SPEED": 50.0, "LAND_SPEED_HIGH": 0.0, "LAND_ALT_LOW": 1000.0, "WPNAV_SPEED_DN": 150.0}, _landing_profile
     ),
-    link=LinkBehaviour(
+    link=columns.LinkBehaviour(
         home_is_item_0=True,
         mission_files=True,  # 4.1 and newer
         requests_in_flight=8,  # it answers requests for items in any order
@@ -271,7 +238,7 @@ ARDUPILOT = AutopilotTraits(
         capacity_parameter="BATT_CAPACITY",
         timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
     ),
-    parameter_file=ParameterFileStyle.MISSION_PLANNER,
+    parameter_file=columns.ParameterFileStyle.MISSION_PLANNER,
     navigator=calibration.ARDUPILOT,
     # Vehicles leave at a GNSS time of day, and the target moves by their clock alone. This is a tenth of the model's
     # error, for scheduling and clocks; no two vehicles were recorded side by side.

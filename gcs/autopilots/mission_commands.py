@@ -11,28 +11,15 @@ from gcs.mavlink import FenceCommand, MavCommand
 
 _NO = frozenset({CommandSource.ABSENT, CommandSource.REFUSED, CommandSource.IGNORED})
 _NAV_WITHOUT_POSITION = frozenset({MavCommand.NAV_RETURN_TO_LAUNCH, MavCommand.NAV_GUIDED_ENABLE, MavCommand.NAV_DELAY})
-_DO_WITH_POSITION = frozenset(
-    {
-        MavCommand.DO_SET_HOME,
-        MavCommand.DO_LAND_START,
-        MavCommand.DO_REPOSITION,
-        MavCommand.DO_SET_ROI_LOCATION,
-        MavCommand.DO_SET_ROI,
-    }
-)
-_FENCE_AND_RALLY = range(FenceCommand.RETURN_POINT, FenceCommand.RALLY_POINT + 1)
-_MISSION_COMMANDS = frozenset(MavCommand) - {  # these are never mission items
-    MavCommand.NAV_LAST,
-    MavCommand.DO_SET_MISSION_CURRENT,
-    MavCommand.MISSION_START,
-    MavCommand.COMPONENT_ARM_DISARM,
-    MavCommand.GET_HOME_POSITION,
-    MavCommand.GET_MESSAGE_INTERVAL,
-    MavCommand.SET_MESSAGE_INTERVAL,
-    MavCommand.REQUEST_MESSAGE,
-    MavCommand.REQUEST_AUTOPILOT_CAPABILITIES,
-    MavCommand.STORAGE_FORMAT,
+_DO_WITH_POSITION = {
+    MavCommand[name] for name in ["DO_SET_HOME", "DO_LAND_START", "DO_REPOSITION", "DO_SET_ROI_LOCATION", "DO_SET_ROI"]
 }
+_FENCE_AND_RALLY = range(FenceCommand.RETURN_POINT, FenceCommand.RALLY_POINT + 1)
+_NO_ITEMS = """
+    NAV_LAST DO_SET_MISSION_CURRENT MISSION_START COMPONENT_ARM_DISARM GET_HOME_POSITION GET_MESSAGE_INTERVAL
+    SET_MESSAGE_INTERVAL REQUEST_MESSAGE REQUEST_AUTOPILOT_CAPABILITIES STORAGE_FORMAT
+"""
+_MISSION_COMMANDS = frozenset(MavCommand) - {MavCommand[name] for name in _NO_ITEMS.split()}
 
 
 def command_source(command: int, firmware: Autopilot) -> CommandSource | None:

@@ -13,26 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from gcs.autopilots.columns import (
-    ABOVE_HOME,
-    AMSL,
-    POSITION_FLAGS,
-    AutopilotTraits,
-    CommandSource,
-    EstimatorReport,
-    FailsafeCause,
-    FailsafeSigns,
-    FlightBehaviour,
-    LandingBehaviour,
-    LandingProfile,
-    LinkBehaviour,
-    MissionSupport,
-    ParameterFileStyle,
-    ReturnBehaviour,
-    ReturnParameters,
-    ReturnSettings,
-    commands_of,
-)
+from gcs.autopilots import columns
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
@@ -54,7 +35,7 @@ _CRAWL_M = 1.0  # MPC_LAND_ALT3
 _SINKS = 0.95  # recorded speed of descent over the one asked for
 _DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
 # Once it is ready it sets all ten flags, CONST_POS_MODE among them: on PX4 that one means nothing.
-_ESTIMATOR = EstimatorReport(MessageId.ESTIMATOR_STATUS, POSITION_FLAGS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
+_ESTIMATOR = columns.EstimatorReport(MessageId.ESTIMATOR_STATUS, columns.POSITION_FLAGS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
 _ABSENT = published(StoredAs.ZERO)
 _EXACT = published(StoredAs.EXACT)
 _KEPT = recorded(StoredAs.EXACT)
@@ -92,7 +73,7 @@ PX4_ITEMS = ItemStorage(
 )
 
 
-def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
+def _return_parameters(wanted: columns.ReturnSettings) -> columns.ReturnParameters:
     return (
         ("RTL_TYPE", 0),
         ("RTL_RETURN_ALT", wanted.altitude_m),
@@ -121,7 +102,7 @@ _REASONS = {
 }
 
 
-def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
+def _landing_profile(values: Mapping[str, float]) -> columns.LandingProfile:
     """Linear from MPC_Z_V_AUTO_DN at MPC_LAND_ALT1 to MPC_LAND_SPEED at MPC_LAND_ALT2; it crawls just above the ground.
 
     Recorded speeds were 5 % lower than these. Heights count from home unless it measures the distance to the ground.
@@ -132,12 +113,12 @@ def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
     high_m = max(values["MPC_LAND_ALT1"], low_m + 0.1)
     speeds = (crawl_mps, slow_mps, slow_mps, fast_mps)
     heights = (_CRAWL_M - 0.1, _CRAWL_M + 0.1, low_m, high_m)
-    return LandingProfile(heights, tuple(_SINKS * speed for speed in speeds), 0.8)
+    return columns.LandingProfile(heights, tuple(_SINKS * speed for speed in speeds), 0.8)
 
 
-_COMMANDS = commands_of(
+_COMMANDS = columns.commands_of(
     {
-        CommandSource.MANUAL: """
+        columns.CommandSource.MANUAL: """
             NAV_LOITER_UNLIM NAV_LOITER_TIME NAV_RETURN_TO_LAUNCH NAV_LOITER_TO_ALT NAV_ROI NAV_VTOL_TAKEOFF DO_JUMP
             DO_SET_HOME DO_SET_SERVO DO_LAND_START DO_SET_ROI_LOCATION DO_SET_ROI_WPNEXT_OFFSET DO_SET_ROI_NONE
             DO_CONTROL_VIDEO DO_SET_ROI DO_DIGICAM_CONTROL DO_MOUNT_CONFIGURE DO_MOUNT_CONTROL DO_SET_CAM_TRIGG_DIST
@@ -145,8 +126,8 @@ _COMMANDS = commands_of(
             DO_GIMBAL_MANAGER_PITCHYAW DO_GIMBAL_MANAGER_CONFIGURE IMAGE_START_CAPTURE IMAGE_STOP_CAPTURE
             DO_TRIGGER_CONTROL VIDEO_START_CAPTURE VIDEO_STOP_CAPTURE
         """,
-        CommandSource.RECORDED: "NAV_WAYPOINT NAV_LAND NAV_TAKEOFF NAV_DELAY DO_CHANGE_SPEED",
-        CommandSource.REFUSED: "NAV_SPLINE_WAYPOINT CONDITION_YAW",
+        columns.CommandSource.RECORDED: "NAV_WAYPOINT NAV_LAND NAV_TAKEOFF NAV_DELAY DO_CHANGE_SPEED",
+        columns.CommandSource.REFUSED: "NAV_SPLINE_WAYPOINT CONDITION_YAW",
     }
 )
 
@@ -167,14 +148,14 @@ _SUB_MODES = {
 
 # Recorded: "Failsafe activated" and, within a second, system_status 5 with the new mode; the cause is a text before it.
 # The pilot's text and the fence's older one are in its published sources.
-_FAILSAFE = FailsafeSigns(
+_FAILSAFE = columns.FailsafeSigns(
     texts=(
-        ("geofence violation", FailsafeCause.FENCE),
-        ("approaching or outside geofence", FailsafeCause.FENCE),
-        ("critical battery", FailsafeCause.BATTERY),
-        ("emergency battery", FailsafeCause.BATTERY),
-        ("connection to ground station lost", FailsafeCause.LINK),
-        ("failsafe activated", FailsafeCause.OTHER),
+        ("geofence violation", columns.FailsafeCause.FENCE),
+        ("approaching or outside geofence", columns.FailsafeCause.FENCE),
+        ("critical battery", columns.FailsafeCause.BATTERY),
+        ("emergency battery", columns.FailsafeCause.BATTERY),
+        ("connection to ground station lost", columns.FailsafeCause.LINK),
+        ("failsafe activated", columns.FailsafeCause.OTHER),
     ),
     modes=frozenset(
         {PX4_HOLD, PX4_RTL, PX4_LAND, *(px4_mode(main) for main, name in _MAIN_MODES.items() if name in _LOST_STREAM)}
@@ -183,10 +164,10 @@ _FAILSAFE = FailsafeSigns(
     pilot_texts=("pilot took over",),
 )
 
-PX4 = AutopilotTraits(
+PX4 = columns.AutopilotTraits(
     title="PX4",
-    missions=MissionSupport(
-        frames=AMSL | ABOVE_HOME,  # MISSION_UNSUPPORTED_FRAME to altitudes above the ground
+    missions=columns.MissionSupport(
+        frames=columns.AMSL | columns.ABOVE_HOME,  # MISSION_UNSUPPORTED_FRAME to altitudes above the ground
         items_max=500,  # on its smaller boards; more with more memory (NUM_MISSIONS_SUPPORTED)
         fence_items_max=63,  # 64 less one (DM_KEY_FENCE_POINTS)
         rally_points_max=7,  # its oldest versions store 8 less one
@@ -200,7 +181,7 @@ PX4 = AutopilotTraits(
         takeoff_goes_to_place=True,
         commands=_COMMANDS,
     ),
-    returns=ReturnBehaviour(
+    returns=columns.ReturnBehaviour(
         altitude_above_home=False,
         rally_at_return_altitude=False,  # it adds RTL_RETURN_ALT to the rally point
         wait_s=0.0,
@@ -210,7 +191,7 @@ PX4 = AutopilotTraits(
         parameters=_return_parameters,
         reasons=_REASONS,
     ),
-    flight=FlightBehaviour(
+    flight=columns.FlightBehaviour(
         guided=PX4_OFFBOARD,
         mission=PX4_MISSION,
         hold=PX4_HOLD,
@@ -228,7 +209,7 @@ PX4 = AutopilotTraits(
         failsafe=_FAILSAFE,
         takeoff_modes=frozenset({px4_mode(4, 2)}),
     ),
-    landing=LandingBehaviour(
+    landing=columns.LandingBehaviour(
         {
             "MPC_LAND_SPEED": 0.7,
             "MPC_LAND_CRWL": 0.3,
@@ -238,7 +219,7 @@ PX4 = AutopilotTraits(
         },
         _landing_profile,
     ),
-    link=LinkBehaviour(
+    link=columns.LinkBehaviour(
         home_is_item_0=False,
         mission_files=False,
         # It follows requests one by one, and ends the transfer at a request for the item before the last: a late copy
@@ -255,9 +236,9 @@ PX4 = AutopilotTraits(
         capacity_parameter="BAT1_CAPACITY",
         timers=STANDARD,
     ),
-    parameter_file=ParameterFileStyle.QGROUNDCONTROL,
+    parameter_file=columns.ParameterFileStyle.QGROUNDCONTROL,
     navigator=calibration.PX4,
     # Vehicles have no common start, and noise in height decides at which waypoints each brakes. Two vehicles differ by
-    # twice the square root of two times the largest RMS of `calibration.RESIDUALS`.
+    # twice the square root of two times the largest RMS against recordings, 0.77 s.
     apart_s=2.2,
 )

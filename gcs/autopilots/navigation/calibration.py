@@ -1,4 +1,4 @@
-"""The navigators as they were recorded, and the errors of their predictions against the recordings.
+"""The navigators as they were recorded.
 
 Every value is a parameter that the autopilot reported, or its default, except two for each autopilot, which are fitted.
 ArduPilot: the vehicle's lag and drag. PX4 (the drag of its simulator is known): the part of the integral that it gives
@@ -7,8 +7,6 @@ at which waypoints PX4 brakes. `tools/fit_navigator.py` makes the fitted values 
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 from gcs.autopilots.navigation.ardupilot_navigator import ArduPilotNavigator
 from gcs.autopilots.navigation.px4_navigator import Px4Navigator
@@ -24,26 +22,4 @@ PX4 = Px4Navigator(
         Loop(0.95, 1.8, 0.4, 0.2, False), Loop(1.0, 4.0, 2.0, 0.0, False), lag_s=0.15, drag_ps=1.0, unwinding=1.186
     ),
     height_error_m=0.544,
-)
-
-
-@dataclass(frozen=True)
-class Residual:
-    """Predicted minus recorded arrival times of one mission, s."""
-
-    navigator: str
-    mission: str
-    rms_s: float
-    mean_s: float
-    worst_s: float
-    unseen_rms_s: float  # with values fitted to the other two missions
-
-
-RESIDUALS = (
-    Residual("ardupilot", "a", 0.13, -0.02, -0.18, 0.16),
-    Residual("ardupilot", "b", 0.06, 0.05, 0.12, 0.37),
-    Residual("ardupilot", "c", 0.08, -0.03, -0.16, 0.10),
-    Residual("px4", "a", 0.77, 0.30, 1.28, 1.28),
-    Residual("px4", "b", 0.72, -0.44, -1.31, 0.95),
-    Residual("px4", "c", 0.38, -0.08, -1.20, 1.76),
 )

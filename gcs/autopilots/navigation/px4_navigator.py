@@ -18,26 +18,13 @@ from gcs.autopilots.navigation.tracking import Follower, Following
 
 
 @dataclass(frozen=True)
-class Px4Navigator:
-    """The parameters, with recorded defaults.
-
-    MPC_ACC_HOR, _JERK_AUTO, _XY_TRAJ_P, _XY_ERR_MAX, _XY_VEL_MAX, NAV_ACC_RAD, NAV_MC_ALT_RAD, MPC_Z_V_AUTO_UP, _DN,
-    MPC_ACC_UP_MAX, _DOWN_MAX.
-    """
+class Px4Navigator(Approach):
+    """The parameters, with recorded defaults: MPC_XY_ERR_MAX, _XY_VEL_MAX, and those of `Approach`."""
 
     following: Following
     height_error_m: float = 0.0  # while home's altitude is being corrected
-    acceleration_mps2: float = 3.0
-    jerk_mps3: float = 4.0
-    turn_share: float = 0.5  # of the acceleration
     behind_max_m: float = 2.0
     fastest_mps: float = 12.0
-    radius_m: float = 2.0
-    height_radius_m: float = 0.8
-    climb_mps: float = 3.0
-    sink_mps: float = 1.5
-    up_mps2: float = 4.0
-    down_mps2: float = 3.0
     home_settles_s: float = 120.0  # after take-off
     switch_s: float = 0.05  # from arrival to the next leg
     step_s: float = 0.04
@@ -105,17 +92,6 @@ class _Target:
 
     def __init__(self, navigator: Px4Navigator, start: Vector) -> None:
         self._navigator = navigator
-        self._approach = Approach(
-            navigator.acceleration_mps2,
-            navigator.jerk_mps3,
-            navigator.turn_share * navigator.acceleration_mps2,
-            navigator.radius_m,
-            navigator.height_radius_m,
-            navigator.climb_mps,
-            navigator.sink_mps,
-            navigator.up_mps2,
-            navigator.down_mps2,
-        )
         self._axes = (Axis(start[0]), Axis(start[1]), Axis(start[2]))
         self._straight_mps = math.inf
         self._sinking = True
@@ -153,7 +129,7 @@ class _Target:
         self, position: Vector, velocity: Vector, leg: tuple[Vector, Vector, Vector], cruise_mps: float
     ) -> Vector:
         origin, goal, following = leg
-        approach = self._approach
+        approach = self._navigator
         level_mps = approach.level_speed(position, goal, following, cruise_mps)
         aim = goal
         if approach.turning(position, velocity, goal):

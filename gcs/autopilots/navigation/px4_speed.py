@@ -22,19 +22,22 @@ _TURNING_BELOW = 0.98  # cosine of the angle between velocity and the direction 
 _AHEAD_M = 5.0  # distance of the point on the leg at which a turning target aims
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Approach:
-    """The limits of the target's motion."""
+    """The limits of the target's motion, with recorded defaults.
 
-    acceleration_mps2: float
-    jerk_mps3: float
-    turn_mps2: float  # towards the centre
-    radius_m: float
-    height_radius_m: float
-    climb_mps: float
-    sink_mps: float
-    up_mps2: float
-    down_mps2: float
+    MPC_ACC_HOR, _JERK_AUTO, _XY_TRAJ_P, NAV_ACC_RAD, NAV_MC_ALT_RAD, MPC_Z_V_AUTO_UP, _DN, MPC_ACC_UP_MAX, _DOWN_MAX.
+    """
+
+    acceleration_mps2: float = 3.0
+    jerk_mps3: float = 4.0
+    turn_share: float = 0.5  # of the acceleration: towards the centre of a turn
+    radius_m: float = 2.0
+    height_radius_m: float = 0.8
+    climb_mps: float = 3.0
+    sink_mps: float = 1.5
+    up_mps2: float = 4.0
+    down_mps2: float = 3.0
 
     def level_speed(self, position: Vector, goal: Vector, following: Vector, cruise_mps: float) -> float:
         """Return the horizontal speed limit at `position`."""
@@ -42,7 +45,8 @@ class Approach:
         at_goal = 0.0
         if _level(goal, following) >= max(self.radius_m, _SAME_M):
             angle = _angle(_plan(position, goal), _plan(following, goal))
-            at_goal = min(_turn_speed(angle, self.turn_mps2, self.radius_m), beyond, cruise_mps)
+            turn_mps2 = self.turn_share * self.acceleration_mps2
+            at_goal = min(_turn_speed(angle, turn_mps2, self.radius_m), beyond, cruise_mps)
         return self._speed_towards(position, goal, at_goal, cruise_mps)
 
     def climb_speed(self, position: Vector, goal: Vector, following: Vector, down: bool) -> float:

@@ -8,7 +8,7 @@ import pytest
 
 from gcs.autopilots.navigation.px4_speed import Approach, braking_speed, towards
 
-APPROACH = Approach(3.0, 4.0, 1.5, 2.0, 0.8, 3.0, 1.5, 4.0, 3.0)
+APPROACH = Approach()  # 3 m/s2, 4 m/s3, half of it in turns, 2 m and 0.8 m, 3 and 1.5 m/s, 4 and 3 m/s2
 HERE, GOAL = (0.0, 0.0, -20.0), (60.0, 0.0, -20.0)
 
 
