@@ -68,36 +68,19 @@ ARDUPILOT_ITEMS = ItemStorage(
     }
 )
 
-
-def _return_parameters(wanted: columns.ReturnSettings) -> columns.ReturnParameters:
-    """The parameters under their names up to 4.6, in cm and cm/s; `_RENAMING` has those of 4.7."""
-    return (
-        ("RTL_ALT", round(wanted.altitude_m * _CM)),
-        ("RTL_ALT_FINAL", 0),
-        ("RTL_CLIMB_MIN", 0),
-        ("RTL_CONE_SLOPE", 0.0),
-        ("RTL_SPEED", round(wanted.cruise_mps * _CM)),
-        ("RTL_LOIT_TIME", round(wanted.wait_s * 1000)),
-        ("WPNAV_SPEED_UP", float(round(wanted.climb_mps * _CM))),
-        ("WPNAV_SPEED_DN", float(round(wanted.sink_mps * _CM))),
-        ("FENCE_ENABLE", 1),
-        ("FENCE_TYPE", _ALTITUDE_AND_AREAS),
-        ("FENCE_ALT_MAX", wanted.fence_top_m),
-    )
-
-
-_REASONS = {
-    "RTL_ALT": "a return height for each vehicle",
-    "RTL_ALT_FINAL": "land after the return",
-    "RTL_CLIMB_MIN": "climb to RTL_ALT, no higher",
-    "RTL_CONE_SLOPE": "near home too, climb to RTL_ALT",
-    "RTL_SPEED": "speed of verified returns",
-    "RTL_LOIT_TIME": "verified returns wait so long",
-    "WPNAV_SPEED_UP": "climb of verified returns",
-    "WPNAV_SPEED_DN": "descent of verified returns",
-    "FENCE_ENABLE": "the uploaded fence is in force",
-    "FENCE_TYPE": "ceiling and areas, no home circle",
-    "FENCE_ALT_MAX": "10 m above the highest return",
+# Under their names up to 4.6, in cm and cm/s; `_RENAMING` has those of 4.7.
+_RETURN: columns.ReturnTable = {
+    "RTL_ALT": ("a return height for each vehicle", lambda wanted: round(wanted.altitude_m * _CM)),
+    "RTL_ALT_FINAL": ("land after the return", lambda _: 0),
+    "RTL_CLIMB_MIN": ("climb to RTL_ALT, no higher", lambda _: 0),
+    "RTL_CONE_SLOPE": ("near home too, climb to RTL_ALT", lambda _: 0.0),
+    "RTL_SPEED": ("speed of verified returns", lambda wanted: round(wanted.cruise_mps * _CM)),
+    "RTL_LOIT_TIME": ("verified returns wait so long", lambda wanted: round(wanted.wait_s * 1000)),
+    "WPNAV_SPEED_UP": ("climb of verified returns", lambda wanted: float(round(wanted.climb_mps * _CM))),
+    "WPNAV_SPEED_DN": ("descent of verified returns", lambda wanted: float(round(wanted.sink_mps * _CM))),
+    "FENCE_ENABLE": ("the uploaded fence is in force", lambda _: 1),
+    "FENCE_TYPE": ("ceiling and areas, no home circle", lambda _: _ALTITUDE_AND_AREAS),
+    "FENCE_ALT_MAX": ("10 m above the highest return", lambda wanted: wanted.fence_top_m),
 }
 
 
@@ -113,16 +96,7 @@ _FAILSAFE = columns.FailsafeSigns(
         ("failsafe", columns.FailsafeCause.OTHER),
     ),
     not_texts=("cleared", "resolved", "continuing"),
-    modes=frozenset(
-        {
-            CopterMode.RTL,
-            CopterMode.LAND,
-            CopterMode.SMART_RTL,
-            CopterMode.BRAKE,
-            CopterMode.AUTO_RTL,
-            CopterMode.ALT_HOLD,
-        }
-    ),
+    modes=frozenset(CopterMode[name] for name in ["RTL", "LAND", "SMART_RTL", "BRAKE", "AUTO_RTL", "ALT_HOLD"]),
     always_critical=False,
 )
 
@@ -202,8 +176,7 @@ ARDUPILOT = columns.AutopilotTraits(
         default_altitude_m=15.0,  # RTL_ALT
         # In RTL the action RTL changes nothing; LAND is for breaches of more than 100 m (AC_FENCE_GIVE_UP_DISTANCE).
         at_fence="flies on through the zone (FENCE_ACTION 1, RTL), or lands where it is 100 m inside",
-        parameters=_return_parameters,
-        reasons=_REASONS,
+        table=_RETURN,
     ),
     flight=columns.FlightBehaviour(
         guided=CopterMode.GUIDED,

@@ -161,6 +161,8 @@ class ReturnSettings:
 
 
 ReturnParameters = tuple[tuple[str, int | float], ...]
+# By name of a parameter: why an upload sets it, for the operator, and its value; ints for whole-number parameters.
+ReturnTable = Mapping[str, tuple[str, Callable[[ReturnSettings], int | float]]]
 
 
 @dataclass(frozen=True)
@@ -173,8 +175,11 @@ class ReturnBehaviour:
     rally_step_m: float  # altitudes of rally points are multiples of it, others are cut off
     default_altitude_m: float
     at_fence: str  # what it does where its return meets an exclusion of its fence, in words: "it ..."
-    parameters: Callable[[ReturnSettings], ReturnParameters]  # ints for whole-number parameters
-    reasons: Mapping[str, str]  # why an upload sets each of these parameters, for the operator
+    table: ReturnTable
+
+    def parameters(self, wanted: ReturnSettings) -> ReturnParameters:
+        """Return the parameters with which a vehicle returns in this way."""
+        return tuple((name, value(wanted)) for name, (_, value) in self.table.items())
 
 
 @dataclass(frozen=True)

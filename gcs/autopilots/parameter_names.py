@@ -34,8 +34,8 @@ def spellings(autopilot: int, name: str, version: int | None = None) -> tuple[st
 def reason_for(autopilot: int, name: str) -> str:
     """Return why an upload sets a parameter, under any of its names; empty for one that uploads do not set."""
     row = traits_of(autopilot)
-    reasons = {} if row is None else row.returns.reasons
-    return next((reasons[known] for known in (name, *spellings(autopilot, name)) if known in reasons), "")
+    table = {} if row is None else row.returns.table
+    return next((table[known][0] for known in (name, *spellings(autopilot, name)) if known in table), "")
 
 
 def in_units_of(autopilot: int, wanted: str, name: str, value: int | float) -> int | float:

@@ -72,33 +72,20 @@ PX4_ITEMS = ItemStorage(
     }
 )
 
-
-def _return_parameters(wanted: columns.ReturnSettings) -> columns.ReturnParameters:
-    return (
-        ("RTL_TYPE", 0),
-        ("RTL_RETURN_ALT", wanted.altitude_m),
-        ("RTL_DESCEND_ALT", min(_DESCEND_M, wanted.altitude_m)),
-        ("RTL_CONE_ANG", 0),
-        ("RTL_LAND_DELAY", wanted.wait_s),
-        ("MPC_XY_CRUISE", wanted.cruise_mps),
-        ("MPC_Z_V_AUTO_UP", wanted.climb_mps),
-        ("MPC_Z_V_AUTO_DN", wanted.sink_mps),
-        ("MIS_TAKEOFF_ALT", min(_TAKEOFF_M, math.floor(wanted.takeoff_m * 10) / 10)),
-        ("GF_MAX_VER_DIST", wanted.fence_top_m),
-    )
-
-
-_REASONS = {
-    "RTL_TYPE": "return to home or a rally point",
-    "RTL_RETURN_ALT": "a return height for each vehicle",
-    "RTL_DESCEND_ALT": "from here on, descend slowly",
-    "RTL_CONE_ANG": "near home too, climb to that height",
-    "RTL_LAND_DELAY": "verified returns wait so long",
-    "MPC_XY_CRUISE": "speed of verified returns",
-    "MPC_Z_V_AUTO_UP": "climb of verified returns",
-    "MPC_Z_V_AUTO_DN": "descent of verified returns",
-    "MIS_TAKEOFF_ALT": "end of climb, not above the hover",
-    "GF_MAX_VER_DIST": "10 m above the highest return",
+_RETURN: columns.ReturnTable = {
+    "RTL_TYPE": ("return to home or a rally point", lambda _: 0),
+    "RTL_RETURN_ALT": ("a return height for each vehicle", lambda wanted: wanted.altitude_m),
+    "RTL_DESCEND_ALT": ("from here on, descend slowly", lambda wanted: min(_DESCEND_M, wanted.altitude_m)),
+    "RTL_CONE_ANG": ("near home too, climb to that height", lambda _: 0),
+    "RTL_LAND_DELAY": ("verified returns wait so long", lambda wanted: wanted.wait_s),
+    "MPC_XY_CRUISE": ("speed of verified returns", lambda wanted: wanted.cruise_mps),
+    "MPC_Z_V_AUTO_UP": ("climb of verified returns", lambda wanted: wanted.climb_mps),
+    "MPC_Z_V_AUTO_DN": ("descent of verified returns", lambda wanted: wanted.sink_mps),
+    "MIS_TAKEOFF_ALT": (
+        "end of climb, not above the hover",
+        lambda wanted: min(_TAKEOFF_M, math.floor(wanted.takeoff_m * 10) / 10),
+    ),
+    "GF_MAX_VER_DIST": ("10 m above the highest return", lambda wanted: wanted.fence_top_m),
 }
 
 
@@ -188,8 +175,7 @@ PX4 = columns.AutopilotTraits(
         rally_step_m=0.01,
         default_altitude_m=60.0,  # RTL_RETURN_ALT
         at_fence="stops and holds (GF_ACTION 2, Hold)",  # recorded: "Failsafe activated", and it hovers there
-        parameters=_return_parameters,
-        reasons=_REASONS,
+        table=_RETURN,
     ),
     flight=columns.FlightBehaviour(
         guided=PX4_OFFBOARD,

@@ -11,6 +11,7 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
+from functools import partial
 
 _SINGLE = struct.Struct("<f")
 HEADING_TOLERANCE_DEG = 1e-3
@@ -72,16 +73,8 @@ class FieldRule:
         return self.stored.survives(sent, read_back)
 
 
-def recorded(stored: StoredAs) -> FieldRule:
-    """Return the rule of a field that a recording shows."""
-    return FieldRule(stored, StorageSource.RECORDED)
-
-
-def published(stored: StoredAs) -> FieldRule:
-    """Return the rule of a field that the autopilot's source code shows."""
-    return FieldRule(stored, StorageSource.PUBLISHED)
-
-
+recorded = partial(FieldRule, source=StorageSource.RECORDED)  # a recording shows it
+published = partial(FieldRule, source=StorageSource.PUBLISHED)  # the autopilot's source code shows it
 ASSUMED = FieldRule(StoredAs.EXACT, StorageSource.ASSUMED)
 
 

@@ -16,7 +16,8 @@ _Degrees = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 _Latitude = Annotated[_Degrees, Field(ge=-90, le=90)]
 _Longitude = Annotated[_Degrees, Field(ge=-180, le=180)]
 _Place = tuple[_Latitude, _Longitude]
-_HEIGHTS = "height_m", "alt_amsl_m"
+_Height = Annotated[_Degrees, Field(ge=-10_000, le=10_000)]
+_Altitude = Annotated[_Degrees, Field(ge=-10_500, le=19_000)]
 
 # How a table holds places: a position with its height; a list of points; one number, or a list, on each axis; a range
 # on each axis.
@@ -69,13 +70,8 @@ POSITION = DegreeKeys(
     ("position_m",),
     {"position_deg": _said(_Place, "instead of position_m: latitude, longitude, degrees; height_m or alt_amsl_m too")},
     {
-        "height_m": _said(
-            Annotated[_Degrees, Field(ge=-10_000, le=10_000)], "with position_deg: height, m above height 0"
-        ),
-        "alt_amsl_m": _said(
-            Annotated[_Degrees, Field(ge=-10_500, le=19_000)],
-            "with position_deg, instead of height_m: m above mean sea level",
-        ),
+        "height_m": _said(_Height, "with position_deg: height, m above height 0"),
+        "alt_amsl_m": _said(_Altitude, "with position_deg, instead of height_m: m above mean sea level"),
     },
 )
 POLYGON = DegreeKeys(

@@ -13,8 +13,6 @@ from gcs.scenario.validation.toml_lines import Key
 
 # Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
-Positive = Annotated[Number, Field(gt=0)]
-NonNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, lt=1)]
 Truth = Annotated[bool, Strict()]
 

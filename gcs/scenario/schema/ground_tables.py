@@ -18,6 +18,8 @@ _LISTED_MAX = 500  # mountains, moves of a zone
 CORNERS_MAX = 500
 WavePhase = Annotated[Number, Field(ge=-1000, le=1000)]
 WaveNumber = Annotated[Number, Field(ge=-1000, le=1000)]
+_Coordinates = Annotated[tuple[Coordinate, ...], Field(max_length=_LISTED_MAX)]
+_Lengths = Annotated[tuple[Length, ...], Field(max_length=_LISTED_MAX)]
 MoveTime = Annotated[Number, Field(ge=-20_000, le=20_000)]
 
 
@@ -38,19 +40,11 @@ class Mountains(Part):
 
     degree_keys = (SUMMITS,)
 
-    north_m: tuple[Coordinate, ...] = Field(
-        default=(), max_length=_LISTED_MAX, description="summits, m north of the origin"
-    )
-    east_m: tuple[Coordinate, ...] = Field(
-        default=(), max_length=_LISTED_MAX, description="summits, m east of the origin"
-    )
+    north_m: _Coordinates = Field(default=(), description="summits, m north of the origin")
+    east_m: _Coordinates = Field(default=(), description="summits, m east of the origin")
     height_m: tuple[Height, ...] = Field(default=(), max_length=_LISTED_MAX, description="summits, m above height 0")
-    spread_north_m: tuple[Length, ...] = Field(
-        default=(), max_length=_LISTED_MAX, description="decay length north and south, m"
-    )
-    spread_east_m: tuple[Length, ...] = Field(
-        default=(), max_length=_LISTED_MAX, description="decay length east and west, m"
-    )
+    spread_north_m: _Lengths = Field(default=(), description="decay length north and south, m")
+    spread_east_m: _Lengths = Field(default=(), description="decay length east and west, m")
 
     @property
     def rows(self) -> Iterator[tuple[float, float, float, float, float]]:
