@@ -20,55 +20,55 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.judge import Truth as Truth
     from gcs.flight.assessment.judge import Verdict as Verdict
     from gcs.flight.assessment.judge import load_truth as load_truth
-    from gcs.flight.progress import Watcher as Watcher
+    from gcs.flight.monitoring.progress import Watcher as Watcher
     from gcs.flight.recording.record_table import FlightReports as FlightReports
     from gcs.flight.recording.record_table import load_record as load_record
     from gcs.flight.run import Flown as Flown
     from gcs.flight.run import fly as fly
     from gcs.flight.setup.simulator_process import Emulated as Emulated
-    from gcs.link.connection import Connection as Connection
+    from gcs.link.session.connection import Connection as Connection
     from gcs.mission.export.export import export as export
-    from gcs.mission.setpoints.setpoint_stream import build_stream as build_stream
+    from gcs.mission.export.setpoint_stream import build_stream as build_stream
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
-    from gcs.physics.named_states import NamedStates as NamedStates
+    from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
     from gcs.plan.cost_terms import cost_terms as cost_terms
+    from gcs.plan.plan_file import load_plan as load_plan
+    from gcs.plan.plan_file import save_plan as save_plan
     from gcs.plan.planner import make_plan as make_plan
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan import Plan as Plan
-    from gcs.plan.trajectory.plan_file import load_plan as load_plan
-    from gcs.plan.trajectory.plan_file import save_plan as save_plan
     from gcs.plan.verification.verify import Report as Report
     from gcs.plan.verification.verify import verify as verify
-    from gcs.scenario.load import load_scenario as load_scenario
     from gcs.scenario.schema.scenario import Scenario as Scenario
+    from gcs.scenario.sources.load import load_scenario as load_scenario
 
 _HOME = {
-    "Connection": "gcs.link.connection",
+    "Connection": "gcs.link.session.connection",
     "CostTerm": "gcs.plan.cost_terms",
     "Emulated": "gcs.flight.setup.simulator_process",
     "FlightReports": "gcs.flight.recording.record_table",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
-    "NamedStates": "gcs.physics.named_states",
+    "NamedStates": "gcs.physics.states",
     "Plan": "gcs.plan.trajectory.plan",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
     "Truth": "gcs.flight.assessment.judge",
     "Verdict": "gcs.flight.assessment.judge",
-    "Watcher": "gcs.flight.progress",
+    "Watcher": "gcs.flight.monitoring.progress",
     "build_missions": "gcs.mission.waypoints.mission_items",
-    "build_stream": "gcs.mission.setpoints.setpoint_stream",
+    "build_stream": "gcs.mission.export.setpoint_stream",
     "cost_terms": "gcs.plan.cost_terms",
     "export": "gcs.mission.export.export",
     "fly": "gcs.flight.run",
-    "load_plan": "gcs.plan.trajectory.plan_file",
+    "load_plan": "gcs.plan.plan_file",
     "load_record": "gcs.flight.recording.record_table",
-    "load_scenario": "gcs.scenario.load",
+    "load_scenario": "gcs.scenario.sources.load",
     "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",
-    "save_plan": "gcs.plan.trajectory.plan_file",
+    "save_plan": "gcs.plan.plan_file",
     "verify": "gcs.plan.verification.verify",
 }
 __all__ = sorted(_HOME)  # noqa: PLE0605 (one table names them all)

@@ -19,7 +19,7 @@ import typer
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, UsageError
 from gcs.link.endpoints.ip_address import host_port, split_host_port
-from sim_bridge.protocol.endpoints.address import (
+from sim_bridge.protocol.endpoint_address import (
     CALL_GROUND,
     LOOPBACK,
     EndpointKind,
@@ -106,9 +106,9 @@ def fly(
             hint="create the folder first",
         )
     from gcs.link.wire.signing_keys import load_key  # noqa: PLC0415
-    from gcs.scenario.load import load_scenario  # noqa: PLC0415
-    from gcs.scenario.si import sysids  # noqa: PLC0415
-    from sim_bridge.dynamics.body.wind_field import parse_wind  # noqa: PLC0415
+    from gcs.scenario.sources.load import load_scenario  # noqa: PLC0415
+    from gcs.scenario.values.si import sysids  # noqa: PLC0415
+    from sim_bridge.dynamics.wind_field import parse_wind  # noqa: PLC0415
     from sim_bridge.faults.fault_spec import parse_faults, read_fault_file  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415
     from sim_bridge.sim.world import World, WorldOptions  # noqa: PLC0415

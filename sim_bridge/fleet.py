@@ -20,13 +20,13 @@ from typing import Any, Self, TypeVar
 from gcs.errors import GcsError, UsageError
 from gcs.link.endpoints.ip_address import Address
 from gcs.physics.quadrotor import Array
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.dynamics.body.presets import FIELD
-from sim_bridge.dynamics.body.wind_field import parse_wind
+from gcs.scenario.sources.load import load_scenario
+from sim_bridge.dynamics.presets import FIELD
+from sim_bridge.dynamics.wind_field import parse_wind
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.endpoints.address import LOOPBACK, PeerAddress, parse_link
+from sim_bridge.protocol.endpoint_address import LOOPBACK, PeerAddress, parse_link
 from sim_bridge.sim.world import World, WorldOptions
 
 T = TypeVar("T")

@@ -15,20 +15,20 @@ from dataclasses import dataclass
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
-from gcs.link.microservices.machine import Machine
-from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.mission_protocol.file_upload import FileUpload
-from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.strategy import Preferred, Transfer, planned
-from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.protocols.machine import Machine
+from gcs.link.protocols.mission.file_upload import FileUpload
+from gcs.link.protocols.mission.read_back import compare_missions
+from gcs.link.protocols.mission.strategy import Preferred, Transfer, planned
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
+from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
-from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
-from sim_bridge.personality.px4.missions import MISSIONS as PX4
+from sim_bridge.missions.ftp_files import MissionFiles
+from sim_bridge.missions.store import MissionStore
+from sim_bridge.personality.ardupilot_missions import MISSIONS as ARDUPILOT
+from sim_bridge.personality.px4_missions import MISSIONS as PX4
 from sim_bridge.protocol.ftp_server import FileServer
-from sim_bridge.protocol.missions.ftp_files import MissionFiles
-from sim_bridge.protocol.missions.store import MissionStore
 
 VEHICLE = Station(3, 1)
 OVERTAKEN_S = 0.1

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import settings
 
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from tests.kept import PATCHES, kept, make_room
 from tests.progress import AreaProgress
 
@@ -21,7 +21,7 @@ for module, name, *makers in (
     ("gcs.plan.verification.verify", "verify"),
     ("gcs.plan.planner", "make_plan"),
     ("gcs.mission.waypoints.arrival_times", "corrected_legs", "gcs/mission"),
-    ("gcs.mission.failsafe.rtl_altitudes", "plan_returns", "gcs/mission"),
+    ("gcs.mission.returns.rtl_altitudes", "plan_returns", "gcs/mission"),
 ):
     place = import_module(module)
     setattr(place, name, kept(getattr(place, name), *makers))

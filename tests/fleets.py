@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 from gcs.link.wire.message import Message
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.fleet import Fleet
 from sim_bridge.sim.world import World, WorldOptions
 from tests.virtual_clock import VirtualClock, VirtualLoop
@@ -108,8 +108,8 @@ def still_commands() -> Iterator[None]:
         return work(*arguments, **options)
 
     with (
-        patch("gcs.aio.SteadyLoop", still_loop),
-        patch("gcs.flight.sequence.flight.in_own_process", at_once),
+        patch("gcs.util.aio.SteadyLoop", still_loop),
+        patch("gcs.flight.execution.flight.in_own_process", at_once),
         patch("gcs.flight.setup.build_loads.in_own_process", at_once),
     ):
         yield

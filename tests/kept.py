@@ -20,9 +20,9 @@ from typing import ParamSpec, TypeVar
 
 import pytest
 
-from gcs.files import atomic_write
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.util.atomic_write import atomic_write
 
 P = ParamSpec("P")
 R = TypeVar("R")

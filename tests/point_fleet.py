@@ -15,25 +15,25 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gcs.aio import ended
 from gcs.autopilots.traits import Autopilot
-from gcs.flight.contingency.executor import ContingencyExecutor
-from gcs.flight.monitor import Monitor
-from gcs.flight.offboard.streamer import Streamer
-from gcs.flight.options import FlightOptions
-from gcs.flight.orders.order_carrier import OrderCarrier
-from gcs.flight.progress import Event
-from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.takeoff_landing import FlightVehicle
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.order_carrier import OrderCarrier
+from gcs.flight.execution.streamer import Streamer
+from gcs.flight.execution.takeoff_landing import FlightVehicle
+from gcs.flight.monitoring.fleet_time import FleetTime
+from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.progress import Event
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, ModeFlag
-from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
-from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.export.setpoint_stream import build_stream
+from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan
-from gcs.steady_loop import SteadyClock, SteadyLoop, host_s
+from gcs.util.aio import ended
+from gcs.util.steady_loop import SteadyClock, SteadyLoop, host_s
 
 ARDUPILOT = Autopilot.ARDUPILOT.traits.flight
 PILOTS_MODE = 5  # LOITER
@@ -242,5 +242,5 @@ def flown(
         return fleet
 
     # The executor looks every 0.1 s of the vehicles' time; to wake up 200 times a second costs these tests most.
-    with patch("gcs.flight.contingency.executor._SLEEP_S", 0.025), asyncio.Runner(loop_factory=StandingLoop) as runner:
+    with patch("gcs.flight.execution.executor._SLEEP_S", 0.025), asyncio.Runner(loop_factory=StandingLoop) as runner:
         return runner.run(run())

@@ -22,8 +22,8 @@ from gcs.link.endpoints.ip_address import Address
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand
+from gcs.plan.plan_file import load_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan
 from tests.virtual_clock import VirtualLoop
 
 T = TypeVar("T")

@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.protocols.mission.item_messages import with_home
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavCommand, MessageId
 from gcs.mission.model import Home, MissionItem
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.fleet import plain_scenario
 from sim_bridge.personality import by_name
 from sim_bridge.protocol.conversation import Conversation
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tools.bench.frame import apart, finish, options, serve
 

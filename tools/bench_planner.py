@@ -8,7 +8,7 @@ What every solver calls a solution is then looked at between its nodes by Skein'
 from __future__ import annotations
 
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.program.transcription import transcribe
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from tools.bench import describe, race
 from tools.bench.findings import cost

@@ -20,7 +20,7 @@ import numpy as np
 import gcs
 from gcs.errors import GcsError, Infeasible
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.nlp.margins import box, clearance, height, no_fly, state_limits
+from gcs.plan.ocp.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.replanning.replanner import LEAST_S
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m

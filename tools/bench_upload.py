@@ -27,8 +27,8 @@ from typing import Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.link.connection import Connection
-from gcs.link.mission_protocol.strategy import Transfer
+from gcs.link.protocols.mission.strategy import Transfer
+from gcs.link.session.connection import Connection
 from gcs.mission.model import MissionItem
 from tests.air import Air, Weather, mission_of
 from tools.bench.frame import ROOT, finish, free_port, options, show

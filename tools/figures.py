@@ -10,9 +10,9 @@ import numpy as np
 import typer
 
 import gcs
-from gcs.flight.assessment.coverage_plot import save_coverage
-from gcs.flight.assessment.flight_plot import draw_map
-from gcs.flight.assessment.overview_plot import draw_plan
+from gcs.flight.plots.coverage_plot import save_coverage
+from gcs.flight.plots.flight_plot import draw_map
+from gcs.flight.plots.overview_plot import draw_plan
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario

@@ -4,7 +4,7 @@
 
 Fitted are two numbers each: on ArduPilot the lag and the drag of the vehicle, on PX4 (whose simulator's drag is known)
 what its integral gives back in descents and the error of home's height. Everything else is what the autopilot reported.
-Prints the parameters and the residuals for gcs/autopilots/navigation/calibration.py; with `--no-fit` those of the
+Prints the parameters and the residuals for gcs/autopilots/waypoint_models/calibration.py; with `--no-fit` those of the
 parameters as they are. A few minutes.
 """
 
@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
-from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders
-from gcs.autopilots.navigation.predict import passing_times, predict
+from gcs.autopilots.waypoint_models.calibration import ARDUPILOT, PX4
+from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders
+from gcs.autopilots.waypoint_models.predict import passing_times, predict
 from gcs.physics.quadrotor import Array
 from tools.bench.frame import ROOT, options
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from gcs.mission.export.export import export
 from gcs.plan.planner import make_plan
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 
 MISSIONS = Path(__file__).resolve().parent.parent / "missions"
 SETPOINT_RATE_HZ = 1.0

@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits, transfer
 from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Piece, PieceBatch, hold
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.dynamics.body.presets import PRESETS
-from sim_bridge.dynamics.body.sensors import RTK
-from sim_bridge.dynamics.body.wind_field import parse_wind
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.presets import PRESETS
+from sim_bridge.dynamics.sensors import RTK
+from sim_bridge.dynamics.wind_field import parse_wind
 from tools.bench.frame import ROOT, options, show
 
 SCENARIO_OF = {"f150": "simulation1", "field": "field"}

@@ -29,7 +29,7 @@ FOLDERS = (
     "gcs/plan/verification",
     "gcs/plan/nlp",
     "gcs/mission/waypoints",
-    "gcs/link/mission_protocol",
+    "gcs/link/protocols/mission",
     "gcs/flight/contingency",
     "gcs/scenario/validation",
 )

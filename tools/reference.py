@@ -7,25 +7,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gcs.files import atomic_write
 from gcs.flight.contingency.detection import DETECTED
 from gcs.flight.contingency.policy import ALL, MEANING, Row, State
 from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 from gcs.flight.recording.tlog import FRAMES_MAX
 from gcs.mission.drawings import xml_drawing
-from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.maps import geojson, kml
 from gcs.mission.formats.plan_items import ITEMS_MAX
 from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
-from gcs.plan.trajectory.plan_file import ARRAYS
-from gcs.reading.bounded_file import FILE_KINDS, in_mib
-from gcs.reading.bounded_json import JSON_VALUES_MAX
-from gcs.reading.bounded_parquet import ROWS_MAX
-from gcs.reading.bounded_xml import XML_ELEMENTS_MAX
-from gcs.scenario.environment.heightmap import PIXELS_MAX
-from gcs.scenario.formations import places_up_m
+from gcs.mission.formats.vendor_quirks import Odd
+from gcs.plan.plan_file import ARRAYS
 from gcs.scenario.schema.formation_table import Generator
+from gcs.scenario.schema.heightmap import PIXELS_MAX
 from gcs.scenario.schema.json_schema import scenario_schema
+from gcs.scenario.values.formations import places_up_m
+from gcs.util.atomic_write import atomic_write
+from gcs.util.bounded_file import FILE_KINDS, in_mib
+from gcs.util.bounded_json import JSON_VALUES_MAX
+from gcs.util.bounded_parquet import ROWS_MAX
+from gcs.util.bounded_xml import XML_ELEMENTS_MAX
 from tools.api_reference import api_reference
 from tools.commands_reference import commands_reference
 from tools.markdown import table

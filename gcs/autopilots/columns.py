@@ -13,9 +13,9 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers
 from gcs.autopilots.stored_fields import UNKNOWN_STORAGE, ItemStorage
+from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.mavlink import EkfFlag, MavCommand, MessageId, ModeFlag
 
 # MAV_FRAME of items that name a position, as files and as links write it: altitude above mean sea level, above home,

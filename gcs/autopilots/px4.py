@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from gcs.autopilots import columns
-from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
+from gcs.autopilots.waypoint_models import calibration
 from gcs.mavlink import (
     PX4_HOLD,
     PX4_LAND,

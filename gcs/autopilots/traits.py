@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 
 from gcs.autopilots.ardupilot import ARDUPILOT
 from gcs.autopilots.columns import AutopilotTraits, FlightBehaviour, LinkBehaviour
-from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.px4 import PX4
+from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.errors import PeerError
 from gcs.mavlink import GENERIC_AUTOPILOT
 

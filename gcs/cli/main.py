@@ -19,8 +19,6 @@ from typing import Annotated
 
 import typer
 
-from gcs.aio import Stopped, ignore_stops, stop_at_signals
-from gcs.cli.console import Screen
 from gcs.cli.flights.attach import attach
 from gcs.cli.flights.fly import fly
 from gcs.cli.flights.replay import replay
@@ -30,13 +28,15 @@ from gcs.cli.missions.check import check
 from gcs.cli.missions.download import diff, download
 from gcs.cli.missions.export import export
 from gcs.cli.missions.upload import restore, upload
-from gcs.cli.outlet import install
 from gcs.cli.planning.new import new, schema
 from gcs.cli.planning.new_options import PlaceCommand
 from gcs.cli.planning.plan import plan, verify
 from gcs.cli.planning.replan import replan
 from gcs.cli.planning.show import show
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.safe_stdout import install
 from gcs.errors import FileFormatError, GcsError, UsageError
+from gcs.util.aio import Stopped, ignore_stops, stop_at_signals
 
 NAME, COMPLETING = "gcs", "_GCS_COMPLETE"
 STOPPED = 130  # typer's, for every KeyboardInterrupt

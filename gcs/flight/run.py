@@ -14,19 +14,28 @@ from typing import Any
 
 import numpy as np
 
-from gcs.aio import Stoppable, insisted
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
-from gcs.flight.monitor import Monitor, skew_s
-from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightHooks, FlightTimes, NearestPair, Step, Watcher, notice_event, spared
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.fleet_time import FleetTime
+from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
+from gcs.flight.monitoring.progress import (
+    Event,
+    FlightHooks,
+    FlightTimes,
+    NearestPair,
+    Step,
+    Watcher,
+    notice_event,
+    spared,
+)
 from gcs.flight.recording.flight_folder import PLAN, SCENARIO, TELEMETRY, nearest_data, new_folder, report_data
+from gcs.flight.recording.flight_record import FlightRecord
+from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
-from gcs.flight.recording.writing.flight_record import FlightRecord
-from gcs.flight.recording.writing.flight_report import emulation_data, repeat_command, write_report
-from gcs.flight.recording.writing.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
-from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.setup.build_loads import (
     TimeKeeping,
     export_for_flight,
@@ -36,24 +45,24 @@ from gcs.flight.setup.build_loads import (
     refuse_other_autopilots,
 )
 from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
-from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
-from gcs.link.connection import Connection
-from gcs.link.mission_protocol.strategy import SentAs, sent_data, sent_words
-from gcs.link.routing.strangers import LinkNotice
+from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
+from gcs.link.session.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.export.index import ExportIndex
+from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
-from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import Report, verify
-from gcs.scenario import si
 from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.schema.scenario import Scenario
-from gcs.steady_loop import host_s
+from gcs.scenario.values import si
+from gcs.util.aio import Stoppable, insisted
+from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -336,7 +345,7 @@ def _skew(late_s: dict[int, float]) -> dict[str, object]:
 
 
 def _draw(plan: Plan, truth: Truth, times: FlightTimes, folder: Path) -> None:
-    from gcs.flight.assessment.flight_plot import draw_all  # noqa: PLC0415 (matplotlib takes long to load)
+    from gcs.flight.plots.flight_plot import draw_all  # noqa: PLC0415 (matplotlib takes long to load)
 
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
     step = max(1, round(0.2 / float(np.median(np.diff(truth.unix_s)))))

@@ -11,11 +11,11 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.reshape import SLACK_M
-from gcs.plan.formation.changes.timeline import stops_ned_m
+from gcs.plan.formation.reshape import SLACK_M
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
+from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
@@ -23,9 +23,9 @@ from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory, joined
-from gcs.plan.zone_room import first_with_room
+from gcs.plan.trajectory.zone_margin import first_with_room
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import (
+from gcs.scenario.values.si import (
     NED_FROM_UP,
     ground_step_peaks,
     hover_start_ned_m,

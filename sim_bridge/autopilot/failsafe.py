@@ -14,9 +14,9 @@ from enum import IntEnum
 
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
+from sim_bridge.missions.fence import FenceShape
 from sim_bridge.personality import Intent, Note, Setting
 from sim_bridge.personality.table import Actions, BatteryFailsafe
-from sim_bridge.protocol.missions.fence import FenceShape
 
 _PERIOD_S = 0.2
 _HEIGHT, _RADIUS, _SHAPES = 1, 2, 4  # bits of FENCE_KINDS

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gcs.errors import UsageError
-from gcs.link.microservices.command import command_ack
+from gcs.link.protocols.command import command_ack
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavResult
 from sim_bridge.faults import fault_spec as f

@@ -18,7 +18,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from gcs.errors import UsageError
-from gcs.reading.bounded_file import FAULT_FILE, read_file
+from gcs.util.bounded_file import FAULT_FILE, read_file
 
 _FILE_HINT = 'write [faults], and under it e.g. 3 = ["loss=0.2@10..30"] or all = ["down.delay=0.2"]'
 

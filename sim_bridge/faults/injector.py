@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from sim_bridge.dynamics.body.airframes import Airframes
-from sim_bridge.dynamics.body.failures import Failure, Sensor
+from sim_bridge.dynamics.airframes import Airframes
+from sim_bridge.dynamics.failures import Failure, Sensor
 from sim_bridge.faults import fault_spec as f
 from sim_bridge.faults.fault_spec import Fault, FaultKind, LinkDirection, Since
 from sim_bridge.faults.lossy_link import NO_IMPAIRMENT, LinkImpairment, LossyLink

@@ -1,8 +1,8 @@
 """Personalities: one table per autopilot, with its modes, replies, texts, parameters and failsafes, as recorded."""
 
-from sim_bridge.personality.ardupilot.behaviour import ARDUPILOT, ARDUPILOT_4_7
+from sim_bridge.personality.ardupilot_behaviour import ARDUPILOT, ARDUPILOT_4_7
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
-from sim_bridge.personality.px4.behaviour import PX4
+from sim_bridge.personality.px4_behaviour import PX4
 from sim_bridge.personality.table import Param, Personality, Setting
 
 __all__ = [

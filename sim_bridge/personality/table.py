@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import Capability, MavResult
+from sim_bridge.missions.transfer_traits import MissionTraits
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Modes, Note, Words
-from sim_bridge.protocol.missions.transfer_traits import MissionTraits
 
 COMMON_CAPABILITIES = (
     Capability.MISSION_FLOAT

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gcs.frames import from_degE7, geodetic_to_ned
-from gcs.link.microservices.command import CommandMemory, command_ack
+from gcs.link.protocols.command import CommandMemory, command_ack
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag, WireFrame
 from gcs.physics.quadrotor import Array

@@ -10,8 +10,8 @@ import math
 from collections.abc import Sequence
 
 from gcs.errors import UsageError
-from gcs.link.ftp.payload import NAME as FTP
-from gcs.link.microservices.command import command_ack
+from gcs.link.protocols.command import command_ack
+from gcs.link.protocols.ftp.payload import NAME as FTP
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import KEY_BYTES, Signature, Signing
 from gcs.mavlink import MavType, MessageId, MissionType, Severity
@@ -19,14 +19,14 @@ from gcs.mission.model import MissionItem
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.events import Event, ModeChanged, Placed, Reached, Said
 from sim_bridge.autopilot.failsafe import Failsafe
+from sim_bridge.missions.acceptance import flyable
+from sim_bridge.missions.fence import places, shapes
+from sim_bridge.missions.ftp_files import MissionFiles
+from sim_bridge.missions.store import MissionStore
 from sim_bridge.personality import Milestone, Personality
 from sim_bridge.personality.table import LinkTraits
 from sim_bridge.protocol.command_server import CommandServer
 from sim_bridge.protocol.ftp_server import FileServer
-from sim_bridge.protocol.missions.acceptance import flyable
-from sim_bridge.protocol.missions.fence import places, shapes
-from sim_bridge.protocol.missions.ftp_files import MissionFiles
-from sim_bridge.protocol.missions.store import MissionStore
 from sim_bridge.protocol.param_server import ParamServer
 from sim_bridge.protocol.position_targets import SETPOINTS, setpoint_in
 from sim_bridge.protocol.telemetry import Instruments, Sources, Telemetry

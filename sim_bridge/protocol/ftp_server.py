@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from gcs.link.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, read_payload
+from gcs.link.protocols.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, read_payload
 from gcs.link.wire.message import Message, Station
-from sim_bridge.protocol.missions.ftp_files import WRITTEN_MAX, MissionFiles
+from sim_bridge.missions.ftp_files import WRITTEN_MAX, MissionFiles
 
 _IDLE_S = 3.0
 _SEQS = 0x10000

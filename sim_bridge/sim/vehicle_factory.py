@@ -11,17 +11,17 @@ import numpy as np
 from gcs.errors import UsageError
 from gcs.frames import Origin
 from gcs.physics.wind import STILL
-from gcs.scenario import si
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values import si
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
-from sim_bridge.dynamics.body.airframes import Airframes
-from sim_bridge.dynamics.body.presets import power_train_of
-from sim_bridge.dynamics.body.sensors import GRADES
-from sim_bridge.dynamics.body.wind_field import CALM, Wind
-from sim_bridge.dynamics.control.lqr_gains import ControlLimits
+from sim_bridge.dynamics.airframes import Airframes
+from sim_bridge.dynamics.lqr_gains import ControlLimits
+from sim_bridge.dynamics.presets import power_train_of
+from sim_bridge.dynamics.sensors import GRADES
+from sim_bridge.dynamics.wind_field import CALM, Wind
 from sim_bridge.personality import Personality, by_name
 from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.telemetry import GeodeticPositions, Instruments

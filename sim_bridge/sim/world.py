@@ -26,14 +26,14 @@ from gcs.link.wire.signing_keys import signing_ticks
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.autopilot.guidance.piece import PieceBatch
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.dynamics.body.wind_field import CALM, Wind
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.wind_field import CALM, Wind
 from sim_bridge.faults.fault_spec import Fault
 from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.personality import Personality
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec, PeerAddress
-from sim_bridge.protocol.endpoints.switchboard import Switchboard
-from sim_bridge.protocol.traffic import Traffic
+from sim_bridge.protocol.endpoint_address import CALL_GROUND, EndpointSpec, PeerAddress
+from sim_bridge.protocol.switchboard import Switchboard
+from sim_bridge.sim.traffic import Traffic
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 TIMEOUT_S = 3.0

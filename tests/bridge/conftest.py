@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from gcs.plan.plan_file import save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.fleet import Fleet
 from sim_bridge.testing import fleet
 from tests.bridge.flying import hop_scenario

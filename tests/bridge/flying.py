@@ -15,24 +15,24 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.flight.offboard import streamer
-from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightHooks, FlightTimes, Step
-from gcs.flight.recording.writing.flight_record import FlightRecord
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.execution import streamer
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.progress import Event, FlightHooks, FlightTimes, Step
+from gcs.flight.recording.flight_record import FlightRecord
 from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
-from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.export.setpoint_stream import build_stream
+from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.faults.fault_spec import parse_faults
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S, TURN_S, emulated, free_port
 from tests.virtual_clock import VirtualClock, VirtualLoop

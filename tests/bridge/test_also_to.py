@@ -14,14 +14,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs.cli.main import run
-from gcs.flight.sequence.takeoff_landing import WATCHED_IDS
-from gcs.link.connection import Connection, listeners
+from gcs.flight.execution.takeoff_landing import WATCHED_IDS
 from gcs.link.endpoints.endpoint import UdpEndpoint
+from gcs.link.session.connection import Connection, listeners
 from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId
-from gcs.scenario.load import load_scenario
-from sim_bridge.protocol.endpoints.address import call
+from gcs.scenario.sources.load import load_scenario
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import free_port, running_fleet
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from gcs.cli.main import run as gcs
-from gcs.scenario.load import load_scenario
-from sim_bridge.protocol.endpoints.address import call
+from gcs.scenario.sources.load import load_scenario
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import hop_scenario
 from tests.fleets import free_port, running_fleet

@@ -14,13 +14,13 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.cli import main
 from gcs.errors import UsageError
-from gcs.flight.sequence.single_vehicle import control_of
+from gcs.flight.execution.single_vehicle import control_of
 from gcs.flight.setup.build_loads import build_loads
-from gcs.link.connection import BACKENDS, Connection
-from gcs.link.fleet_upload.upload_fleet import UploadFailed, preview, restore, upload_fleet
-from gcs.link.fleet_upload.vehicle_load import read_onboard
-from gcs.link.mavsdk.mavsdk_vehicle import mavsdk_url
+from gcs.link.session.connection import BACKENDS, Connection
+from gcs.link.session.mavsdk_vehicle import mavsdk_url
+from gcs.link.session.upload_fleet import UploadFailed, preview, restore, upload_fleet
 from gcs.link.session.vehicle_api import Loadable, Setpoint
+from gcs.link.session.vehicle_load import read_onboard
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port, in_their_time

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]

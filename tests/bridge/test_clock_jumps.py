@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gcs.errors import FlightError
-from gcs.flight.options import FlightMode
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.contingency.options import FlightMode
+from gcs.flight.execution.flight import FlightSequence
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.options import FlightOptions
-from gcs.flight.progress import Step
-from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.setup.preflight_check import MESSAGES
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.preflight_check import MESSAGES
+from gcs.flight.monitoring.progress import Step
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import Flown, fly

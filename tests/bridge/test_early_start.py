@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.flight.options import FlightMode
-from gcs.flight.progress import Step
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.contingency.options import FlightMode
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.progress import Step
 from gcs.mavlink import MissionType
 from gcs.mission.waypoints.mission_items import build_missions, starting_at
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.sim.world import World
 from tests.bridge.flying import Flown, fly, hop_scenario
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import LinkError, UsageError
-from sim_bridge.protocol.endpoints import switchboard
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec, is_loopback, parse_link
-from sim_bridge.protocol.endpoints.switchboard import DATAGRAM_BYTES, Arrival, Switchboard, datagrams
+from sim_bridge.protocol import switchboard
+from sim_bridge.protocol.endpoint_address import CALL_GROUND, EndpointKind, EndpointSpec, is_loopback, parse_link
+from sim_bridge.protocol.switchboard import DATAGRAM_BYTES, Arrival, Switchboard, datagrams
 
 SYSIDS = (1, 2, 7)
 PATIENCE_S = 60.0

@@ -17,7 +17,7 @@ from sim_bridge.faults.fault_commands import USER_1
 from sim_bridge.faults.fault_spec import Fault, parse_fault, parse_faults, read_fault_file
 from sim_bridge.faults.lossy_link import LinkImpairment
 from sim_bridge.fleet import plain_scenario
-from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
+from sim_bridge.protocol.endpoint_address import EndpointKind, EndpointSpec
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
 

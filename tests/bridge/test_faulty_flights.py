@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gcs.mavlink import CopterMode, MessageId
-from gcs.scenario import si
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values import si
 from sim_bridge.faults.fault_spec import parse_faults
-from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
+from sim_bridge.protocol.endpoint_address import EndpointKind, EndpointSpec
 from sim_bridge.sim.world import WorldOptions
 from tests.bridge.test_links import udp_station
 from tests.fleets import ask, running_fleet

@@ -13,11 +13,11 @@ from gcs.autopilots.protocol_timers import FtpTimers, MissionTimers, ProtocolTim
 from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerError
-from gcs.link.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused
-from gcs.link.mission_protocol.file_upload import FileUpload
-from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.protocols.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused
+from gcs.link.protocols.mission.file_upload import FileUpload
+from gcs.link.protocols.mission.read_back import compare_missions
+from gcs.link.protocols.mission.strategy import Transfer
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from sim_bridge import Fleet
 from sim_bridge.protocol.ftp_server import _nak

@@ -10,12 +10,12 @@ from gcs.autopilots.protocol_timers import CommandTimers, MissionTimers, Protoco
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.endpoints.endpoint import UdpEndpoint
-from gcs.link.microservices.command import CommandRefused, command_ack
-from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.rules import MissionRefused
-from gcs.link.mission_protocol.sender import MissionSender
-from gcs.link.routing.routing_table import DuplicateSystemId
+from gcs.link.protocols.command import CommandRefused, command_ack
+from gcs.link.protocols.mission.receiver import MissionReceiver
+from gcs.link.protocols.mission.rules import MissionRefused
+from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
+from gcs.link.session.routing_table import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MessageId, MissionResult

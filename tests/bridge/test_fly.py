@@ -20,12 +20,12 @@ from pymavlink import mavutil
 
 from gcs.cli.main import run as gcs
 from gcs.flight.assessment.judge import load_truth
-from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.export.setpoint_stream import build_stream
+from gcs.plan.plan_file import load_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.faults.fault_spec import parse_faults
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import step_aside
 from tests.fleets import free_port, running_fleet

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.execution.flight import FlightSequence
 from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.navigation_error import vehicle_size_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.navigation_error import vehicle_size_m
 from sim_bridge.sim.world import World
 from tests.bridge.flying import Flown, fly, hop_scenario, say, take_over
 from tests.bridge.test_mishaps import came_home, flew_on

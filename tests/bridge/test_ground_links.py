@@ -10,8 +10,8 @@ import pytest
 from gcs.errors import LinkError, PeerTimeout, UsageError
 from gcs.link.endpoints.base import parse_link_spec
 from gcs.link.endpoints.endpoint import UdpEndpoint
-from gcs.link.routing.routing_table import DuplicateSystemId
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
+from gcs.link.session.routing_table import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId

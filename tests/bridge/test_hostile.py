@@ -10,17 +10,17 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pytest
 
-from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.protocols.mission.item_messages import with_home
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MissionType
 from gcs.mission.model import Home, MissionItem
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
-from sim_bridge.protocol.endpoints.switchboard import Arrival
-from sim_bridge.protocol.traffic import Traffic
+from sim_bridge.protocol.endpoint_address import EndpointKind, EndpointSpec
+from sim_bridge.protocol.switchboard import Arrival
+from sim_bridge.sim.traffic import Traffic
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.hostile import Hostility, checksums
 from tests.bridge.test_links import udp_station

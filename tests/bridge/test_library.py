@@ -95,7 +95,7 @@ def test_scenarios_with_another_number_of_vehicles(repo_root: Path, vehicles: in
 
 
 def test_the_plain_scenario_is_as_it_says() -> None:
-    from gcs.scenario.si import pads_ned_m
+    from gcs.scenario.values.si import pads_ned_m
 
     pads = pads_ned_m(plain_scenario(9))
     apart = np.linalg.norm(pads[:, None] - pads[None], axis=-1) + 1e3 * np.eye(9)

@@ -24,7 +24,7 @@ from sim_bridge.cli import parse_links
 from sim_bridge.cli import run as sim_bridge
 from sim_bridge.faults.fault_commands import INJECT_FAILURE, USER_1
 from sim_bridge.faults.fault_spec import parse_faults
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec
+from sim_bridge.protocol.endpoint_address import CALL_GROUND, EndpointKind, EndpointSpec
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import running_fleet
 

@@ -13,21 +13,21 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerError, UsageError
-from gcs.flight.options import FlightMode
+from gcs.flight.contingency.options import FlightMode
 from gcs.flight.setup.build_loads import build_loads
-from gcs.link.fleet_upload.vehicle_load import read_onboard
 from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.vehicle_load import read_onboard
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
-from gcs.mission.failsafe.fence_rally import build_safety
-from gcs.mission.failsafe.rtl_altitudes import plan_returns
-from gcs.mission.failsafe.rtl_cases import return_cases
 from gcs.mission.formats.any_mission import load_missions
+from gcs.mission.returns.fence_rally import build_safety
+from gcs.mission.returns.rtl_altitudes import plan_returns
+from gcs.mission.returns.rtl_cases import return_cases
+from gcs.plan.plan_file import save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.fleet import Fleet
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly, mixed_scenario

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError, OrderError
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.execution.flight import FlightSequence
 from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.sim.world import World
 from tests.bridge.flying import Flown, fly, hop_scenario, take_over
 from tests.bridge.test_mishaps import came_home, flew_on

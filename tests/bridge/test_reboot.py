@@ -9,7 +9,7 @@ import pytest
 
 from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.errors import PeerTimeout
-from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.wire.message import Message
 from gcs.mavlink import CopterMode
@@ -17,7 +17,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import OFF_S, WorldOptions
 from tests.fleets import free_port, running_fleet
 

@@ -21,17 +21,17 @@ from pymavlink import mavutil
 
 from gcs.autopilots.traits import flight_behaviour
 from gcs.cli.main import run
-from gcs.flight.progress import Event
+from gcs.flight.monitoring.progress import Event
+from gcs.flight.recording.flight_record import FlightRecord
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.recording.load_recording import load_recording
-from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.session.linked_fleet import LinkedFleet as GroundFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand
 from gcs.physics.quadrotor import POSITION
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 from tests.fleets import StillFleet, in_their_time

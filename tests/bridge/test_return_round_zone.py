@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.flight.options import FlightMode
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.contingency.options import FlightMode
+from gcs.flight.execution.flight import FlightSequence
 from gcs.plan.planner import make_plan
 from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly, hop_scenario
 

@@ -13,7 +13,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavResult
 from sim_bridge.fleet import plain_scenario
-from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec, call
+from sim_bridge.protocol.endpoint_address import EndpointKind, EndpointSpec, call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
 

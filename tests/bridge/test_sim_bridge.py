@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic
-from gcs.link.mission_protocol.rules import MissionRefused
+from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
-from gcs.scenario import si
-from gcs.scenario.si import local_origin
+from gcs.scenario.values import si
+from gcs.scenario.values.si import local_origin
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.fleet import plain_scenario
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import WorldOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 

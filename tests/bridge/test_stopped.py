@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.flight.progress import Step
+from gcs.flight.monitoring.progress import Step
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FlightError
-from gcs.flight.options import FlightMode
-from gcs.flight.progress import FlightPart
+from gcs.flight.contingency.options import FlightMode
+from gcs.flight.monitoring.progress import FlightPart
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
 from tests.bridge.test_mishaps import flew_on

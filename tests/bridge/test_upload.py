@@ -14,11 +14,11 @@ from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import FlightError, PeerError
 from gcs.flight.setup.build_loads import build_loads, missions_only
-from gcs.link.fleet_upload.upload_fleet import UploadFailed, restore, upload_fleet
-from gcs.link.fleet_upload.vehicle_load import VehicleLoad
-from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.strategy import SentAs, Transfer
+from gcs.link.protocols.mission.read_back import compare_missions
+from gcs.link.protocols.mission.strategy import SentAs, Transfer
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
+from gcs.link.session.upload_fleet import UploadFailed, restore, upload_fleet
+from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.formats.any_mission import load_missions
 from gcs.plan.trajectory.plan import Plan

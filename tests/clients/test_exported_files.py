@@ -17,16 +17,16 @@ from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot
-from gcs.link.mission_protocol.item_messages import home_item
+from gcs.link.protocols.mission.item_messages import home_item
 from gcs.mission.export.export import export
-from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_plan import read_mission, write_mission
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
+from gcs.mission.returns.fence_rally import Safety
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from tests.bridge.flying import hop_scenario
 
 FORMATS = ["plan", "waypoints", "fence", "rally", "param"]

@@ -10,13 +10,13 @@ from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import ned_to_geodetic
-from gcs.link.mission_protocol.item_messages import with_home
-from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.protocols.mission.item_messages import with_home
+from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mission.model import Home, MissionItem, VehicleMission
-from gcs.scenario import si
-from gcs.scenario.si import local_origin
-from sim_bridge.protocol.endpoints.address import call
+from gcs.scenario.values import si
+from gcs.scenario.values.si import local_origin
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import WorldOptions
 from tests.clients.sdk import client, from_raw, to_raw
 from tests.fleets import free_port, running_fleet

@@ -13,8 +13,8 @@ from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.mission_protocol.item_messages import with_home
-from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.protocols.mission.item_messages import with_home
+from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.mission.model import Home, MissionItem
 from sim_bridge import Fleet
 from sim_bridge.fleet import plain_scenario

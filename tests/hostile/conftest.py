@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from gcs.plan.plan_file import save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import hop_scenario
 from tests.fleets import StillFleet, free_port, running_fleet, still_commands

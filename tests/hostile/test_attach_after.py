@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from gcs.cli.main import run
+from gcs.flight.execution.resume import where_in_plan
 from gcs.flight.recording.flight_state import NAME, held_folder
-from gcs.flight.sequence.resume import where_in_plan
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.sim.world import World

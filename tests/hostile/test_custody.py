@@ -18,12 +18,12 @@ import pytest
 from gcs.cli.main import run
 from gcs.link.wire.codec import Codec
 from gcs.mavlink import MavCommand
+from gcs.plan.plan_file import save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World
 from tests.bridge.flying import say
 from tests.fleets import free_port, wait_until

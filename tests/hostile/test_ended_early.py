@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.execution.flight import FlightSequence
 from gcs.mavlink import MavCommand
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World

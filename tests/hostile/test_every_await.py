@@ -11,24 +11,24 @@ from unittest.mock import patch
 
 import pytest
 
-from gcs.aio import Stoppable, Stopped
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.flight.offboard import streamer
-from gcs.flight.options import FlightOptions
-from gcs.flight.orders.fleet_landing import HANDED_OVER
-from gcs.flight.progress import Event, FlightHooks, Step
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution import streamer
+from gcs.flight.execution.fleet_landing import HANDED_OVER
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.progress import Event, FlightHooks, Step
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.mission.failsafe.rtl_altitudes import plan_returns
-from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.export.setpoint_stream import build_stream
+from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
-from sim_bridge.protocol.endpoints.address import call
+from gcs.scenario.sources.load import load_scenario
+from gcs.util.aio import Stoppable, Stopped
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
+from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import WorldOptions
 from tests.bridge.flying import LEAD_S, step_aside
 from tests.fleets import TURN_S, emulated, free_port
@@ -79,7 +79,7 @@ def fly(plan: Plan, raising: Raising, *, hooks: FlightHooks | None = None) -> Fl
     port, clock = free_port(), VirtualClock()
     with (
         patch.object(streamer, "_EMULATED_WAIT_S", CONTROL_PERIOD_S),  # nothing becomes due between two steps
-        patch("gcs.aio.SteadyLoop", lambda: VirtualLoop(TURN_S, clock)),
+        patch("gcs.util.aio.SteadyLoop", lambda: VirtualLoop(TURN_S, clock)),
         emulated(plan.scenario, WorldOptions(links=(call(port),)), clock) as world,
     ):
 

@@ -23,8 +23,8 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.errors import FileFormatError, VerificationError
+from gcs.plan.plan_file import ARRAYS, load_plan, read_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import ARRAYS, load_plan, read_plan
 
 GIB = 1024**3
 LIMITED = """
@@ -252,7 +252,7 @@ def test_an_array_of_python_objects_is_not_unpickled(hop_file: Path, tmp_path: P
 
 
 def test_relief_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, hop: Plan) -> None:
-    from gcs.scenario.environment.heightmap import Relief
+    from gcs.scenario.schema.heightmap import Relief
 
     heights = base64.b64encode(zlib.compress(bytes(100_000_000), 9)).decode()
     polynomial = (0.0,) * 10
@@ -336,7 +336,7 @@ def test_a_raster_of_one_enormous_block_is_refused(tmp_path: Path) -> None:
 
     from gcs.frames import Origin
     from gcs.scenario.environment.dem import DemError, read_dem
-    from gcs.scenario.environment.heightmap import Region
+    from gcs.scenario.schema.heightmap import Region
 
     path = tmp_path / "huge.tif"
     profile = {"driver": "GTiff", "height": 60_000, "width": 60_000, "count": 1, "dtype": "float64", "crs": "EPSG:4326"}
@@ -427,11 +427,11 @@ def mutated(data: bytes, dice: random.Random) -> bytes:
 def test_attach_resumes_no_changed_plan_and_still_brings_its_vehicles_down(
     forged: Path, hop: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from gcs.cli.console import Screen
     from gcs.cli.flights.attach_view import AttachRequest, _plan_of
+    from gcs.cli.shared.console import Screen
     from gcs.errors import FlightError
+    from gcs.flight.execution.resume import Resume
     from gcs.flight.recording.flight_state import read_flight_state
-    from gcs.flight.sequence.resume import Resume
 
     folder = tmp_path / "flight"
     folder.mkdir()

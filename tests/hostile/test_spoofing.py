@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from gcs.link.routing.routing_table import SILENT_S
-from gcs.link.routing.strangers import LinkNotice
 from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.routing_table import SILENT_S
+from gcs.link.session.unknown_systems import LinkNotice
 from gcs.mavlink import MessageId
 from tests.fleets import free_port
 from tests.hostile.attacker import ARDUPILOT, Attacker

@@ -12,10 +12,10 @@ from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MavCommand, MessageId
-from gcs.scenario import si
 from gcs.scenario.schema.scenario import Scenario, Terrain
+from gcs.scenario.values import si
 from sim_bridge.autopilot.guidance.piece import PieceBatch
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 

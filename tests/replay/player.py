@@ -15,7 +15,7 @@ from gcs.frames import Origin, from_degE7
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
 from tests.replay.harness import Harness, Told
 from tests.replay.recording import Recording, Row, Step

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.personality import ARDUPILOT, PX4
 from tests.replay.compare import compare
 from tests.replay.known_differences import KNOWN, KnownDifference, explained_by, streams_of

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from gcs.aio import Stoppable
+from gcs.util.aio import Stoppable
 
 HUP, INT, TERM = signal.SIGHUP, signal.SIGINT, signal.SIGTERM
 FLIGHT = """
 import asyncio
 import sys
-from gcs.aio import Stoppable, Stopped, insisted, stop_at_signals
+from gcs.util.aio import Stoppable, Stopped, insisted, stop_at_signals
 
 if "program" in sys.argv:
     stop_at_signals()
@@ -130,7 +130,7 @@ def test_work_ends_as_it_does_without_ctrl_c() -> None:
 
 
 WORKERS = """
-from gcs.aio import stop_at_signals
+from gcs.util.aio import stop_at_signals
 from gcs.plan.search.homotopy_classes import run_all
 from tests.unit.test_stoppable import wait_for_ever
 

@@ -13,13 +13,12 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.nlp import margins
-from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp import margins, stage_functions
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.integration_windows import window_errors
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
 
 _GRID_S = 0.05
 _FINE = 20  # points of the quadrature of every interval

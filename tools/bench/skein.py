@@ -22,7 +22,7 @@ from gcs import make_plan, verify
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.mesh_refinement import optimise
-from gcs.plan.nlp.program.transcription import transcribe
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.variables import ControlForm
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.trajectory.plan import MeshRound

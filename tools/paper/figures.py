@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from gcs.flight.assessment.flight_plot import draw_formation, draw_map
-from gcs.flight.assessment.pictures.tracks_view import draw_tracks
+from gcs.flight.plots.flight_plot import draw_formation, draw_map
+from gcs.flight.plots.tracks_view import draw_tracks
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
 from tools.paper.track import ENDS_S, Track

@@ -17,13 +17,13 @@ import numpy as np
 import typer
 
 import gcs
-from gcs.files import atomic_write
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.trajectory.energy import drag_energy_J
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import NED_FROM_UP, heading_ref_deg
+from gcs.scenario.values.si import NED_FROM_UP, heading_ref_deg
+from gcs.util.atomic_write import atomic_write
 from tools.bench.describe import alone
 from tools.paper import figures, peers, sentences, swarm, unstated
 from tools.paper.peers import ROOT

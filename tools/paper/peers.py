@@ -18,7 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gcs.files import atomic_write
+from gcs.util.atomic_write import atomic_write
 from tools.bench_flights import FIGURES, MODES, summary
 
 Rows = Iterator[str]  # of a table, the first is its head

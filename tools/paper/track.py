@@ -12,7 +12,7 @@ from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.si import torque_limits
+from gcs.scenario.values.si import torque_limits
 
 Mask = NDArray[np.bool_]
 STEP_S = 0.05

@@ -14,8 +14,8 @@ from matplotlib import patheffects
 from matplotlib.figure import Figure
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.graph import information_graph
+from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.plan import Plan
 from tools.pictures.scenery import ASIDE, LIMIT, colour
 

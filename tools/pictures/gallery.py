@@ -13,11 +13,11 @@ import numpy as np
 from PIL import Image
 
 import gcs
-from gcs.flight.assessment.flight_plot import draw_formation, draw_map, shown_s
-from gcs.flight.assessment.overview_plot import draw_plan, draw_scenario
-from gcs.flight.assessment.pictures.figure_file import save
-from gcs.flight.assessment.pictures.tracks_view import draw_tracks
-from gcs.flight.assessment.replay_plot import draw_recording
+from gcs.flight.plots.figure_file import save
+from gcs.flight.plots.flight_plot import draw_formation, draw_map, shown_s
+from gcs.flight.plots.overview_plot import draw_plan, draw_scenario
+from gcs.flight.plots.replay_plot import draw_recording
+from gcs.flight.plots.tracks_view import draw_tracks
 from gcs.flight.recording.load_recording import load_recording
 from gcs.physics.quadrotor import POSITION
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.formation_checks import nearest_pair_m
+from gcs.plan.verification.constraints.formation_checks import nearest_pair_m
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m
 

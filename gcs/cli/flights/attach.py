@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli import shared_options as shared
-from gcs.cli.console import Screen
+from gcs.cli.shared import shared_options as shared
+from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError
 
 
@@ -44,8 +44,8 @@ def attach(
     if land + home + resume > 1:
         raise UsageError("--land, --return and --resume exclude each other", hint="give one of them")
     from gcs.cli.flights.attach_view import AttachRequest, take_up
+    from gcs.flight.execution.resume import Resume
     from gcs.flight.recording.flight_state import newest_unfinished
-    from gcs.flight.sequence.resume import Resume
 
     what = Resume.LAND if land else Resume.RETURN if home else Resume.RESUME if resume else Resume.SHOW
     screen = Screen(json=json)

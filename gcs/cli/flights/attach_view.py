@@ -14,27 +14,27 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from gcs.aio import Stoppable, each, until
-from gcs.cli.console import Screen
-from gcs.cli.shared_options import connection
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import connection
 from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
-from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightHooks, Step, notice_event, spared
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
+from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry
+from gcs.flight.monitoring.progress import Event, FlightHooks, Step, notice_event, spared
+from gcs.flight.recording.flight_record import FlightRecord
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
-from gcs.flight.recording.writing.flight_record import FlightRecord
-from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.sequence.resume import Resume, resume_flight, where_in_plan
-from gcs.flight.sequence.takeoff_landing import FlightVehicle, request_telemetry
 from gcs.flight.setup.build_loads import missions_only
-from gcs.link.connection import Connection
-from gcs.link.fleet_upload.vehicle_load import VehicleLoad
-from gcs.link.routing.strangers import LinkNotice
+from gcs.link.session.connection import Connection
+from gcs.link.session.unknown_systems import LinkNotice
+from gcs.link.session.vehicle_load import VehicleLoad
+from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
-from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
+from gcs.plan.plan_file import load_plan, read_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan, read_plan
 from gcs.plan.verification.verify import refusal
+from gcs.util.aio import Stoppable, each, until
 
 _SETTLE_S = 4.0  # from the first vehicle that is heard to the last; HEARTBEAT comes once a second
 

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from gcs.flight.progress import GROUND_REACH_M, InFlight, Snapshot, VehicleNow
+from gcs.flight.monitoring.progress import GROUND_REACH_M, InFlight, Snapshot, VehicleNow
 
 AS_REPORTED = "The vehicles report all figures: the error of their navigation is in them."
 _WIDE = 120  # columns from which the longer headings fit

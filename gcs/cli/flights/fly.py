@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli import shared_options as shared
-from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.shared import shared_options as shared
+from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -127,12 +127,12 @@ def fly(
     known = shared.connection(link, systems, signing_key_file, transfer) if link else None
     watched_at = shared.watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
-    from gcs.cli.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.flight.contingency.options import FlightMode, FlightOptions
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
-    from gcs.flight.options import FlightMode, FlightOptions
+    from gcs.flight.monitoring.preflight_check import known_checks
     from gcs.flight.run import FlightRun, refuse_late_starts
     from gcs.flight.setup.build_loads import TimeKeeping
-    from gcs.flight.setup.preflight_check import known_checks
     from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
 
     waived = known_checks(waive or ())

@@ -10,15 +10,15 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
-from gcs.cli.console import Screen
 from gcs.cli.flights.flight_table import FlightTable
-from gcs.cli.plan_argument import Stopwatch, verdict_word
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.plan_argument import Stopwatch, verdict_word
 from gcs.errors import JudgementError, UsageError, counted
-from gcs.flight.monitor import skew_s
-from gcs.flight.progress import InFlight, Snapshot, Watcher
+from gcs.flight.monitoring.monitor import skew_s
+from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
+from gcs.flight.monitoring.progress import InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import TELEMETRY, limit_text, planned_text, short_limit
 from gcs.flight.run import FlightRun, Flown, fly_run
-from gcs.flight.setup.preflight_check import PreflightCheck, complete
 
 CONFIRMATION = "arm"
 _REFRESH_S = 0.25

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, argument, as_rate, option, recordings
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, as_rate, option, recordings
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def replay(
     if picture is not None and to_link is not None:
         raise UsageError("--picture and --to-link exclude each other", hint="draw in a command of its own")
     if picture is not None:
-        from gcs.flight.assessment.pictures.figure_file import refuse_kind
+        from gcs.flight.plots.figure_file import refuse_kind
 
         refuse_kind(picture)
     from gcs.flight.recording.load_recording import load_recording
@@ -62,14 +62,14 @@ def replay(
         screen.say(f"note: {note}")
     window = _window(recording, from_s, until_s)
     if picture is not None:
-        from gcs.flight.assessment.replay_plot import save_picture
+        from gcs.flight.plots.replay_plot import save_picture
 
         save_picture(recording, *window, picture)
         screen.say(f"picture: {picture}")
         screen.result({**_data(recording, window), "picture": picture})
         return 0
-    from gcs.aio import Stoppable
     from gcs.cli.flights.replay_view import play
+    from gcs.util.aio import Stoppable
 
     sent = Stoppable().run(play(screen, loaded, window, rate, to_link))
     screen.result({**_data(recording, window), "sent": sent})

@@ -14,8 +14,8 @@ from rich.live import Live
 from rich.table import Table
 
 from gcs.autopilots.traits import mode_name
-from gcs.cli.console import Screen
-from gcs.flight.progress import Event
+from gcs.cli.shared.console import Screen
+from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.load_recording import LoadedRecording
 from gcs.flight.recording.recording import SILENCE_S, Recording, VehicleTrack, nearest_m
 from gcs.link.endpoints.endpoint import Endpoint, make_endpoint

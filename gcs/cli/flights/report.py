@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from gcs.cli.console import Screen
 from gcs.cli.planning.plan_tables import flown_table
-from gcs.cli.shared_options import DebugOption, FlightArgument, JsonOption
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import DebugOption, FlightArgument, JsonOption
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -35,11 +35,11 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     from gcs.flight.assessment.comparison import compare, landing_errors
     from gcs.flight.assessment.judge import load_truth
     from gcs.flight.assessment.route_passing import points_passed
-    from gcs.flight.monitor import skew_s
+    from gcs.flight.monitoring.monitor import skew_s
     from gcs.flight.recording.flight_folder import EVENTS, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record
-    from gcs.plan.trajectory.plan_file import read_plan
+    from gcs.plan.plan_file import read_plan
 
     book = read_flight_state(folder)
     if book.t0_unix_s is None:
@@ -120,7 +120,7 @@ def _tracks(plan: Plan, record: pa.Table, truth: Truth | None, t0_unix_s: float)
 def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:
     from rich.table import Table
 
-    from gcs.cli.plan_argument import verdict_word
+    from gcs.cli.shared.plan_argument import verdict_word
 
     title = f"landing: m from the landing point and from the expected descent, limit {limit_m:g} m horizontally"
     table = Table("vehicle", "horizontal", "vertical, at most", "touchdown", "verdict", title=title)

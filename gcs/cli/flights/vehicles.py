@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gcs.cli import shared_options as shared
-from gcs.cli.console import Screen
+from gcs.cli.shared import shared_options as shared
+from gcs.cli.shared.console import Screen
 from gcs.errors import PeerError, UsageError
 
 if TYPE_CHECKING:
-    from gcs.link.connection import Connection
-    from gcs.link.mavsdk.mavsdk_vehicle import MavsdkVehicle
+    from gcs.link.session.connection import Connection
+    from gcs.link.session.mavsdk_vehicle import MavsdkVehicle
     from gcs.link.session.status_report import VehicleReport
     from gcs.link.session.vehicle_session import VehicleSession
     from gcs.mission.model import Home
@@ -38,7 +38,7 @@ def vehicles(
     gcs vehicles --link tcp:127.0.0.1:5760 --link serial:/dev/ttyUSB0:57600 --json
     """
     screen = Screen(json=json)
-    from gcs.aio import Stoppable
+    from gcs.util.aio import Stoppable
 
     known = shared.connection(link, None, signing_key_file)
     screen.say(f"listening at {known} for {listen:g} s")
@@ -179,7 +179,7 @@ def tell(
         raise UsageError(f"gcs tell {what}: unknown command", hint=f"give one of {', '.join(_DONE)}")
     if not link:
         raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
-    from gcs.aio import Stoppable
+    from gcs.util.aio import Stoppable
 
     known = shared.connection(link, None, signing_key_file)
     said = Stoppable().run(_tell(known, backend, what, _named(vehicles), listen))
@@ -217,7 +217,7 @@ async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ..
 
 async def _tell_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> str:
     """The outcome for one vehicle; an error of one does not stop the others."""
-    from gcs.flight.sequence.single_vehicle import control_of
+    from gcs.flight.execution.single_vehicle import control_of
 
     if not vehicle.armed:
         return _LEFT

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
-from gcs.cli.shared_options import DebugOption, JsonOption, argument, missions, option
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, missions, option
 from gcs.mission.formats.registry import Content, suffixes_of
 
 if TYPE_CHECKING:
     from gcs.mission.check.fleet_check import FleetReport
-    from gcs.mission.check.flight_limits import FlightLimits
+    from gcs.mission.flight_limits import FlightLimits
     from gcs.mission.formats.mission_file import MissionFile
 
 FINDINGS = 11  # exit code: the files were read, and there are findings
@@ -78,8 +78,8 @@ def check(
     screen = Screen(json=json)
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.check.fleet_check import check_fleet
-    from gcs.mission.check.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.export.atomic_folder import exported_from
+    from gcs.mission.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.formats.any_mission import load_missions
     from gcs.mission.predicted.autopilot_flight import AutopilotFlight
     from gcs.mission.predicted.planned_flight import fly, surroundings
@@ -92,10 +92,10 @@ def check(
         around = surroundings(missions)
         limits = FlightLimits(separation or exported_m or FlightLimits().separation_m)
     else:
-        from gcs.plan.trajectory.plan_file import is_plan_file, read_plan
-        from gcs.scenario.load import load_scenario
-        from gcs.scenario.si import quadrotor
-        from gcs.scenario.vehicle_ability import ability_of
+        from gcs.plan.plan_file import is_plan_file, read_plan
+        from gcs.scenario.sources.load import load_scenario
+        from gcs.scenario.values.si import quadrotor
+        from gcs.scenario.values.vehicle_ability import ability_of
 
         scenario = read_plan(terrain)[0].scenario if is_plan_file(terrain) else load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)

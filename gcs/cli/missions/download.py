@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gcs.cli import shared_options as shared
-from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.shared import shared_options as shared
+from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.errors import PeerError, counted
 
 if TYPE_CHECKING:
-    from gcs.link.connection import Connection
-    from gcs.link.fleet_upload.vehicle_load import OnboardState
+    from gcs.link.session.connection import Connection
+    from gcs.link.session.vehicle_load import OnboardState
     from gcs.plan.trajectory.plan import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and there are differences
@@ -32,7 +32,7 @@ def download(
 
     Examples: gcs download --to held --link udpin:127.0.0.1:14550
     """
-    from gcs.aio import Stoppable
+    from gcs.util.aio import Stoppable
 
     screen = Screen(json=json)
     known = shared.connection(link, None, signing_key_file)
@@ -65,8 +65,8 @@ def diff(
 
     Examples: gcs diff missions/field --link udpin:127.0.0.1:14550
     """
-    from gcs.aio import Stoppable
-    from gcs.cli.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.util.aio import Stoppable
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = shared.connection(link, systems, signing_key_file)
@@ -87,7 +87,7 @@ def diff(
 async def _read_all(known: Connection, backend: str, listen_s: float) -> list[OnboardState]:
     import asyncio
 
-    from gcs.link.fleet_upload.vehicle_load import read_onboard
+    from gcs.link.session.vehicle_load import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
@@ -104,8 +104,8 @@ async def _differences(
     import asyncio
 
     from gcs.flight.setup.build_loads import loads_built_aside
-    from gcs.link.fleet_upload.upload_fleet import preview
-    from gcs.link.fleet_upload.vehicle_load import read_onboard
+    from gcs.link.session.upload_fleet import preview
+    from gcs.link.session.vehicle_load import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)

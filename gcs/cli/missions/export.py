@@ -11,8 +11,8 @@ import typer
 from rich.table import Table
 
 from gcs.autopilots.traits import Autopilot, titles
-from gcs.cli import shared_options as shared
-from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.shared import shared_options as shared
+from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.errors import NotWritten, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
@@ -94,12 +94,12 @@ def export(
     """
     screen = Screen(json=json)
     start_s = None if start is None else _seconds_of_day(start)
-    from gcs.cli.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
     from gcs.mission.export.export import export as write
     from gcs.mission.export.mission_files import MissionOrder
     from gcs.mission.model import Altitude
-    from gcs.scenario.si import autopilots
+    from gcs.scenario.values.si import autopilots
 
     firmware = None if autopilot is None else Autopilot.named(autopilot)
 
@@ -215,8 +215,8 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     """Print the return altitudes, the least separation when all vehicles return at once, and warnings."""
-    from gcs.mission.failsafe.rtl_altitudes import return_warnings
     from gcs.mission.machine_independent import rounded_down
+    from gcs.mission.returns.rtl_altitudes import return_warnings
 
     returns = index.safety.returns
     low, high = min(returns.altitudes_m), max(returns.altitudes_m)

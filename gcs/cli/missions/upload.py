@@ -6,14 +6,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gcs.cli import shared_options as shared
-from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.shared import shared_options as shared
+from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.errors import counted
 
 if TYPE_CHECKING:
-    from gcs.cli.plan_argument import Stopwatch
-    from gcs.link.connection import Connection
-    from gcs.link.fleet_upload.upload_fleet import Holdings, ParameterChange
+    from gcs.cli.shared.plan_argument import Stopwatch
+    from gcs.link.session.connection import Connection
+    from gcs.link.session.upload_fleet import Holdings, ParameterChange
     from gcs.plan.trajectory.plan import Plan
 
 FIND_S = 15.0
@@ -45,9 +45,9 @@ def upload(
 
     gcs upload plans/field.skein --link tcp:10.0.0.5:5760 --map 1=7,2=8 --dry-run
     """
-    from gcs.aio import Stoppable
-    from gcs.cli.plan_argument import Stopwatch, plan_for
-    from gcs.link.mission_protocol.strategy import sent_data
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.link.protocols.mission.strategy import sent_data
+    from gcs.util.aio import Stoppable
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = shared.connection(link, systems, signing_key_file, transfer)
@@ -91,14 +91,14 @@ def restore(
 
     Examples: gcs restore uploads/2026-11-21-161530-field.json --link udpin:127.0.0.1:14550
     """
-    from gcs.aio import Stoppable
+    from gcs.util.aio import Stoppable
 
     screen = Screen(json=json)
     changes = read_record(record)
     known = shared.connection(link, systems, signing_key_file)
 
     async def put_back() -> None:
-        from gcs.link.fleet_upload.upload_fleet import restore as put
+        from gcs.link.session.upload_fleet import restore as put
 
         async with known.open() as fleet:
             sysids = {change.sysid for change in changes}
@@ -123,7 +123,7 @@ async def _upload(
 ) -> tuple[Holdings | None, tuple[ParameterChange, ...]]:
     from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
-    from gcs.link.fleet_upload.upload_fleet import preview, upload_fleet
+    from gcs.link.session.upload_fleet import preview, upload_fleet
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
@@ -178,8 +178,8 @@ def _change_data(change: ParameterChange) -> dict[str, Any]:
 
 
 def _write_record(folder: Path, name: str, held: Holdings) -> Path:
-    from gcs.cli.console import to_json
-    from gcs.files import atomic_write
+    from gcs.cli.shared.console import to_json
+    from gcs.util.atomic_write import atomic_write
 
     path = folder / f"{datetime.now():%Y-%m-%d-%H%M%S}-{name}.json"
     digests = {str(sysid): digest for sysid, digest in held.digests.items()}
@@ -192,10 +192,10 @@ def _write_record(folder: Path, name: str, held: Holdings) -> Path:
 def read_record(path: Path) -> tuple[ParameterChange, ...]:
     """The parameters that an upload changed, from its record. Raises `FileFormatError`."""
     from gcs.errors import FileFormatError
-    from gcs.link.fleet_upload.upload_fleet import ParameterChange
-    from gcs.link.microservices.parameter import Parameter
-    from gcs.reading.bounded_file import UPLOAD_RECORD, read_file
-    from gcs.reading.bounded_json import read_json
+    from gcs.link.protocols.parameter import Parameter
+    from gcs.link.session.upload_fleet import ParameterChange
+    from gcs.util.bounded_file import UPLOAD_RECORD, read_file
+    from gcs.util.bounded_json import read_json
 
     hint = "name a file that `gcs upload` wrote"
     try:

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gcs.cli.console import Screen
 from gcs.cli.planning.new_options import COURSES, SurveyOptions, check_survey, parse_course, parse_place
-from gcs.cli.shared_options import DebugOption, JsonOption, argument, one_of, option
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, one_of, option
 from gcs.errors import UsageError
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
@@ -182,9 +182,9 @@ def new(
         "end_deg": end_deg,
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
-    from gcs.files import atomic_write
-    from gcs.scenario.load import FILE_NAME
-    from gcs.scenario.template import FirstFlight, Flight, scenario_text, straight_to
+    from gcs.scenario.sources.load import FILE_NAME
+    from gcs.scenario.sources.template import FirstFlight, Flight, scenario_text, straight_to
+    from gcs.util.atomic_write import atomic_write
 
     file = folder / FILE_NAME
     if file.exists():

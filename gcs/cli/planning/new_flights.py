@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from gcs.cli.console import Screen
 from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
+from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
 from gcs.mission.drawings.drawing import DrawnArea, sentences
 from gcs.mission.drawings.read_drawing import read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
-from gcs.scenario.sheets.flight_sheets import read_flight_sheets
-from gcs.scenario.sheets.sheet_flight import SheetFlight
-from gcs.scenario.template import FirstFlight, scenario_text
+from gcs.scenario.sources.flight_sheets import read_flight_sheets
+from gcs.scenario.sources.sheet_flight import SheetFlight
+from gcs.scenario.sources.template import FirstFlight, scenario_text
 
 if TYPE_CHECKING:
-    from gcs.scenario.survey.survey_flight import SurveyFlight
+    from gcs.scenario.sources.survey_flight import SurveyFlight
 
 _NAMED = 5  # polygons that a sentence names
 _FARTHEST_M = 5_000.0  # from the origin to the area
@@ -98,7 +98,7 @@ def flight_of_survey(
     screen: Screen,
 ) -> tuple[SurveyFlight, tuple[float, float, None] | None]:
     """The flight; and its origin where that is the area's first corner. Raises UsageError for what cannot be flown."""
-    from gcs.scenario.survey.survey_flight import COUNTS, SurveyOrder, survey_flight
+    from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
 
     drawn = _only_area(file)
     first_lat_deg, first_lon_deg = drawn.corners[0]
@@ -172,8 +172,8 @@ def _in_metres(file: Path, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
 
 def _speed_mps(speed_mps: float) -> float:
     """The speed. Raises UsageError for more than the vehicles fly."""
-    from gcs.scenario.load import load_vehicle
-    from gcs.scenario.vehicle_types import preset_file
+    from gcs.scenario.schema.vehicle_types import preset_file
+    from gcs.scenario.sources.load import load_vehicle
 
     most_mps = _SPEED_SHARE * min(load_vehicle(preset_file("quad500")).limits.speed_ned_mps[:2])
     if speed_mps > most_mps:

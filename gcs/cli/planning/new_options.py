@@ -7,7 +7,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from gcs.cli.shared_options import as_number, as_share
+from gcs.cli.shared.shared_options import as_number, as_share
 from gcs.errors import UsageError
 
 WINDS = ("n", "nne", "ne", "ene", "e", "ese", "se", "sse", "s", "ssw", "sw", "wsw", "w", "wnw", "nw", "nnw")

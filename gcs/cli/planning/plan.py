@@ -7,12 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.planning.plan_tables import route_data, route_table
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
+from gcs.cli.shared.console import BEGAN_S, Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
 
 if TYPE_CHECKING:
-    from gcs.plan.formation.changes.timeline import Move
+    from gcs.plan.formation.timeline import Move
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
 
@@ -36,12 +36,12 @@ def plan(
     Example: gcs plan missions/simulation1
     """
     screen = Screen(json=json)
-    from gcs.cli.plan_argument import Stopwatch, plan_for, plan_path
     from gcs.cli.planning.plan_tables import say_coverage
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for, plan_path
+    from gcs.plan.plan_file import SUFFIX, save_plan
     from gcs.plan.trajectory.greatest_motion import greatest_motion
-    from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
     from gcs.plan.verification.verify import refusal
-    from gcs.scenario.navigation_error import navigation_error
+    from gcs.scenario.values.navigation_error import navigation_error
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
@@ -114,7 +114,7 @@ def warn_of_position_errors(screen: Screen, made: Plan, report: Report) -> None:
     """Print the navigation error, and warn if a plan leaves less for it: to zones, ground, and between vehicles."""
     from gcs.plan.verification.navigation_margins import navigation_in_words, thin_margins
     from gcs.plan.verification.position_errors import separation_left
-    from gcs.scenario.navigation_error import judged_separation_m
+    from gcs.scenario.values.navigation_error import judged_separation_m
 
     screen.say(f"navigation error: {navigation_in_words(made.scenario)}")
     for sentence in thin_margins(made, report):
@@ -161,8 +161,8 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     """A table of the figures that decide on a plan; `gcs verify` has all criteria."""
     from rich.table import Table
 
-    from gcs.cli.plan_argument import verdict_word
-    from gcs.plan.verification.verdict import ROUTE
+    from gcs.cli.shared.plan_argument import verdict_word
+    from gcs.plan.verification.proof.verdict import ROUTE
     from gcs.scenario.environment.no_fly import in_words, zone_names
 
     limits = made.scenario.limits
@@ -240,7 +240,7 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
     screen = Screen(json=json)
     from rich.table import Table
 
-    from gcs.plan.trajectory.plan_file import load_plan
+    from gcs.plan.plan_file import load_plan
     from gcs.plan.verification.verify import refusal
 
     loaded, report = load_plan(plan, screen.warn)

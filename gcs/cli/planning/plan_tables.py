@@ -8,9 +8,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gcs.cli.console import Screen
+from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError, counted
-from gcs.files import atomic_write
+from gcs.util.atomic_write import atomic_write
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -94,7 +94,7 @@ def _short(title: str) -> str:
 
 def say_coverage(screen: Screen, plan: Plan) -> dict[str, Any]:
     """Print the coverage of a plan's survey, and return it for `--json`; nothing where there is no survey."""
-    from gcs.plan.verification.survey.coverage import coverage
+    from gcs.plan.verification.coverage import coverage
 
     found = coverage(plan)
     if found is None:
@@ -131,7 +131,7 @@ def say_coverage(screen: Screen, plan: Plan) -> dict[str, Any]:
 def pads_of(scenario: Scenario) -> list[dict[str, Any]]:
     """The take-off point of every vehicle."""
     from gcs.frames import ned_to_geodetic
-    from gcs.scenario.si import local_origin, pads_ned_m, sysids
+    from gcs.scenario.values.si import local_origin, pads_ned_m, sysids
 
     pads = pads_ned_m(scenario)
     lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, local_origin(scenario))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument, as_number, option, plan_file
+from gcs.cli.shared.console import BEGAN_S, Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, PlanArgument, as_number, option, plan_file
 
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
@@ -48,10 +48,10 @@ def replan(
     Example: gcs replan plans/simulation1.skein --at 100 --disk 560,480,30
     """
     screen = Screen(json=json)
-    from gcs.cli.plan_argument import Stopwatch, plan_path, solve_line
     from gcs.cli.planning.plan import plan_data, show_plan
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_path, solve_line
+    from gcs.plan.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.replanning.replanner import Replanner
-    from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.verification.verify import refusal, verify
 
     watch = Stopwatch(BEGAN_S)
@@ -69,7 +69,7 @@ def replan(
     path = plan_path(to, plan.with_name(f"{plan.stem}-at-{at:g}{SUFFIX}"))
     save_plan(made, report, path)
     if picture is not None:
-        from gcs.flight.assessment.overview_plot import save_overview
+        from gcs.flight.plots.overview_plot import save_overview
 
         save_overview(made.scenario, made, picture)
     watch.lap("write")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gcs.cli.console import Screen
 from gcs.cli.planning.plan_tables import (
     pads_of,
     refuse_no_csv,
@@ -17,7 +16,8 @@ from gcs.cli.planning.plan_tables import (
     shown,
     write_pads,
 )
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, option
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, option
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -56,10 +56,10 @@ def show(
     screen = Screen(json=json)
     if pads is not None:
         refuse_no_csv(pads)
-    from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
+    from gcs.plan.plan_file import is_plan_file, load_plan
     from gcs.plan.verification.navigation_margins import thin_margins
-    from gcs.scenario.load import load_scenario
-    from gcs.scenario.mistakes.unit_guesses import doubts
+    from gcs.scenario.sources.load import load_scenario
+    from gcs.scenario.validation.unit_guesses import doubts
 
     plan, report = load_plan(mission, screen.warn) if is_plan_file(mission) else (None, None)
     scenario = plan.scenario if plan else load_scenario(mission)
@@ -81,14 +81,14 @@ def show(
     motion = [] if plan is None else _greatest_motion(screen, plan)
     surveyed = {} if plan is None else say_coverage(screen, plan)
     if picture is not None:
-        from gcs.flight.assessment.overview_plot import save_overview
+        from gcs.flight.plots.overview_plot import save_overview
 
         save_overview(scenario, plan, picture)
         screen.say(f"picture: {picture}")
     if coverage is not None:
         if plan is None:
             raise UsageError("--coverage needs a plan.", hint=f"plan it first: gcs plan {mission}")
-        from gcs.flight.assessment.coverage_plot import save_coverage
+        from gcs.flight.plots.coverage_plot import save_coverage
 
         save_coverage(plan, coverage)
         screen.say(f"coverage: {coverage}")
@@ -106,8 +106,8 @@ def show(
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
     from gcs.plan.verification.navigation_margins import navigation_in_words
-    from gcs.scenario.si import quadrotor, sysids
     from gcs.scenario.validation.vehicle_rules import hover_share
+    from gcs.scenario.values.si import quadrotor, sysids
 
     origin, limits, terrain, body = scenario.origin, scenario.limits, scenario.terrain, quadrotor(scenario)
     ids = sysids(scenario)
@@ -164,7 +164,7 @@ def _keep_in(scenario: Scenario) -> str:
 
 def _margin(scenario: Scenario) -> str:
     """The margin to zones, as the scenario asks for it."""
-    from gcs.scenario.navigation_error import planned_margin_m
+    from gcs.scenario.values.navigation_error import planned_margin_m
 
     if not scenario.no_fly and not scenario.keep_in:
         return ""
@@ -174,7 +174,7 @@ def _margin(scenario: Scenario) -> str:
 
 def _autopilots(scenario: Scenario) -> str:
     """The autopilot of all vehicles, or the vehicles of each."""
-    from gcs.scenario.si import autopilots, sysids
+    from gcs.scenario.values.si import autopilots, sysids
 
     rows = list(zip(sysids(scenario), autopilots(scenario), strict=True))
     kinds = dict.fromkeys(known for _, known in rows)
@@ -212,7 +212,7 @@ def _ends(scenario: Scenario) -> dict[str, dict[str, float]]:
     import numpy as np
 
     from gcs.frames import ned_to_geodetic
-    from gcs.scenario.si import NED_FROM_UP, local_origin
+    from gcs.scenario.values.si import NED_FROM_UP, local_origin
 
     ends = {"start": scenario.start.position_m, "end": scenario.end.position_m}
     lat_deg, lon_deg, alt_m = ned_to_geodetic(np.array(list(ends.values())) * NED_FROM_UP, local_origin(scenario))

@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gcs.flight.assessment.judge import Truth
-from gcs.flight.monitor import lateness_s
+from gcs.flight.monitoring.monitor import lateness_s
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.flight.monitor import VehicleView
+from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan

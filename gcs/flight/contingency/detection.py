@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
-from gcs.flight.contingency.mode_signs import ModeSigns
-from gcs.flight.energy.energy_choice import Outcome
+from gcs.flight.contingency.energy_choice import Outcome
+from gcs.flight.contingency.mode_changes import ModeSigns
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 

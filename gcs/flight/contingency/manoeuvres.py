@@ -11,10 +11,10 @@ from bisect import bisect_right
 
 import numpy as np
 
-from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory, Values
-from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.routed.routed_motion import ACCEL_MPS2, PiecewiseMotion, routed_motion, stops
-from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
+from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory, Values
+from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.routed_motion import ACCEL_MPS2, PiecewiseMotion, routed_motion, stops
+from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 
 BRAKE_MPS2 = ACCEL_MPS2

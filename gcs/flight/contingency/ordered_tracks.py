@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.flight.contingency.energy_choice import EnergyChoice
 from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, return_reference, spread_reference
 from gcs.flight.contingency.policy import SPREAD_M, Action, Order
-from gcs.flight.energy.energy_choice import EnergyChoice
-from gcs.flight.monitor import VehicleView
-from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
+from gcs.flight.monitoring.monitor import VehicleView
+from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.flight.contingency.detection import IncidentKind
-from gcs.flight.energy.energy_choice import Outcome
+from gcs.flight.contingency.energy_choice import Outcome
 
 
 class State(StrEnum):

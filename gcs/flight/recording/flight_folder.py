@@ -13,9 +13,9 @@ from pydantic import TypeAdapter
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import Verdict
-from gcs.flight.progress import Event, FlightTimes, NearestPair
-from gcs.reading.bounded_file import EVENT_FILE, read_file
-from gcs.reading.bounded_json import read_json
+from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
+from gcs.util.bounded_file import EVENT_FILE, read_file
+from gcs.util.bounded_json import read_json
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:

@@ -14,12 +14,12 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import FileFormatError, GcsError, UsageError
-from gcs.files import atomic_write
-from gcs.flight.options import FlightMode
-from gcs.flight.progress import Step
-from gcs.flight.recording.writing.record_gaps import RecordGap
-from gcs.reading.bounded_file import FLIGHT_STATE, read_file
-from gcs.reading.bounded_json import read_json
+from gcs.flight.contingency.options import FlightMode
+from gcs.flight.monitoring.progress import Step
+from gcs.flight.recording.record_gaps import RecordGap
+from gcs.util.atomic_write import atomic_write
+from gcs.util.bounded_file import FLIGHT_STATE, read_file
+from gcs.util.bounded_json import read_json
 
 NAME = "flight.json"
 _FORMAT = "skein-flight-1"

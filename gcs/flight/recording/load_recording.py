@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError
-from gcs.flight.progress import Event
+from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
@@ -23,12 +23,12 @@ from gcs.flight.recording.record_table import build_record, read_record, reporte
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.link.microservices.statustext import StatusTextJoiner
+from gcs.link.protocols.statustext import StatusTextJoiner
 from gcs.link.wire.local_motion import is_local_place, local_motion
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.plan_file import read_plan
+from gcs.plan.plan_file import read_plan
 
 _FORMS = ("{}_m", "v_{}_mps")
 _ELSEWHERE_S = 1.0

@@ -19,16 +19,16 @@ from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.parameter_names import in_units_of, spellings
 from gcs.autopilots.traits import traits_of
 from gcs.errors import FileFormatError
-from gcs.flight.expected_motion import ExpectedMotion, landing_profiles
+from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.recording.tlog import LoggedFrame, scan
-from gcs.link.microservices.clock import VehicleClock
+from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
-from gcs.reading.bounded_file import RECORD_FILE, read_file
-from gcs.reading.bounded_parquet import open_parquet
+from gcs.util.bounded_file import RECORD_FILE, read_file
+from gcs.util.bounded_parquet import open_parquet
 
 NAME = "record.parquet"
 Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int]

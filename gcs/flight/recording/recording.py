@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
-from gcs.flight.expected_motion import ExpectedMotion
-from gcs.flight.progress import Event
+from gcs.flight.monitoring.expected_motion import ExpectedMotion
+from gcs.flight.monitoring.progress import Event
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 

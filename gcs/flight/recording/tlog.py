@@ -22,7 +22,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.frame_scanner import frame_length
 from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
-from gcs.reading.bounded_file import MIB, TELEMETRY_LOG, open_regular, refuse_size
+from gcs.util.bounded_file import MIB, TELEMETRY_LOG, open_regular, refuse_size
 
 _STAMP = 8
 _SHORTEST = 8  # bytes of a frame without payload

@@ -8,21 +8,21 @@ from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
 from gcs.errors import GcsError, PeerError, UsageError
-from gcs.flight.options import FlightMode
+from gcs.flight.contingency.options import FlightMode
 from gcs.flight.setup.own_process import in_own_process
-from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.export import export
 from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.mission_files import MissionOrder, make_missions
-from gcs.mission.failsafe.fence_rally import Safety, build_safety
-from gcs.mission.failsafe.rtl_altitudes import return_warnings
 from gcs.mission.formats.registry import DEFAULT, select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.mission.predicted.timing import Timing
+from gcs.mission.returns.fence_rally import Safety, build_safety
+from gcs.mission.returns.rtl_altitudes import return_warnings
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
-from gcs.scenario.si import names_autopilots
+from gcs.scenario.values.si import names_autopilots
 
 IDEAL, OWN, AUTO = "ideal", "own", "auto"
 NAVIGATORS = (AUTO, OWN, IDEAL)

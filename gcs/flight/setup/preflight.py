@@ -19,12 +19,12 @@ import numpy as np
 
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, counted
-from gcs.flight.sequence.fleet_time import AGREE_S, differences_s
-from gcs.flight.setup.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
+from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
+from gcs.flight.monitoring.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
 from gcs.frames import geodetic_to_ned
-from gcs.link.fleet_upload.upload_fleet import ParameterChange, restore
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import VehicleReport, status_report
+from gcs.link.session.upload_fleet import ParameterChange, restore
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
@@ -32,8 +32,8 @@ from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.schema.scenario import Power
-from gcs.scenario.si import local_origin
-from gcs.steady_loop import host_s
+from gcs.scenario.values.si import local_origin
+from gcs.util.steady_loop import host_s
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with and without an RTK fix: nearer to another pad by more than this

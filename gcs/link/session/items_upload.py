@@ -8,12 +8,12 @@ from typing import Generic, Protocol, TypedDict, TypeVar
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.autopilots.traits import autopilot_name, link_behaviour
 from gcs.errors import PeerError
-from gcs.link.ftp.requests import FtpNumbers
-from gcs.link.microservices.machine import Machine
-from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.mission_protocol.file_upload import FileUpload
-from gcs.link.mission_protocol.strategy import Preferred, SentAs, Transfer, planned
-from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.protocols.ftp.requests import FtpNumbers
+from gcs.link.protocols.machine import Machine
+from gcs.link.protocols.mission.file_upload import FileUpload
+from gcs.link.protocols.mission.strategy import Preferred, SentAs, Transfer, planned
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
+from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem

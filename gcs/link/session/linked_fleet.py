@@ -19,10 +19,10 @@ from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.endpoints.endpoint import Endpoint, make_endpoint
 from gcs.link.endpoints.ip_address import Address
-from gcs.link.microservices.command import CommandSender
-from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.routing.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words
-from gcs.link.routing.strangers import LinkNotice, Strangers
+from gcs.link.protocols.command import CommandSender
+from gcs.link.protocols.mission.strategy import Transfer
+from gcs.link.session.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words
+from gcs.link.session.unknown_systems import LinkNotice, Strangers
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station

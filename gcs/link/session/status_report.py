@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from gcs.autopilots.traits import autopilot_name, link_behaviour, mode_name
 from gcs.errors import GcsError, PeerError
-from gcs.link.microservices.timesync import TimeSample, TimeSync
-from gcs.link.routing.routing_table import identity
+from gcs.link.protocols.timesync import TimeSample, TimeSync
+from gcs.link.session.routing_table import identity
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mavlink import PREARM_CHECK, MavCommand, MavState, MessageId

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from gcs.link.microservices.parameter import Parameter
-from gcs.link.mission_protocol.strategy import SentAs
+from gcs.link.protocols.mission.strategy import SentAs
+from gcs.link.protocols.parameter import Parameter
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 

@@ -15,27 +15,27 @@ from typing import Any
 from gcs.autopilots.protocol_timers import CommandTimers, ProtocolTimers
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.ftp.requests import FtpNumbers
-from gcs.link.microservices.clock import VehicleClock
-from gcs.link.microservices.command import CommandRefused, CommandSender, Position
-from gcs.link.microservices.machine import Machine
-from gcs.link.microservices.parameter import Parameter
-from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
-from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.microservices.statustext import VehicleTexts
-from gcs.link.microservices.timesync import ping_answers
-from gcs.link.mission_protocol.file_upload import FileUpload
-from gcs.link.mission_protocol.item_messages import with_home
-from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite
-from gcs.link.mission_protocol.receiver import reader
-from gcs.link.mission_protocol.strategy import SentAs, Transfer
-from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.protocols.clock import VehicleClock
+from gcs.link.protocols.command import CommandRefused, CommandSender, Position
+from gcs.link.protocols.ftp.requests import FtpNumbers
+from gcs.link.protocols.machine import Machine
+from gcs.link.protocols.mission.file_upload import FileUpload
+from gcs.link.protocols.mission.item_messages import with_home
+from gcs.link.protocols.mission.item_rewrite import ItemRewrite
+from gcs.link.protocols.mission.receiver import reader
+from gcs.link.protocols.mission.strategy import SentAs, Transfer
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
+from gcs.link.protocols.parameter import Parameter
+from gcs.link.protocols.parameter_transfer import ParameterReader, ParameterWriter
+from gcs.link.protocols.rtt import RttEstimator
+from gcs.link.protocols.statustext import VehicleTexts
+from gcs.link.protocols.timesync import ping_answers
 from gcs.link.session.items_upload import T, Talk, upload
 from gcs.link.wire.frame_scanner import LinkQuality
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MavType, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
-from gcs.steady_loop import stalls_of
+from gcs.util.steady_loop import stalls_of
 
 
 class VehicleSession:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from gcs.errors import UsageError
 from gcs.link.wire.signing import EPOCH_UNIX_S, KEY_BYTES, TICKS_PER_S, Signing
-from gcs.reading.bounded_file import KEY_FILE, open_regular
+from gcs.util.bounded_file import KEY_FILE, open_regular
 
 VARIABLE = "SKEIN_SIGNING_KEY"
 _SHORTEST = 8

@@ -21,8 +21,8 @@ from gcs.mission.check.flight_checks import (
     check_separation,
     check_zones,
 )
-from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import check_items, check_places, found
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.closest_approach import Closest

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from gcs.mission.check.between_samples import clearance_along, outside_along, parts_beside
 from gcs.mission.check.findings import Finding, Level, Rule
-from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import found
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings

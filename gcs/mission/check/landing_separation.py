@@ -18,7 +18,7 @@ from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import VerificationError
 from gcs.mission.predicted.closest_approach import Closest
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.navigation_error import judged_separation_m
+from gcs.scenario.values.navigation_error import judged_separation_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

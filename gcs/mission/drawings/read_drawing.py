@@ -20,16 +20,16 @@ from gcs.mission.drawings.geojson_drawing import draw_geojson
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
 from gcs.mission.formats.any_mission import read_mission
-from gcs.mission.formats.foreign.oddities import first_line
-from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally
-from gcs.mission.formats.foreign.table_rows import HEADER
 from gcs.mission.formats.mission_file import Key
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText
+from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, is_mission_json, rally_in_plan
+from gcs.mission.formats.table_rows import HEADER
+from gcs.mission.formats.vendor_quirks import first_line
 from gcs.mission.geofence import Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home
-from gcs.reading.bounded_file import DRAWING_FILE, read_file
-from gcs.reading.bounded_json import read_json
+from gcs.util.bounded_file import DRAWING_FILE, read_file
+from gcs.util.bounded_json import read_json
 
 SUFFIXES = (".plan", ".waypoints", ".mission", ".kml", ".kmz", ".gpx", ".geojson")
 _HINT = f"give a drawing: {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"

@@ -26,9 +26,9 @@ from gcs.mission.drawings.drawing import (
     ring,
     tidy,
 )
-from gcs.reading.archives import BadArchive, member_names, read_member
-from gcs.reading.bounded_file import MIB
-from gcs.reading.bounded_xml import XmlElement, read_xml
+from gcs.util.archives import BadArchive, member_names, read_member
+from gcs.util.bounded_file import MIB
+from gcs.util.bounded_xml import XmlElement, read_xml
 
 _IN_KMZ = "doc.kml"
 UNPACKED_MAX_BYTES = 64 * MIB

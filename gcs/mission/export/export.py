@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING, Any
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.mission.export.atomic_folder import replaced
+from gcs.mission.export.bspline_smoothing import SmoothPath, smoothed
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
 from gcs.mission.export.mission_files import MissionOrder, make_missions
-from gcs.mission.failsafe.fence_rally import Safety, build_safety
+from gcs.mission.export.setpoint_stream import build_stream, of_vehicle
 from gcs.mission.formats.maps.tracks import build_map
 from gcs.mission.formats.param import ParameterFile
 from gcs.mission.formats.registry import DEFAULT, FLEET, Content, Format, select_formats, vehicle_name
 from gcs.mission.formats.tables.history_csv import build_histories
 from gcs.mission.formats.tables.setpoint_table import StreamFile
 from gcs.mission.model import Altitude
-from gcs.mission.setpoints.bspline_smoothing import SmoothPath, smoothed
-from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
+from gcs.mission.returns.fence_rally import Safety, build_safety
 from gcs.mission.waypoints.placement import Deviation
 from gcs.plan.verification.verify import Report, refusal, verify
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
-from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M
-from gcs.mission.failsafe.fence_rally import Safety
-from gcs.mission.failsafe.rtl_altitudes import WorstReturn
-from gcs.mission.failsafe.rtl_cases import Crossing
 from gcs.mission.machine_independent import rounded, rounded_down
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
+from gcs.mission.returns.fence_areas import INCLUSION_MARGIN_M
+from gcs.mission.returns.fence_rally import Safety
+from gcs.mission.returns.rtl_altitudes import WorstReturn
+from gcs.mission.returns.rtl_cases import Crossing
 from gcs.mission.waypoints.placement import Deviation
-from gcs.scenario.navigation_error import judged_separation_m
+from gcs.scenario.values.navigation_error import judged_separation_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -12,20 +12,20 @@ from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each, titles
 from gcs.errors import NotWritten, UsageError, VerificationError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.check.fleet_check import FleetReport, check_fleet
-from gcs.mission.check.flight_limits import OVERSPEED, limits_of, surroundings_of
 from gcs.mission.check.landing_separation import refuse_close_landing
-from gcs.mission.failsafe.fence_rally import Safety
+from gcs.mission.flight_limits import OVERSPEED, limits_of, surroundings_of
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.registry import Content, Format, vehicle_name
 from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing, predicted
+from gcs.mission.returns.fence_rally import Safety
 from gcs.mission.waypoints.arrival_times import climb_s, corrected_legs
 from gcs.mission.waypoints.mission_items import build_missions, starting_at, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs
-from gcs.scenario.navigation_error import judged_separation_m
-from gcs.scenario.si import local_origin
-from gcs.scenario.vehicle_ability import ability_of
+from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.scenario.values.si import local_origin
+from gcs.scenario.values.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -13,15 +13,15 @@ from pathlib import Path
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand
-from gcs.mission.formats.foreign.oddities import Oddity, first_line
-from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally, read_fence_list, read_rally_list
-from gcs.mission.formats.foreign.table_rows import HEADER
 from gcs.mission.formats.mission_file import MissionFile
+from gcs.mission.formats.point_lists import begins_fence, begins_rally, read_fence_list, read_rally_list
 from gcs.mission.formats.qgc_plan import is_mission_json, read_mission_json
 from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
+from gcs.mission.formats.table_rows import HEADER
+from gcs.mission.formats.vendor_quirks import Oddity, first_line
 from gcs.mission.geofence import Geofence, RallyPoint
-from gcs.reading.bounded_file import MISSION_FILE, SHEETS, read_file
+from gcs.util.bounded_file import MISSION_FILE, SHEETS, read_file
 
 _BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
 _Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Oddity, ...]]  # a fence or rally points, and their oddities

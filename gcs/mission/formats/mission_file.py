@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.formats.foreign.oddities import Oddity
+from gcs.mission.formats.vendor_quirks import Oddity
 from gcs.mission.geofence import NO_FENCE, Geofence, RallyPoint
 from gcs.mission.model import Home, MissionItem
 

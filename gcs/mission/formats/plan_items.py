@@ -11,11 +11,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.formats.foreign.item_place import place_on_wire
-from gcs.mission.formats.foreign.oddities import Odd, OddityList, decoded, without_mark
+from gcs.mission.formats.item_place import place_on_wire
 from gcs.mission.formats.mission_file import Key, line_of, refused
+from gcs.mission.formats.vendor_quirks import Odd, OddityList, decoded, without_mark
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.reading.bounded_json import refuse_crowded_json
+from gcs.util.bounded_json import refuse_crowded_json
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _ITEM = ("SimpleItem", "missionItem")  # the second in `.mission` files of version 1.0

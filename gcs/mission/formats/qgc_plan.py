@@ -14,8 +14,7 @@ from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, to_degE7
-from gcs.mission.formats.foreign.item_place import place_in_file
-from gcs.mission.formats.foreign.oddities import MARK, Odd
+from gcs.mission.formats.item_place import place_in_file
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import (
     ITEMS_MAX,
@@ -28,9 +27,10 @@ from gcs.mission.formats.plan_items import (
     PointAndAltitude,
     Whole,
 )
+from gcs.mission.formats.vendor_quirks import MARK, Odd
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Frame, Home, MissionItem
-from gcs.reading.bounded_json import refuse_crowded_json
+from gcs.util.bounded_json import refuse_crowded_json
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
 # QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 if items differ.

@@ -15,10 +15,10 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.formats.foreign.item_place import place_in_file
-from gcs.mission.formats.foreign.oddities import Odd, Oddity, OddityList, decoded
-from gcs.mission.formats.foreign.table_rows import HEADER, WITHOUT_HOME, TableRow, read_rows
+from gcs.mission.formats.item_place import place_in_file
 from gcs.mission.formats.mission_file import MissionFile
+from gcs.mission.formats.table_rows import HEADER, WITHOUT_HOME, TableRow, read_rows
+from gcs.mission.formats.vendor_quirks import Odd, Oddity, OddityList, decoded
 from gcs.mission.geofence import (
     BadItem,
     Geofence,

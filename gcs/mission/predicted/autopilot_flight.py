@@ -1,6 +1,7 @@
 """The predicted flight of a mission by a model of its autopilot: corners cut, speeds reached late or not at all.
 
-`gcs.autopilots.navigation` holds the models; they fly several legs at once. `planned_flight` flies all other commands.
+`gcs.autopilots.waypoint_models` holds the models; they fly several legs at once. `planned_flight` flies all other
+commands.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, NavigatorOrders, vector
-from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.waypoint_models.navigator import UNLIMITED, Ability, NavigatorOrders, vector
+from gcs.autopilots.waypoint_models.predict import Prediction, predict
 from gcs.errors import VerificationError
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem

@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.autopilots.navigation.predict import NEAR_M
 from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.waypoint_models.predict import NEAR_M
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.navigation_error import judged_separation_m
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.scenario.values.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Navigator
-from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.waypoint_models.navigator import Navigator
+from gcs.autopilots.waypoint_models.predict import Prediction, predict
 from gcs.errors import ScenarioError, VerificationError
-from gcs.mission.check.flight_limits import limits_of
+from gcs.mission.flight_limits import limits_of
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, short_of_m
 from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correct, leg_profile
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.no_fly import outside_m, zones
-from gcs.scenario.vehicle_ability import ability_of
+from gcs.scenario.values.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -24,7 +24,7 @@ from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

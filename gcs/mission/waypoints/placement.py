@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.mission.check.flight_limits import limits_of
+from gcs.mission.flight_limits import limits_of
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import steepness
 from gcs.scenario.environment.terrain import ground_height_m

@@ -18,8 +18,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders
-from gcs.autopilots.navigation.predict import NEAR_M, Prediction, predict
+from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders
+from gcs.autopilots.waypoint_models.predict import NEAR_M, Prediction, predict
 from gcs.errors import VerificationError
 from gcs.mission.machine_independent import ORDER_GRID, on_grid
 from gcs.physics.quadrotor import Array

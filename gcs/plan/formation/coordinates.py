@@ -19,11 +19,11 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.reshape import reshape
-from gcs.plan.formation.changes.time_scaling import Budget, budget, shared
+from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.shape import Shape
+from gcs.plan.formation.time_scaling import Budget, budget, shared
 from gcs.scenario.schema.scenario import ChangeTable, Scenario
-from gcs.scenario.si import leader_index, offsets_ned_m, shape_offsets_ned_m
+from gcs.scenario.values.si import leader_index, offsets_ned_m, shape_offsets_ned_m
 
 Name = Literal["scale", "heading", "blend"]
 ORDER = 4  # integrators from the control (a snap) to the coordinate

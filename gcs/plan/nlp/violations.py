@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.shape import Rows, Shape
-from gcs.plan.nlp import margins
-from gcs.plan.nlp.margins import Margin
+from gcs.plan.ocp import margins
+from gcs.plan.ocp.margins import Margin
 from gcs.plan.ocp.problem import Problem, Tightening, control_bounds
 from gcs.plan.trajectory.trajectory import Trajectory
 

@@ -20,7 +20,7 @@ from gcs.scenario.environment.clearance_floor import FEET, coarse_floor_m, groun
 from gcs.scenario.environment.convex_pieces import Disk, Piece
 from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_envelope_m
-from gcs.scenario.si import ground_needed
+from gcs.scenario.values.si import ground_needed
 
 NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
 # Numbers of one active vehicle: base offset (3), its rate (3), its acceleration (3), offset that it blends to (3). Near

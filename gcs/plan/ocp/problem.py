@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim
-from gcs.plan.formation.changes.time_scaling import Budget, budget
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
+from gcs.plan.formation.time_scaling import Budget, budget
 from gcs.plan.ocp.representatives import Representatives, representatives
 from gcs.plan.ocp.route_points import PassPoint, pass_points
 from gcs.scenario.schema.scenario import Scenario, TerminalWeight
-from gcs.scenario.si import (
+from gcs.scenario.values.si import (
     boundary_state,
     heading_ref_deg,
     height_ref_m,

@@ -8,7 +8,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array, hover_trim
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
-from gcs.scenario.si import NED_FROM_UP, quadrotor, route_points
+from gcs.scenario.values.si import NED_FROM_UP, quadrotor, route_points
 
 
 @dataclass(frozen=True)

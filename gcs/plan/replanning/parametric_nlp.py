@@ -14,11 +14,11 @@ import numpy as np
 from scipy import sparse
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.program.assembly import Constants, assemble, dm
-from gcs.plan.nlp.program.program_bounds import scales, thrust_steps
-from gcs.plan.nlp.program.transcription import Program, bounded_program
+from gcs.plan.nlp.program_bounds import scales, thrust_steps
+from gcs.plan.nlp.transcription import Program, bounded_program
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.nlp.violations import Violation
 from gcs.plan.ocp import stage_functions

@@ -16,11 +16,11 @@ import numpy as np
 from gcs.errors import Infeasible, PlanningError, UsageError
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.nlp.ipopt import Solution, run
-from gcs.plan.nlp.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
-from gcs.plan.nlp.program.transcription import Program
+from gcs.plan.nlp.transcription import Program
 from gcs.plan.nlp.violations import complaints, find_violations
+from gcs.plan.ocp.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem
 from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, tightened, with_zones
@@ -39,7 +39,7 @@ from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route, find_routes, survey
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.zone_room import kept_room, new_zone, without_room
+from gcs.plan.trajectory.zone_margin import kept_room, new_zone, without_room
 from gcs.scenario.schema.scenario import NoFlyZone
 
 SPARE_DISKS = 2

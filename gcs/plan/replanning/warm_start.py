@@ -13,7 +13,7 @@ import numpy as np
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.ipopt import Solution
-from gcs.plan.nlp.program.transcription import Program
+from gcs.plan.nlp.transcription import Program
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.timeline import stops_ned_m
 from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
+from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.ocp.objectives import departure_cost
 from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.clearance_floor import coarse_floor_m

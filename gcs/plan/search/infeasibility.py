@@ -11,13 +11,13 @@ import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.formation.changes.schedule_fit import ScheduleMisfit, check_schedule
 from gcs.plan.formation.coordinates import coordinates
+from gcs.plan.formation.schedule_fit import ScheduleMisfit, check_schedule
 from gcs.plan.formation.shape import rigid
-from gcs.plan.nlp.margins import COURSE_SPEED_MPS
+from gcs.plan.ocp.margins import COURSE_SPEED_MPS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.legs.leg_schedule import check_legs, least_legs_s, on_time
+from gcs.plan.search.leg_schedule import check_legs, least_legs_s, on_time
 from gcs.plan.search.routes import Route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.scenario.schema.fields import FLIGHT_MAX_S

@@ -1,7 +1,7 @@
 """The flight with its scheduled changes of shape, which begin at a time or at a gate.
 
 The trajectory decides when a gate is crossed, and the change that begins there affects the trajectory. Both are
-iterated until they agree. `gcs.plan.formation.changes.timeline` makes the changes.
+iterated until they agree. `gcs.plan.formation.timeline` makes the changes.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.timeline import Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.formation.coordinates import Coordinate, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
+from gcs.plan.formation.timeline import Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh_refinement import (
@@ -31,7 +31,7 @@ from gcs.plan.nlp.mesh_refinement import (
     with_end,
     with_times,
 )
-from gcs.plan.nlp.program.transcription import transcribe
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import facing_along
 from gcs.plan.trajectory.plan import MeshRound

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.once import once
 from gcs.physics.quadrotor import VELOCITY, Array, derivative
 from gcs.plan.trajectory.plan import Plan
+from gcs.util.cache import once
 
 _EVERY_S = 0.05
 _BLOCK = 20_000  # vehicles times instants at a time

@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
-from gcs.scenario.si import NED_FROM_UP, route_points
+from gcs.scenario.values.si import NED_FROM_UP, route_points
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from gcs.autopilots.traits import Autopilot
-from gcs.physics.named_states import NamedStates
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor, derivative
-from gcs.plan.formation.changes.timeline import Move
+from gcs.physics.states import NamedStates
 from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
+from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.distances import formation_error_m, ground_distances_m, separations_m, zone_distances_m
 from gcs.plan.trajectory.passages import Passage, passages
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
+from gcs.scenario.values.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
 
 
 @dataclass(frozen=True)

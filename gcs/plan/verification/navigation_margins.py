@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.verdict import Report
-from gcs.scenario.navigation_error import navigation_error
+from gcs.plan.verification.proof.verdict import Report
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.navigation_error import navigation_error
 
 _SLACK_M = 0.01  # a margin that is thinner by so little is what was asked for
 _ON_ZERO_M = 0.005

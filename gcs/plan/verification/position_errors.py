@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.navigation_error import SIGMA
+from gcs.scenario.values.navigation_error import SIGMA
 
 STEP_S = 0.25
 DEVIATIONS = 2.5  # estimates of 200 emulated fleets in missions/field lost less

@@ -15,14 +15,14 @@ from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.verdict import (
+from gcs.plan.verification.proof.verdict import (
     ANGLE_TOLERANCE_DEG,
     LENGTH_TOLERANCE_M,
     ROUTE,
     SPEED_TOLERANCE_MPS,
     Check,
 )
-from gcs.scenario.si import route_points
+from gcs.scenario.values.si import route_points
 
 TIME_TOLERANCE_S = 1e-3
 _PARTS = 16  # of a hold's polynomials, each bounded on its own

@@ -14,25 +14,24 @@ from typing import Any
 
 import numpy as np
 
-from gcs.once import once
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.allowed_shapes import AllowedShapes
+from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints.bent_formation import BentFormation
 from gcs.plan.verification.constraints.equation_of_motion import reintegrated
+from gcs.plan.verification.constraints.formation_checks import nearest_pair_m
 from gcs.plan.verification.constraints.formation_law import FormationLaw, spans
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
 from gcs.plan.verification.constraints.pair_separation import PairSeparation
 from gcs.plan.verification.constraints.position_limits import PositionLimits
+from gcs.plan.verification.constraints.scheduled_shape import stretches
 from gcs.plan.verification.constraints.state_control_limits import StateControlLimits
 from gcs.plan.verification.exact_checks import exact_checks
-from gcs.plan.verification.formation_checks import nearest_pair_m
 from gcs.plan.verification.proof.ground_patches import ground_patches
 from gcs.plan.verification.proof.subdivision import Cells, Proof, Rows, prove
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, vehicle_tree
-from gcs.plan.verification.scheduled_shape import stretches
-from gcs.plan.verification.verdict import (
+from gcs.plan.verification.proof.verdict import (
     LENGTH_TOLERANCE_M,
     WINDOW_TOLERANCE_M,
     Check,
@@ -42,6 +41,7 @@ from gcs.plan.verification.verdict import (
     refusal,
 )
 from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.util.cache import once
 
 __all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "Check", "Report", "Verdict", "refusal", "verify"]
 

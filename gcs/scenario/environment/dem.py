@@ -21,8 +21,8 @@ from rasterio.windows import Window
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.physics.quadrotor import Array
-from gcs.reading.bounded_file import MIB, in_mib, open_regular
-from gcs.scenario.environment.heightmap import PIXEL_LEAST_M, PIXEL_MOST_M, PIXELS_MAX, Region, Relief, packed, terms_of
+from gcs.scenario.schema.heightmap import PIXEL_LEAST_M, PIXEL_MOST_M, PIXELS_MAX, Region, Relief, packed, terms_of
+from gcs.util.bounded_file import MIB, in_mib, open_regular
 
 HeightUnit = Literal["m", "ft"]
 FOOT_M = 0.3048

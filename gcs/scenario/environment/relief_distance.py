@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.heightmap import Relief
+from gcs.scenario.schema.heightmap import Relief
 
 Index = NDArray[np.intp]
 

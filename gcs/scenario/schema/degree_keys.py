@@ -1,6 +1,6 @@
 """The keys that give a place as latitude and longitude, beside those of each table that give it in metres.
 
-Models have the keys in metres only. `gcs.scenario.degrees.to_metres` replaces the others once, as a file is loaded.
+Models have the keys in metres only. `gcs.scenario.validation.to_metres` replaces the others once, as a file is loaded.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, Strict,
 from pydantic_core import CoreSchema
 
 from gcs.scenario.schema.degree_keys import DegreeKeys
-from gcs.scenario.validation.toml_lines import Key
+from gcs.scenario.schema.toml_lines import Key
 
 # Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]

@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
-from gcs.scenario.mistakes.mistake import nearest
 from gcs.scenario.schema.degree_keys import GATE, POSITION
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
@@ -27,6 +26,7 @@ from gcs.scenario.schema.fields import (
     Turn,
     left_out,
 )
+from gcs.scenario.schema.mistake import nearest
 
 SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
 VehicleId = Annotated[int, Strict(), Field(ge=1, le=10_000)]  # of a fleet too large for one MAVLink network

@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import Field
 
-from gcs.scenario.environment.heightmap import Relief
 from gcs.scenario.schema.degree_keys import CENTRE, POLYGON, SUMMITS
 from gcs.scenario.schema.fields import Coordinate, Findings, Height, Length, Number, Part, Point
+from gcs.scenario.schema.heightmap import Relief
 
 _LISTED_MAX = 500  # mountains, moves of a zone
 CORNERS_MAX = 500

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.vehicle_types import KEY, presets
+from gcs.scenario.schema.vehicle_types import KEY, presets
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

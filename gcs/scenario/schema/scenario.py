@@ -1,7 +1,7 @@
 """The tables of `scenario.toml`: keys, units, ranges, defaults, and the rules inside one table.
 
 Rules between tables are in `gcs.scenario.validation.cross_table`. Values stay as the file has them (metres up,
-degrees); `gcs.scenario.si` converts them to SI, NED and radians.
+degrees); `gcs.scenario.values.si` converts them to SI, NED and radians.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
-from gcs.scenario.environment.heightmap import Relief
 from gcs.scenario.schema.degree_keys import POSITION
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
@@ -29,6 +28,7 @@ from gcs.scenario.schema.fields import (
 )
 from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Formation, Generator
 from gcs.scenario.schema.ground_tables import Mountains, NoFlyZone, Ripple, Terrain
+from gcs.scenario.schema.heightmap import Relief
 from gcs.scenario.schema.limits_table import ROLL_PITCH_KEYS, LimitsTable, Performance
 from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.schema.route_tables import ROUTE_MAX, KeepIn, RoutePoint, SurveyTable

@@ -17,10 +17,14 @@ from numpy.typing import NDArray
 from gcs.errors import counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
-from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Place
+from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import START_SHAPE, Scenario
-from gcs.scenario.si import (
+from gcs.scenario.schema.toml_lines import Key
+from gcs.scenario.validation.formation_rules import pairs_in_start_shape
+from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.spacing import SLACK, close_pairs
+from gcs.scenario.values.si import (
     NED_FROM_UP,
     ground_step_jerk_peak,
     ground_step_peaks,
@@ -33,10 +37,6 @@ from gcs.scenario.si import (
     shape_offsets_ned_m,
     sysids,
 )
-from gcs.scenario.validation.formation_rules import pairs_in_start_shape
-from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.spacing import SLACK, close_pairs
-from gcs.scenario.validation.toml_lines import Key
 
 _RUN_UP_SAMPLE_M = 1.0
 _SAME_M = 0.01  # a place in degrees is known to a centimetre

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Point
 from gcs.scenario.schema.formation_table import START_SHAPE
+from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m, sysids
+from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK, Pair, close_pairs, nearest_pair
-from gcs.scenario.validation.toml_lines import Key
+from gcs.scenario.values.si import offsets_ned_m, shape_offsets_ned_m, sysids
 
 _LISTED = 10  # pairs of vehicles with a line each
 _APART = "are {:.2f} m apart"

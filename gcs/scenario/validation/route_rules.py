@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.errors import counted
-from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.fields import Place
+from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.route_tables import ROUTE_MAX
 from gcs.scenario.schema.scenario import START_SHAPE, RoutePoint, Scenario
-from gcs.scenario.si import route_points
+from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.boundaries import BOX, Stop, out_of_the_box, stop_at, too_low
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK
-from gcs.scenario.validation.toml_lines import Key
+from gcs.scenario.values.si import route_points
 
 WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
 _SHORTEST_M = 0.1  # leg

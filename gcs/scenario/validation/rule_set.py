@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 
-from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.scenario import Scenario
 
 Mistakes = Iterator[Mistake]

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
-from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, Scenario
-from gcs.scenario.si import quadrotor, torque_limits
+from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.toml_lines import Key
+from gcs.scenario.values.si import quadrotor, torque_limits
 
 _REACHED = 1.0 - 1e-6
 SPEED_OF_SOUND_MPS = 340.0

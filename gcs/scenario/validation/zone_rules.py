@@ -9,13 +9,13 @@ import numpy as np
 from gcs.errors import counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import Zone, ZoneName, outside_m, zone_names, zones
-from gcs.scenario.mistakes.mistake import Mistake, dotted, plain
+from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import KeepIn, Scenario
-from gcs.scenario.si import leader_index
+from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.boundaries import Stop, ends, last_places_up_m, last_shape, stop_at, up
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK
-from gcs.scenario.validation.toml_lines import Key
+from gcs.scenario.values.si import leader_index
 
 RULES = Rules()
 

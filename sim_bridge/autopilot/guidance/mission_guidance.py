@@ -13,8 +13,8 @@ from itertools import chain
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders, NavigatorState, vector
 from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders, NavigatorState, vector
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.frames import Origin
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.guidance.motion_primitives import (

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from sim_bridge.dynamics.control.reference import Reference
+from sim_bridge.dynamics.reference import Reference
 
 TERMS = 8  # degree 7: position, velocity, acceleration and jerk given at both ends
 DERIVATIVES = 5  # position to snap

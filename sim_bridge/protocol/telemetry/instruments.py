@@ -13,7 +13,7 @@ from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.failsafe import Failsafe, Readings
-from sim_bridge.dynamics.body.airframes import Airframes
+from sim_bridge.dynamics.airframes import Airframes
 from sim_bridge.personality import Milestone, Personality
 
 

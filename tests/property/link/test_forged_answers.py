@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
-from gcs.link.ftp.payload import NAME, FtpError, FtpOpcode, FtpPayload, read_payload
-from gcs.link.ftp.reader import ReceivedBytes
-from gcs.link.mission_protocol.file_upload import FileUpload
-from gcs.link.mission_protocol.mission_dat import HEADER, ITEM, MAGIC, write_mission_file
-from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.strategy import Preferred
-from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.protocols.ftp.payload import NAME, FtpError, FtpOpcode, FtpPayload, read_payload
+from gcs.link.protocols.ftp.reader import ReceivedBytes
+from gcs.link.protocols.mission.file_upload import FileUpload
+from gcs.link.protocols.mission.mission_dat import HEADER, ITEM, MAGIC, write_mission_file
+from gcs.link.protocols.mission.receiver import MissionReceiver
+from gcs.link.protocols.mission.strategy import Preferred
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
 from gcs.link.wire.message import GROUND, Message
 from tests.air import VEHICLE, Air, Weather, mission_of
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
 from gcs.errors import PeerError
-from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.protocols.mission.receiver import MissionReceiver
+from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mission.model import MissionItem
 

@@ -16,7 +16,7 @@ from gcs.errors import FileFormatError
 from gcs.frames import Origin
 from gcs.mission.check.findings import Rule
 from gcs.mission.check.fleet_check import check_fleet
-from gcs.mission.check.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint

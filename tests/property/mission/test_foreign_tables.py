@@ -7,8 +7,8 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.qgc_wpl import WaypointFile, read_waypoints, write_waypoints
+from gcs.mission.formats.vendor_quirks import Odd
 from gcs.mission.model import Home, MissionItem
 
 numbers = st.floats(-1e6, 1e6)

@@ -16,12 +16,12 @@ from hypothesis.extra.numpy import arrays
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
-from gcs.mission.formats.foreign.point_lists import read_fence_list, read_rally_list
 from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
 from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
 from gcs.mission.formats.maps.tracks import MapFile, Track
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.param import ParameterFile, read_parameters, write_parameters
+from gcs.mission.formats.point_lists import read_fence_list, read_rally_list
 from gcs.mission.formats.qgc_plan import read_mission, read_mission_json, write_mission
 from gcs.mission.formats.qgc_wpl import (
     WaypointFile,

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.mission.failsafe.fence_rally import Safety, build_safety
 from gcs.mission.model import Command, VehicleMission
+from gcs.mission.returns.fence_rally import Safety, build_safety
 from gcs.mission.waypoints.arrival_times import corrected_legs
 from gcs.mission.waypoints.mission_items import build_missions, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs

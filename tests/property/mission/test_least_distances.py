@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.mission.failsafe.rtl_cases import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.predicted.closest_approach import closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight
+from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.physics.quadrotor import Array
 
 untimed = settings(deadline=None)

@@ -14,13 +14,13 @@ from scipy.spatial.distance import pdist
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.reshape import Reshaped, reshape
-from gcs.plan.formation.changes.time_scaling import Budget, least_duration
-from gcs.plan.formation.changes.transforms import rotation, shrinking
+from gcs.plan.formation.reshape import Reshaped, reshape
 from gcs.plan.formation.separation import least_distance, least_gap
 from gcs.plan.formation.shape import Shape, joined, stretched
-from gcs.scenario.formations import places_up_m
+from gcs.plan.formation.time_scaling import Budget, least_duration
+from gcs.plan.formation.transforms import rotation, shrinking
 from gcs.scenario.schema.scenario import Generator
+from gcs.scenario.values.formations import places_up_m
 
 SEPARATION_M = 1.2
 FLAT: list[Generator] = ["triangle", "line", "column", "vee", "grid", "circle"]

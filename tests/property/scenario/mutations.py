@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.template import scenario_text
+from gcs.scenario.sources.template import scenario_text
 from tests.property.scenario.in_degrees import in_degrees
 
 Data = dict[str, Any]

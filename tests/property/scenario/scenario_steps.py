@@ -8,21 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import GcsError
-from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled, starts_at_points
+from gcs.plan.formation.timeline import gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.ocp.bounds import leader_control_bounds, leader_state_bounds
 from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.free_final_time import with_free_time
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.search.legs.leg_routes import routes_through
-from gcs.plan.search.legs.leg_schedule import on_time
+from gcs.plan.search.leg_routes import routes_through
+from gcs.plan.search.leg_schedule import on_time
 from gcs.plan.search.routes import every_route
 from gcs.plan.trajectory.plan import MeshRound
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import hover_start_ned_m, leader_index
-from gcs.scenario.vehicle_ability import ability_of
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.values.si import hover_start_ned_m, leader_index
+from gcs.scenario.values.vehicle_ability import ability_of
 
 REFUSED, INFEASIBLE, ACCEPTED = "refused", "infeasible", "accepted"
 NO_PLAN, BEGUN, PLANNED = "no plan", "first rounds done", "planned"

@@ -23,10 +23,10 @@ from pydantic import ValidationError
 
 from gcs.cli.main import run
 from gcs.errors import FileFormatError, GcsError
+from gcs.plan.plan_file import _checksum, load_plan, read_plan, save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import _checksum, load_plan, read_plan, save_plan
 from gcs.plan.verification.verify import verify
-from gcs.scenario.load import load_scenario, load_vehicle
+from gcs.scenario.sources.load import load_scenario, load_vehicle
 from tests.property.scenario.mutations import (
     HEX_DIGITS,
     PRESETS,

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
-from gcs.scenario.degrees.to_metres import in_metres
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.validation.to_metres import in_metres
 from tests.property.scenario.in_degrees import WIDER_M, in_degrees
 from tests.property.scenario.mutations import ROOT, bundled, toml_text
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
-from gcs.scenario.formations import places_up_m
 from gcs.scenario.schema.formation_table import Generator
+from gcs.scenario.values.formations import places_up_m
 
 GENERATORS: tuple[Generator, ...] = get_args(Generator)
 FLAT: tuple[Generator, ...] = tuple(g for g in GENERATORS if g != "sphere")

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
 from gcs.frames import Origin
-from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.protocols.mission.read_back import compare_missions
+from gcs.link.protocols.mission.receiver import MissionReceiver
+from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
-from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
-from sim_bridge.personality.px4.missions import MISSIONS as PX4
-from sim_bridge.protocol.missions.store import MissionStore
+from sim_bridge.missions.store import MissionStore
+from sim_bridge.personality.ardupilot_missions import MISSIONS as ARDUPILOT
+from sim_bridge.personality.px4_missions import MISSIONS as PX4
 
 VEHICLE = Station(3, 1)
 STEP_S = 0.02

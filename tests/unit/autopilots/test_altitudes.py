@@ -15,9 +15,9 @@ from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Command
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
+from sim_bridge.missions.acceptance import as_stored
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.missions.acceptance import as_stored
 
 _ALTITUDES = st.floats(-500.0, 9000.0)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import TRAITS, Autopilot
-from gcs.flight.expected_motion import ExpectedMotion
+from gcs.flight.monitoring.expected_motion import ExpectedMotion
 from gcs.flight.recording.load_recording import load_recording
 from sim_bridge.personality import ARDUPILOT, PX4, Intent, Personality
 from tests.real_flights import unpacked

@@ -16,8 +16,8 @@ from gcs.autopilots.parameter_names import (
     with_new_names,
 )
 from gcs.autopilots.traits import Autopilot
-from gcs.link.microservices.parameter import Parameter
-from gcs.link.microservices.parameter_transfer import ParameterReader
+from gcs.link.protocols.parameter import Parameter
+from gcs.link.protocols.parameter_transfer import ParameterReader
 from gcs.link.wire.message import Message, Station
 from sim_bridge.personality import by_name
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.cli.shared_options import flights, missions, plans, recordings
+from gcs.cli.shared.shared_options import flights, missions, plans, recordings
 
 GCS = Path(sys.executable).with_name("gcs")
 SCENARIO = "schema_version = 1\n"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from gcs.cli import main
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 
 WARNINGS = re.compile(r"(WARNING: [^\n]+\n)*")

@@ -14,9 +14,9 @@ import pytest
 import typer
 
 from gcs.cli import main
-from gcs.cli.console import Screen, to_json
 from gcs.cli.main import run
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.shared.console import Screen, to_json
+from gcs.cli.shared.shared_options import DebugOption, JsonOption
 from gcs.errors import PeerTimeout, PlanningError, ScenarioError, UsageError, counted
 from gcs.flight.recording.flight_state import held_folder
 
@@ -64,7 +64,7 @@ def test_help_lists_every_command_and_examples(capsys: pytest.CaptureFixture[str
 
 def test_the_help_has_a_panel_for_each_room_of_commands(capsys: pytest.CaptureFixture[str], repo_root: Path) -> None:
     rooms = [path.parent.name for path in (repo_root / "gcs" / "cli").glob("*/__init__.py")]
-    assert sorted(main.PANELS) == sorted(rooms)
+    assert sorted([*main.PANELS, "shared"]) == sorted(rooms)
     assert main.run(["--help"]) == 0
     panels = capsys.readouterr().out.split("╭─ ")
     for command in main.app.registered_commands:

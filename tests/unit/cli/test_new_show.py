@@ -13,11 +13,11 @@ import pytest
 from matplotlib import image
 
 from gcs.cli import main
-from gcs.cli.console import Screen
 from gcs.cli.planning.plan import show_plan
-from gcs.plan.trajectory.plan_file import load_plan
-from gcs.scenario.load import load_scenario
+from gcs.cli.shared.console import Screen
+from gcs.plan.plan_file import load_plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 
 
 def gcs(*arguments: object) -> int:

@@ -11,21 +11,21 @@ from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 
 MISHAPS = "tests/bridge/test_mishaps.py"
 NEAR = "tests/bridge/test_giving_way.py"
-DELIVERY = "tests/unit/link/mission_protocol/test_verified_upload.py"
-STORED = "tests/unit/link/mission_protocol/test_stored_items.py"
+DELIVERY = "tests/unit/link/protocols/mission/test_verified_upload.py"
+STORED = "tests/unit/link/protocols/mission/test_stored_items.py"
 MACHINES = "tests/unit/link/test_mission_machines.py"
 PARAMETERS = "tests/unit/link/test_parameters.py"
 STATUS = "tests/unit/link/session/test_status_report.py"
 PREFLIGHT = "tests/unit/flight/setup/test_preflight_rules.py"
-PROLOGUE = "tests/unit/flight/sequence/test_takeoff_landing.py"
-STREAM = "tests/unit/flight/offboard/test_setpoint_messages.py"
+PROLOGUE = "tests/unit/flight/execution/test_takeoff_landing.py"
+STREAM = "tests/unit/flight/execution/test_setpoint_messages.py"
 
 RULES = "tests/unit/flight/contingency/test_policy.py"
-ENERGY = "tests/unit/flight/energy/test_energy_choice.py"
+ENERGY = "tests/unit/flight/contingency/test_energy_choice.py"
 FAILSAFES = "tests/unit/flight/contingency/test_recorded_failsafe.py"
-REJOIN = "tests/unit/flight/contingency/standstill/test_common_rejoin.py"
+REJOIN = "tests/unit/flight/contingency/test_common_rejoin.py"
 HOSTILE = "tests/hostile/test_"
-RECORDS = "tests/unit/flight/recording/writing/test_flight_record.py"
+RECORDS = "tests/unit/flight/recording/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
 HOLDING = (NEAR, "test_a_vehicle_with_time_to_brake_holds_and_returns")
 CLIMBING = (NEAR, "test_a_vehicle_without_time_to_brake_climbs")
@@ -174,7 +174,7 @@ FLOWN = {
     ],
     "a vehicle is at a new address": [
         (HOSTILE + "spoofing.py", "test_a_vehicle_that_restarts_at_another_port_proves_who_it_is"),
-        ("tests/unit/link/routing/test_routing_table.py", "test_in_a_flight_a_vehicle_that_reports_no_id_never_moves"),
+        ("tests/unit/link/session/test_routing_table.py", "test_in_a_flight_a_vehicle_that_reports_no_id_never_moves"),
     ],
     "two claims of one system id before the flight": [
         (HOSTILE + "spoofing.py", "test_who_claims_a_vehicle_before_it_is_heard_stops_the_flight_and_gets_nothing")
@@ -186,7 +186,7 @@ FLOWN = {
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
         (STALLS, "test_stopped_on_the_ground_or_in_a_landing_it_goes_on"),
         (STALLS, "test_emulated_vehicles_that_wait_meanwhile_notice_nothing"),
-        ("tests/unit/test_steady_loop.py", "test_a_stopped_program_reads_its_answers_before_its_timeouts"),
+        ("tests/unit/util/test_steady_loop.py", "test_a_stopped_program_reads_its_answers_before_its_timeouts"),
     ],
     "ground station killed": [
         ("tests/bridge/test_attach.py", "test_it_is_found_shown_and_flown_to_its_end"),
@@ -247,7 +247,7 @@ HABITS = {
         ("tests/unit/autopilots/test_traits.py", "test_altitudes_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
     ],
-    "uid 0": [("tests/unit/link/routing/test_routing_table.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
+    "uid 0": [("tests/unit/link/session/test_routing_table.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
     "unknown parameter": [(PARAMETERS, "test_unknown_names_are_answered_by_silence_and_named")],
     "renamed parameters": [
         ("tests/unit/autopilots/test_parameter_names.py", "test_a_development_build_answers_for_the_names_that_it_has")
@@ -261,18 +261,18 @@ HABITS = {
     "NaN as a parameter": [(PARAMETERS, "test_what_a_type_cannot_hold_is_refused_before_it_is_sent")],
     "requests of both kinds": [(MACHINES, "test_both_kinds_of_request_get_integer_items_as_often_as_they_come")],
     "read-back differs": [
-        ("tests/unit/link/mission_protocol/test_read_back.py", "test_changes_that_mean_nothing"),
-        ("tests/unit/link/mission_protocol/test_read_back.py", "test_what_ardupilot_cuts_off_px4_has_to_keep"),
+        ("tests/unit/link/protocols/mission/test_read_back.py", "test_changes_that_mean_nothing"),
+        ("tests/unit/link/protocols/mission/test_read_back.py", "test_what_ardupilot_cuts_off_px4_has_to_keep"),
         (STORED, "test_what_a_real_vehicle_stored_is_no_difference"),
         (STORED, "test_a_changed_value_is_reported"),
     ],
     "rally altitudes": [
-        ("tests/unit/mission/failsafe/test_rtl_motion.py", "test_return_altitudes_are_what_each_autopilot_stores")
+        ("tests/unit/mission/returns/test_rtl_motion.py", "test_return_altitudes_are_what_each_autopilot_stores")
     ],
     "rally frames": [(STORED, "test_px4_gets_rally_points_in_a_frame_that_it_can_return_to")],
     "checksum of a file": [
         (
-            "tests/unit/link/ftp/test_recorded_files.py",
+            "tests/unit/link/protocols/ftp/test_recorded_files.py",
             "test_recorded_bytes_and_checksum_follow_from_the_size_of_the_pieces",
         ),
         ("tests/bridge/test_files.py", "test_a_wrong_checksum_sends_nothing_twice"),
@@ -299,24 +299,24 @@ HABITS = {
     "clearing": [(DELIVERY, "test_an_empty_delivery_clears")],
     "reasons": [(PROLOGUE, "test_reasons_come_before_or_after_a_refusal_and_in_pieces")],
     "lost chunks": [
-        ("tests/unit/link/microservices/test_statustext.py", "test_chunks_are_joined_in_any_order_and_per_source"),
-        ("tests/unit/link/microservices/test_statustext.py", "test_a_missing_chunk_is_shown_as_missing"),
+        ("tests/unit/link/protocols/test_statustext.py", "test_chunks_are_joined_in_any_order_and_per_source"),
+        ("tests/unit/link/protocols/test_statustext.py", "test_a_missing_chunk_is_shown_as_missing"),
     ],
     "modes acknowledged": [(PROLOGUE, "test_a_mode_is_believed_when_the_heartbeat_shows_it")],
     "MISSION_START": [(PROLOGUE, "test_a_mission_has_begun_when_the_heartbeat_shows_its_mode")],
     "arming": [(PROLOGUE, "test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself")],
-    "landed": [("tests/unit/flight/orders/test_fleet_landing.py", "test_landed_is_who_has_disarmed")],
+    "landed": [("tests/unit/flight/execution/test_fleet_landing.py", "test_landed_is_who_has_disarmed")],
     "items reached": [("tests/unit/docs/test_tables.py", "test_items_reached_are_not_read")],
     "the last setpoint": [
         (STREAM, "test_streams_end_at_rest"),
         ("tests/unit/flight/contingency/test_manoeuvres.py", "test_holding_brakes_straight_on"),
-        ("tests/unit/flight/offboard/test_deadlines.py", "test_after_a_stall_the_newest_point_alone_is_sent"),
+        ("tests/unit/flight/execution/test_deadlines.py", "test_after_a_stall_the_newest_point_alone_is_sent"),
     ],
     "Offboard": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
     "mode after landing": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
     "time": [
-        ("tests/unit/link/microservices/test_clock.py", "test_unset_gnss_time_says_nothing"),
-        ("tests/unit/link/microservices/test_clock.py", "test_prediction_follows_a_vehicle_at_any_rate_through_jitter"),
+        ("tests/unit/link/protocols/test_clock.py", "test_unset_gnss_time_says_nothing"),
+        ("tests/unit/link/protocols/test_clock.py", "test_prediction_follows_a_vehicle_at_any_rate_through_jitter"),
     ],
     "signatures": [
         ("tests/bridge/test_signing.py", "test_a_vehicle_that_does_not_sign_is_not_believed"),
@@ -326,7 +326,7 @@ HABITS = {
         ("tests/property/link/test_codec_fuzz.py", "test_garbage_never_raises_and_a_good_frame_after_it_is_heard")
     ],
     "arrival times": [
-        ("tests/unit/autopilots/navigation/test_recordings.py", "test_a_mission_that_was_not_fitted_is_predicted")
+        ("tests/unit/autopilots/waypoint_models/test_recordings.py", "test_a_mission_that_was_not_fitted_is_predicted")
     ],
 }
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from tests.bridge.flying import hop_scenario
 
 

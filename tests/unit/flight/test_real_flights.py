@@ -9,26 +9,26 @@ from pathlib import Path
 
 import pytest
 
-from gcs.aio import alongside
 from gcs.autopilots.traits import Autopilot
-from gcs.cli.console import Screen
 from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.main import run
-from gcs.cli.plan_argument import Stopwatch
-from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightHooks
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.plan_argument import Stopwatch
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.execution.resume import Resume, resume_flight
+from gcs.flight.monitoring.preflight_check import NOT_REPORTED
+from gcs.flight.monitoring.progress import Event, FlightHooks
 from gcs.flight.recording.tlog import Tlog, load_tlog
-from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.sequence.resume import Resume, resume_flight
 from gcs.flight.setup.build_loads import fleet_autopilots, missions_only
 from gcs.flight.setup.preflight import preflight
-from gcs.flight.setup.preflight_check import NOT_REPORTED
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import VehicleReport, status_report
 from gcs.mavlink import MavCommand
-from gcs.mission.failsafe.rtl_altitudes import plan_returns
-from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.export.setpoint_stream import build_stream
+from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.mission.waypoints.mission_items import build_missions
+from gcs.util.aio import alongside
 from tests.real_flights import FLIGHTS, Flight, Recorded, in_virtual_time, unpacked
 
 FULL = [name for name in FLIGHTS if "fence" not in name]

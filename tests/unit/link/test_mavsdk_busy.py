@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from gcs.errors import PeerError
-from gcs.link.mavsdk import mavsdk_vehicle
-from gcs.link.mavsdk.mavsdk_vehicle import MavsdkVehicle
+from gcs.link.session import mavsdk_vehicle
+from gcs.link.session.mavsdk_vehicle import MavsdkVehicle
 
 
 class Busy:

@@ -2,10 +2,10 @@ import pytest
 
 from gcs.autopilots.protocol_timers import MissionTimers
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.mission_protocol.item_messages import item_to_message
-from gcs.link.mission_protocol.receiver import MissionReceiver, ReceiverState
-from gcs.link.mission_protocol.rules import MissionRefused, mission_ack
-from gcs.link.mission_protocol.sender import MissionSender, SenderState
+from gcs.link.protocols.mission.item_messages import item_to_message
+from gcs.link.protocols.mission.receiver import MissionReceiver, ReceiverState
+from gcs.link.protocols.mission.rules import MissionRefused, mission_ack
+from gcs.link.protocols.mission.sender import MissionSender, SenderState
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem

@@ -12,10 +12,10 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
-from gcs.link.fleet_upload.upload_fleet import preview
-from gcs.link.fleet_upload.vehicle_load import VehicleLoad
-from gcs.link.microservices.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
-from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
+from gcs.link.protocols.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
+from gcs.link.protocols.parameter_transfer import ParameterReader, ParameterWriter
+from gcs.link.session.upload_fleet import preview
+from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import ParameterType
 from gcs.mission.model import Home, VehicleMission

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.mission_protocol.item_messages import item_from_message
-from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.rules import MissionRefused
-from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.protocols.mission.item_messages import item_from_message
+from gcs.link.protocols.mission.read_back import compare_missions
+from gcs.link.protocols.mission.receiver import MissionReceiver
+from gcs.link.protocols.mission.rules import MissionRefused
+from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Station
 from gcs.mavlink import MissionResult

@@ -11,9 +11,9 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import check_fleet
-from gcs.mission.check.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.any_mission import load_missions
-from gcs.mission.formats.foreign.oddities import Odd
+from gcs.mission.formats.vendor_quirks import Odd
 from gcs.mission.model import Home
 from gcs.mission.predicted.planned_flight import surroundings
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.nlp.program.transcription import Program
+from gcs.plan.nlp.transcription import Program
 
 
 def assert_casadis_own(program: Program, at_y: Array) -> None:

@@ -6,11 +6,11 @@ from typing import Any
 
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.legs.leg_routes import routes_through
-from gcs.plan.search.legs.leg_schedule import on_time
+from gcs.plan.search.leg_routes import routes_through
+from gcs.plan.search.leg_schedule import on_time
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import with_changes_of_route
+from gcs.scenario.values.si import with_changes_of_route
 from tests.unit.plan.problems import meadow
 
 CORNERS = ([60.0, 20.0, 6.0], [60.0, 60.0, 8.0])  # north, east, up, m

@@ -11,7 +11,7 @@ import numpy as np
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import RoutePoint
-from gcs.scenario.si import NED_FROM_UP
+from gcs.scenario.values.si import NED_FROM_UP
 
 
 def with_route(plan: Plan, points: Mapping[float, Mapping[str, Any]], *, loops: int = 1) -> Plan:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.plan.formation.changes.timeline import in_turn, lay, stops_ned_m
+from gcs.plan.formation.timeline import in_turn, lay, stops_ned_m
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search import shape_schedule
@@ -17,7 +17,7 @@ from gcs.plan.search.routes import find_routes, survey
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m
+from gcs.scenario.values.si import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, SWAPPED, TO_ROW, TURN, at, auto, fleet, gap
 
 SWAP = {"kind": "reshape", "to": "b", "assignment": "fixed"}

@@ -16,7 +16,7 @@ from gcs.plan.nlp import ipopt as solve_module
 from gcs.plan.nlp import mesh_refinement
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh import Mesh, end_refined
-from gcs.plan.nlp.program.transcription import Program, transcribe
+from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.scenario.schema.scenario import Scenario

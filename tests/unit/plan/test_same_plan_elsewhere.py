@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.plan.plan_file import read_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import read_plan
 from tests.machines import OLDEST, OTHERS, environment
 
 PLAN = """
 import sys
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.plan_file import save_plan
 from gcs.plan.verification.verify import verify
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 if __name__ == "__main__":
     plan = make_plan(load_scenario(sys.argv[1]), workers=int(sys.argv[3]))
     report = verify(plan)

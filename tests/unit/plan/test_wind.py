@@ -22,9 +22,9 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.ground_phases import vertical
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import quadrotor, steady_wind
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.values.si import quadrotor, steady_wind
 from tests.unit.plan.problems import changed, meadow
 
 ROOM = {"north_m": [-20.0, 80.0], "east_m": [-40.0, 60.0]}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.mission.failsafe.fence_rally import build_fence
+from gcs.mission.returns.fence_rally import build_fence
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import ScenarioError
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from tests.unit.scenario.variants import formation_text
 
 Told = Callable[[str], list[str]]

@@ -8,12 +8,12 @@ from functools import lru_cache
 import numpy as np
 
 from gcs.physics.quadrotor import Array, Quadrotor
-from sim_bridge.dynamics.body import presets
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.dynamics.body.sensors import SensorGrade
-from sim_bridge.dynamics.body.wind_field import CALM, Wind
-from sim_bridge.dynamics.control.lqr_gains import ControlLimits
-from sim_bridge.dynamics.control.reference import Reference, hold
+from sim_bridge.dynamics import presets
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.lqr_gains import ControlLimits
+from sim_bridge.dynamics.reference import Reference, hold
+from sim_bridge.dynamics.sensors import SensorGrade
+from sim_bridge.dynamics.wind_field import CALM, Wind
 
 # Turns its roll rate by at most 0.17 rad/s², lifts 1.06 times its weight.
 F150, F150_LIMITS = presets.F150.quadrotor, presets.F150.limits

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Ability, Navigator, NavigatorOrders
+from gcs.autopilots.waypoint_models.navigator import Ability, Navigator, NavigatorOrders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
@@ -15,9 +15,9 @@ from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import PieceBatch
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.dynamics.body.presets import FIELD
-from sim_bridge.dynamics.body.sensors import GRADES
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.presets import FIELD
+from sim_bridge.dynamics.sensors import GRADES
 from sim_bridge.personality import Intent, Personality
 from tests.unit.sim_bridge.bodies import settings_of
 from tests.unit.sim_bridge.flights import flat_ground

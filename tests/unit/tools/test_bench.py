@@ -8,7 +8,7 @@ import pytest
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.program.transcription import transcribe
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.variables import ControlForm
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import LIFT

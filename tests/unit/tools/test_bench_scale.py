@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from gcs.plan.nlp.mesh import end_refined
-from gcs.plan.nlp.program.transcription import Program, transcribe
+from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.initial_guess import along, straight_route
 from tools.bench.memory import peak_mb

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.mission_protocol.strategy import Transfer
+from gcs.link.protocols.mission.strategy import Transfer
 from tests.air import Air, Weather, mission_of
 from tools.bench_upload import cell
 

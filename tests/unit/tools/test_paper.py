@@ -14,7 +14,7 @@ import pytest
 from matplotlib import image
 
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from tools.paper import figures, page, peers, sentences, unstated
 from tools.paper.swarm import POINTS, Search
 from tools.paper.track import turns

@@ -13,7 +13,7 @@ import pytest
 
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from tools.paper.sentences import judge
 from tools.paper.track import Track
 from tools.paper.unstated import HEADING_SCALE, VALUES, value_of, with_value

@@ -15,13 +15,13 @@ from gcs.mission.drawings.drawing import Drawing, LeftOut, Place, sentences, tid
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTable, AreaTables, area_tables
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
 from gcs.physics.quadrotor import Array
-from gcs.scenario.formations import places_up_m, turned
-from gcs.scenario.load import load_vehicle
-from gcs.scenario.mistakes.mistake import degrees
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
-from gcs.scenario.template import FirstFlight
-from gcs.scenario.vehicle_types import preset_file
+from gcs.scenario.schema.mistake import degrees
+from gcs.scenario.schema.vehicle_types import preset_file
+from gcs.scenario.sources.load import load_vehicle
+from gcs.scenario.sources.template import FirstFlight
+from gcs.scenario.values.formations import places_up_m, turned
 
 _TYPE = "quad500"  # of the template
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed

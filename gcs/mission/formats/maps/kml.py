@@ -22,8 +22,8 @@ from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile, MapPoint, Track, checked, checked_points
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
-from gcs.reading.archives import BadArchive, read_member
-from gcs.reading.bounded_file import MIB, in_mib
+from gcs.util.archives import BadArchive, read_member
+from gcs.util.bounded_file import MIB, in_mib
 
 _NAMES = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 _DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'

@@ -13,7 +13,7 @@ import numpy as np
 from gcs.frames import ned_to_geodetic
 from gcs.mission.geofence import NO_FENCE, Geofence
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

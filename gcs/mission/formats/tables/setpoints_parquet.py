@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
 from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile, from_table, to_table
-from gcs.reading.bounded_parquet import open_parquet
+from gcs.util.bounded_parquet import open_parquet
 
 _KEY = b"skein.setpoints"
 _TYPES = {name: pa.int32() if name == "sysid" else pa.float64() for name in COLUMNS}

@@ -14,13 +14,13 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.constraints.formation_checks import expected_places
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
-from gcs.plan.verification.formation_checks import expected_places
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, total
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
-from gcs.scenario.si import NED_FROM_UP
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.scenario.values.si import NED_FROM_UP
 
 _STILL_MPS = 1e-6  # the shape stands still between two legs
 

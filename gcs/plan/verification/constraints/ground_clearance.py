@@ -21,7 +21,7 @@ from gcs.plan.verification.proof.ground_patches import GroundPatches
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.terrain import ground_height_m
 
 PAD_SHARE = 0.25  # of the height above the pad: the slope of the ground may be 75 degrees

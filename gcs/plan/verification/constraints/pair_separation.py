@@ -18,7 +18,7 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_table
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Cells, Constraint, Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.convex_pieces import Convex, Disk
 from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m

@@ -19,8 +19,8 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, total
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.verdict import LIMIT_TOLERANCE
-from gcs.scenario.si import torque_limits
+from gcs.plan.verification.proof.verdict import LIMIT_TOLERANCE
+from gcs.scenario.values.si import torque_limits
 
 ORDER = 2
 _RESOLUTION = 2.5e-4

@@ -11,9 +11,9 @@ import numpy as np
 
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.environment.heightmap import Relief, packed
-from gcs.scenario.load import load_scenario
+from gcs.scenario.schema.heightmap import Relief, packed
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet, gap
 from tests.unit.plan.problems import meadow
 

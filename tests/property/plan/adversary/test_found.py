@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.shape import joined, rigid
+from gcs.plan.formation.timeline import Move
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Check, verify
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from tests.property.plan.adversary import humps
 from tests.property.plan.adversary.missions import STAIRS, mission
 from tests.property.plan.adversary.oracle import CLEARANCE, HEADING, PAD, Oracle, window
@@ -152,8 +152,8 @@ def test_a_vehicle_out_of_its_way_during_a_change() -> None:
 def reshaped(plan: Plan, after: Array, move: Move) -> Plan:
     """The flight with another shape after its change, reached on straight ways in the same time."""
     from gcs.plan import planner
-    from gcs.plan.formation.changes.transforms import straight
     from gcs.plan.formation.shape import stretched
+    from gcs.plan.formation.transforms import straight
 
     before = plan.shape.at(0.0)
     parts = [rigid(before, 0.0, move.start_s)] if move.start_s > 0.0 else []

@@ -16,12 +16,12 @@ import pytest
 from rich.console import Console
 
 from gcs.cli.flights.flight_table import AS_REPORTED, FlightTable, metres, worst_of_each_column
-from gcs.flight.options import FlightOptions
-from gcs.flight.progress import FlightPart, InFlight, NearestPair, Snapshot, Step, VehicleNow
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.progress import FlightPart, InFlight, NearestPair, Snapshot, Step, VehicleNow
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.scenario.environment.no_fly import nearest_zone_m
 from gcs.scenario.environment.terrain import ground_height_m

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from gcs.cli.flights.fly_view import _line, _skew_text, _waiting
-from gcs.flight.progress import Snapshot
+from gcs.flight.monitoring.progress import Snapshot
 from gcs.flight.run import _skew
 
 

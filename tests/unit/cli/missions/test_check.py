@@ -11,8 +11,8 @@ import pytest
 
 from gcs.cli import main
 from gcs.cli.missions.check import FINDINGS
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 
 PLANNED = ("--timing", "planned")

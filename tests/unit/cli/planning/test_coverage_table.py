@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 import shapely
 
-from gcs.cli.console import Screen
 from gcs.cli.planning.plan_tables import say_coverage
+from gcs.cli.shared.console import Screen
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.survey import coverage as room
-from gcs.plan.verification.survey.coverage import coverage
+from gcs.plan.verification import coverage as room
+from gcs.plan.verification.coverage import coverage
 from gcs.scenario.schema.scenario import SurveyTable
 
 SQUARE = ((-100.0, -100.0), (-100.0, 100.0), (100.0, 100.0), (100.0, -100.0))

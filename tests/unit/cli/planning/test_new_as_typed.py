@@ -11,9 +11,9 @@ import pytest
 
 from gcs.cli import main
 from gcs.cli.planning import new
-from gcs.scenario import si
-from gcs.scenario.load import load_scenario
-from gcs.scenario.template import SHAPES
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.sources.template import SHAPES
+from gcs.scenario.values import si
 
 
 def gcs(line: str) -> int:

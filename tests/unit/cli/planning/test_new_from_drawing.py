@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs.cli import main
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 
 DRAWN = Path(__file__).parents[2] / "mission" / "drawings" / "files"
 

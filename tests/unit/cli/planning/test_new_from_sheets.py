@@ -11,9 +11,9 @@ import pytest
 from gcs.cli import main
 from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.reading.bounded_file import POSITION_SHEET
-from gcs.scenario import si
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.values import si
+from gcs.util.bounded_file import POSITION_SHEET
 
 HEAD = "number,name,x,y,z"
 GRID = [(n, 2.5 * (n % 8) - 8.75, 2.5 * (n // 8) - 5.0, 0.0) for n in range(40)]

@@ -10,7 +10,7 @@ import shapely
 
 from gcs.cli import main
 from gcs.frames import Origin, place_up_m
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 
 OUTLINE = [[8.545, 47.397], [8.5476, 47.3972], [8.5474, 47.3988], [8.5452, 47.3986], [8.545, 47.397]]
 POND = [[8.5460, 47.3978], [8.5463, 47.3979], [8.5462, 47.3982], [8.5460, 47.3978]]

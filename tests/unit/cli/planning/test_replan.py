@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs.cli import main
-from gcs.plan.trajectory.plan_file import load_plan, save_plan
+from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import meadow

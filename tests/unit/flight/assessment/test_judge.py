@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from gcs.flight.assessment.judge import GROUND_SEPARATION, Criterion, Truth, Verdict, judge
-from gcs.flight.progress import FlightTimes
+from gcs.flight.monitoring.progress import FlightTimes
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m

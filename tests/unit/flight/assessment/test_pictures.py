@@ -13,16 +13,16 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
 
-from gcs.flight.assessment.flight_plot import draw_formation, draw_map
-from gcs.flight.assessment.overview_plot import draw_plan, draw_scenario, seen, shapes_of
-from gcs.flight.assessment.pictures.tracks_view import close_ups, draw_tracks
-from gcs.flight.assessment.replay_plot import draw_recording
-from gcs.flight.progress import Event
+from gcs.flight.monitoring.progress import Event
+from gcs.flight.plots.flight_plot import draw_formation, draw_map
+from gcs.flight.plots.overview_plot import draw_plan, draw_scenario, seen, shapes_of
+from gcs.flight.plots.replay_plot import draw_recording
+from gcs.flight.plots.tracks_view import close_ups, draw_tracks
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.formation.changes.timeline import Move
+from gcs.plan.formation.timeline import Move
+from gcs.plan.plan_file import load_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan
 from gcs.scenario.schema.ground_tables import NoFlyZone
 from gcs.scenario.schema.scenario import PlannedWind
 from tests.real_flights import FOLDER

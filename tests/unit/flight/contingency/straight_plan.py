@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from gcs.flight.monitor import VehicleView
+from gcs.flight.monitoring.monitor import VehicleView
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 

@@ -20,9 +20,9 @@ from gcs.flight.contingency.manoeuvres import (
     return_reference,
     spread_reference,
 )
-from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory
-from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
+from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory
+from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone

@@ -12,9 +12,9 @@ from gcs.flight.contingency import ordered_tracks
 from gcs.flight.contingency.manoeuvres import MotionReference
 from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import Action, Order
-from gcs.flight.monitor import VehicleView
-from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion
-from gcs.mission.failsafe.rtl_cases import ReturnSpeeds
+from gcs.flight.monitoring.monitor import VehicleView
+from gcs.mission.returns.routed_motion import PiecewiseMotion
+from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from tests.unit.flight.contingency.straight_plan import straight_plan, yaw_rad
 

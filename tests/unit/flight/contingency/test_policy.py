@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gcs.flight.contingency.decisions import ContingencyPolicy, applying_row
 from gcs.flight.contingency.detection import DETECTED, Incident, IncidentKind
+from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.policy import (
     AGAIN_S,
     CLEAR_S,
@@ -28,7 +29,6 @@ from gcs.flight.contingency.policy import (
     Trigger,
 )
 from gcs.flight.contingency.policy_rows import POLICY
-from gcs.flight.energy.energy_choice import Outcome
 
 FOUR = (1, 2, 3, 4)
 FINAL = frozenset({State.LANDING, State.LEFT, State.LOST})

@@ -13,12 +13,12 @@ from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.manoeuvres import return_reference
 from gcs.flight.recording.tlog import load_tlog
 from gcs.frames import geodetic_to_ned
-from gcs.mission.failsafe.fence_areas import inclusion_corners, planned_places_m
-from gcs.mission.failsafe.return_routes import ReturnRoutes
-from gcs.mission.failsafe.rtl_altitudes import plan_returns
+from gcs.mission.returns.fence_areas import inclusion_corners, planned_places_m
+from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 from tests.real_flights import Flight, unpacked
 
 CALLED_UNIX_S, CALLED_S = 1795332673.842, 55.205  # `gcs attach --return`: on the wall, and in plan time

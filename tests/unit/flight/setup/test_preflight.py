@@ -9,16 +9,16 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.errors import FlightError
+from gcs.flight.monitoring.preflight_check import refuse_no_go
 from gcs.flight.setup.preflight import battery_needed, preflight
-from gcs.flight.setup.preflight_check import refuse_no_go
 from gcs.frames import ned_to_geodetic
-from gcs.link.microservices.timesync import TimeSample
+from gcs.link.protocols.timesync import TimeSample
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.schema.scenario import Power
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 
 
 def place(plan, ned_m):

@@ -14,18 +14,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from gcs.cli.console import Screen, to_json
 from gcs.cli.flights.fly_view import checks_table, show_checks
 from gcs.cli.flights.vehicles import _data, _show, _tell_silent
+from gcs.cli.shared.console import Screen, to_json
 from gcs.errors import FlightError
+from gcs.flight.monitoring.preflight_check import CHECKS, NOT_REPORTED, checks_data, complete, refuse_no_go, waive
 from gcs.flight.setup.preflight import preflight
-from gcs.flight.setup.preflight_check import CHECKS, NOT_REPORTED, checks_data, complete, refuse_no_go, waive
 from gcs.frames import ned_to_geodetic
-from gcs.link.microservices.timesync import TimeSample
+from gcs.link.protocols.timesync import TimeSample
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 
 # Every field of a report that may be missing, and the checks that fail without it.
 FAILS = {

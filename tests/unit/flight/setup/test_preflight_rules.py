@@ -10,9 +10,9 @@ from pydantic import ValidationError
 
 from gcs.cli.main import run
 from gcs.errors import FlightError, UsageError
+from gcs.flight.monitoring.preflight_check import CHECKS, PreflightCheck, known_checks, refuse_no_go, waive
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
 from gcs.flight.setup.preflight import compare_capacity, nominal_V, preflight
-from gcs.flight.setup.preflight_check import CHECKS, PreflightCheck, known_checks, refuse_no_go, waive
 from gcs.link.session.status_report import VehicleReport
 from gcs.mavlink_names import SENSORS, sensor_names
 from gcs.plan.trajectory.plan import Plan

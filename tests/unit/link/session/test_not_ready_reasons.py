@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gcs.autopilots.traits import Autopilot, link_behaviour
-from gcs.link.microservices.statustext import VehicleTexts
+from gcs.link.protocols.statustext import VehicleTexts
 from gcs.link.wire.message import Message
 
 

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.cli.flights.vehicles import health
 from gcs.errors import PeerTimeout
-from gcs.flight.monitor import VehicleView
-from gcs.flight.options import FlightOptions
-from gcs.flight.sequence.takeoff_landing import FlightVehicle, lacks, until_ready
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.takeoff_landing import FlightVehicle, lacks, until_ready
+from gcs.flight.monitoring.monitor import VehicleView
 from gcs.link.session.status_report import FRESH_S, VehicleReport, newest_message, status_report
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec

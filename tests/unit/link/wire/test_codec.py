@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
-from gcs.link.mission_protocol.item_messages import item_from_message, item_to_message
+from gcs.link.protocols.mission.item_messages import item_from_message, item_to_message
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.mission.model import MissionItem

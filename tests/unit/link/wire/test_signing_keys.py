@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.cli.shared_options import connection
+from gcs.cli.shared.shared_options import connection
 from gcs.errors import UsageError
 from gcs.link.wire.signing_keys import load_key, signing_with
 

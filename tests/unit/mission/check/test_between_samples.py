@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gcs.mission.check.between_samples import bound_along, clearance_along, outside_along, parts_beside
 from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation, check_zones
-from gcs.mission.check.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.predicted.closest_approach import closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array

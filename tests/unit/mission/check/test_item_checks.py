@@ -16,8 +16,8 @@ from gcs.cli.main import run
 from gcs.mavlink import MavCommand
 from gcs.mission.check.findings import Finding, Level, Rule, worst
 from gcs.mission.check.fleet_check import check_fleet
-from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import check_items
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.model import MissionItem
 from tests.unit.mission.fleets import FLAT, at, do, mission, out_and_land, speed

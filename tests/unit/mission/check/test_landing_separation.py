@@ -15,7 +15,6 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission.check.findings import Rule
 from gcs.mission.check.fleet_check import check_fleet
-from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.landing_separation import (
     LandingDescent,
     closest_in_descent,
@@ -23,6 +22,7 @@ from gcs.mission.check.landing_separation import (
     refuse_close_landing,
 )
 from gcs.mission.export.export import export
+from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.planned_flight import Surroundings, fly
 from gcs.plan.trajectory.plan import Plan

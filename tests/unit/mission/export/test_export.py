@@ -30,7 +30,7 @@ from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 
 
 def contents(folder: Path) -> dict[str, bytes]:

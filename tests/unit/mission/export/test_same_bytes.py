@@ -12,15 +12,15 @@ from pathlib import Path
 
 import pytest
 
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from tests.machines import OLDEST, OTHERS, environment
 
 EXPORT = """
 import sys
 from gcs.mission.export.export import export
-from gcs.plan.trajectory.plan_file import load_plan
+from gcs.plan.plan_file import load_plan
 plan, report = load_plan(sys.argv[1])
 smooth_m = float(sys.argv[3]) or None
 export(plan, sys.argv[2], formats=["all"], setpoint_rate_hz=5.0, report=report, smooth_m=smooth_m)

@@ -11,10 +11,10 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
-from gcs.mission.check.flight_limits import limits_of
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.export.mission_files import verify_box
+from gcs.mission.flight_limits import limits_of
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.registry import Format, select_formats
 from gcs.mission.geofence import NO_FENCE

@@ -11,9 +11,9 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_plan import read_mission, write_mission
+from gcs.mission.formats.vendor_quirks import Odd
 from gcs.mission.geofence import NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 

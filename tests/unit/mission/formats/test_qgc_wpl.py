@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.mission.formats.foreign.table_rows import HEADER
 from gcs.mission.formats.qgc_wpl import WaypointFile, read_waypoints, write_waypoints
+from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.model import Home, MissionItem
 
 HOME = Home(-35.363262, 149.165237, 584.09)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.mission.formats.foreign.table_rows import HEADER
 from gcs.mission.formats.qgc_wpl import read_fence, read_rally, write_fence, write_rally
+from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint, fence_items, rally_items
 
 SQUARE = tuple(GeoPoint(473970000 + north, 85450000 + east) for north, east in ((0, 0), (9, 0), (9, 9), (0, 9)))

@@ -21,8 +21,8 @@ from gcs.mission.waypoints.timed_legs import Gate, TimedLegs
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.load import load_scenario
-from gcs.scenario.si import local_origin
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.values.si import local_origin
 from tests.bridge.flying import hop_scenario
 from tests.unit.plan.verification.constraints.even_flights import even
 

@@ -9,7 +9,7 @@ from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.plan import Phase, Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m
+from gcs.scenario.values.si import offsets_ned_m
 from tests.unit.plan.problems import meadow
 
 FLIGHT_S = 48.0

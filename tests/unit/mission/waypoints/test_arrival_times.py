@@ -17,9 +17,9 @@ from gcs.flight.setup.build_loads import build_loads
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.export.mission_files import MissionOrder, make_missions
-from gcs.mission.failsafe.fence_rally import build_safety
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.model import Altitude, Command
+from gcs.mission.returns.fence_rally import build_safety
 from gcs.mission.waypoints.arrival_times import (
     _Attempt,
     _gate_samples,

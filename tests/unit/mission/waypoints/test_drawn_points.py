@@ -15,7 +15,7 @@ from gcs.mission.waypoints.mission_items import ROUNDING_M, build_missions, time
 from gcs.mission.waypoints.timed_legs import with_drawn_points
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 from tests.unit.plan.routed import with_route
 
 DRAWN_S = (7.03, 23.48, 40.0)

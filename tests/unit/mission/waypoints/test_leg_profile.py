@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.predict import Prediction
+from gcs.autopilots.waypoint_models.predict import Prediction
 from gcs.mission.machine_independent import ORDER_GRID
 from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, leg_profile
 from gcs.physics.quadrotor import Array

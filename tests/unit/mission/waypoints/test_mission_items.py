@@ -23,7 +23,7 @@ from gcs.mission.waypoints.timed_legs import Gate, TimedLegs
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.si import local_origin
+from gcs.scenario.values.si import local_origin
 from tests.unit.mission.waypoints.small_flights import stop_and_go
 
 

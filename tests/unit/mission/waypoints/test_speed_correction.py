@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.predict import predict
 from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.waypoint_models.predict import predict
 from gcs.mission.machine_independent import ORDER_GRID
 from gcs.mission.waypoints.speed_correction import SHARES, correct, leg_profile
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.autopilots.navigation.predict import Prediction
-from gcs.mission.check.flight_limits import limits_of
+from gcs.autopilots.waypoint_models.predict import Prediction
+from gcs.mission.flight_limits import limits_of
 from gcs.mission.waypoints import arrival_times
 from gcs.mission.waypoints.arrival_times import TerrainRaise
 from gcs.mission.waypoints.placement import short_of_m

@@ -13,9 +13,6 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.time_scaling import Budget, budget
-from gcs.plan.formation.changes.timeline import lay
-from gcs.plan.formation.changes.transforms import rotation, straight
 from gcs.plan.formation.coordinates import (
     Coordinate,
     Name,
@@ -26,9 +23,12 @@ from gcs.plan.formation.coordinates import (
     target_ned_m,
 )
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
+from gcs.plan.formation.time_scaling import Budget, budget
+from gcs.plan.formation.timeline import lay
+from gcs.plan.formation.transforms import rotation, straight
 from gcs.plan.search.shape_schedule import automatic_moves
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m
+from gcs.scenario.values.si import offsets_ned_m, shape_offsets_ned_m
 from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet
 
 NAMES: tuple[Name, ...] = get_args(Name)

@@ -11,7 +11,6 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, derivative
-from gcs.plan.formation.changes.transforms import rotation, shrinking
 from gcs.plan.formation.followers import (
     BEND_S,
     follower_states_and_controls,
@@ -19,6 +18,7 @@ from gcs.plan.formation.followers import (
     rounded_thrust,
 )
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
+from gcs.plan.formation.transforms import rotation, shrinking
 
 Q = Quadrotor(
     mass_kg=2.0,

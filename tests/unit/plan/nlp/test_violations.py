@@ -10,8 +10,8 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.transforms import straight as straight_leg
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
+from gcs.plan.formation.transforms import straight as straight_leg
 from gcs.plan.nlp.violations import (
     Violation,
     accel_reserve_mps2,

@@ -11,10 +11,10 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import VELOCITY, Array, derivative
-from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.coordinates import composed
+from gcs.plan.formation.timeline import lay
 from gcs.plan.nlp.mesh import end_refined
-from gcs.plan.nlp.program.transcription import transcribe
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import FOOT, LIFT, NEAR_GROUND, NEAR_ZONE, SLOT, active_vehicles, offsets_at
 from gcs.plan.ocp.problem import Problem, flight_problem

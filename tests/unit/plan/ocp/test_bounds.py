@@ -10,9 +10,9 @@ import pytest
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.followers import follower_states_and_controls
 from gcs.plan.formation.shape import rigid
+from gcs.plan.formation.timeline import lay
 from gcs.plan.ocp.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.scenario.schema.scenario import Scenario

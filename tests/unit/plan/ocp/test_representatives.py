@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.timeline import lay
+from gcs.plan.formation.timeline import lay
 from gcs.plan.ocp.objective_sum import cost_shares, term_cost
 from gcs.plan.ocp.objectives import TERMS
 from gcs.plan.ocp.problem import Problem, flight_problem

@@ -17,13 +17,13 @@ from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.nlp.ipopt import run
 from gcs.plan.nlp.mesh import counted
 from gcs.plan.ocp.problem import flight_problem
+from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.replanning.parametric_nlp import parametric_nlp
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.replanning.warm_start import multipliers
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan, save_plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.no_fly import outside_m

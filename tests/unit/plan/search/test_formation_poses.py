@@ -9,7 +9,7 @@ from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.formation_poses import REPRESENTATIVES, floor_m, poses, representatives
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m
+from gcs.scenario.values.si import offsets_ned_m
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, block, fleet
 
 

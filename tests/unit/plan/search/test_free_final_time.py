@@ -9,7 +9,7 @@ import pytest
 
 from gcs.errors import Infeasible
 from gcs.plan.nlp.mesh import end_refined
-from gcs.plan.nlp.program.transcription import transcribe
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.free_final_time import with_free_time

@@ -14,7 +14,7 @@ from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.exact_checks import exact_checks
-from gcs.plan.verification.verdict import Check
+from gcs.plan.verification.proof.verdict import Check
 from tests.unit.plan.problems import changed
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.navigation_margins import navigation_in_words, thin_margins
-from gcs.plan.verification.verdict import Check, NearestZone, Report
-from gcs.scenario.navigation_error import navigation_error
+from gcs.plan.verification.proof.verdict import Check, NearestZone, Report
+from gcs.scenario.values.navigation_error import navigation_error
 from tests.unit.plan.problems import changed
 
 

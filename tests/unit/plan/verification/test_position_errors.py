@@ -15,7 +15,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.position_errors import DEVIATIONS, SIGMA, climb_separation_m, separation_left
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.dynamics.body.sensors import GRADES
+from sim_bridge.dynamics.sensors import GRADES
 
 
 def with_sensors(plan: Plan, grade: str) -> Plan:

@@ -7,7 +7,7 @@ import pytest
 
 from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 
 
 @pytest.mark.parametrize("name", ["simulation1", "simulation2", "gap", "ridge"])

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import ground_distance_m
-from gcs.scenario.environment.heightmap import Relief, packed
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.heightmap import Relief, packed
 from gcs.scenario.schema.scenario import Mountains, Ripple, Scenario, Terrain
 
 CELL_M = 4.0

@@ -6,8 +6,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from gcs.scenario.load import load_vehicle
-from gcs.scenario.vehicle_types import preset_file, with_vehicle
+from gcs.scenario.schema.vehicle_types import preset_file, with_vehicle
+from gcs.scenario.sources.load import load_vehicle
 
 PAGE = Path(__file__).resolve().parents[4] / "docs" / "scenario.md"
 

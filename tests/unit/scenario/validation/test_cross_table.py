@@ -9,10 +9,17 @@ from typing import Any
 
 import pytest
 
-from gcs.scenario.mistakes import unit_guesses
-from gcs.scenario.mistakes.mistake import dotted
+from gcs.scenario.schema.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation import boundaries, cross_table, formation_rules, route_rules, vehicle_rules, zone_rules
+from gcs.scenario.validation import (
+    boundaries,
+    cross_table,
+    formation_rules,
+    route_rules,
+    unit_guesses,
+    vehicle_rules,
+    zone_rules,
+)
 from gcs.scenario.validation.cross_table import check
 from tests.unit.scenario.variants import violated, with_tables
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.scenario.mistakes.mistake import Mistake
+from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check, least_acceleration_mps2
 from tests.unit.scenario.variants import Data, changed, counted, counted_scenario, with_changes

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gcs.scenario.mistakes.mistake import dotted
+from gcs.scenario.schema.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
 from tests.unit.scenario.validation.orchard import orchard

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.scenario.mistakes.mistake import dotted
+from gcs.scenario.schema.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
 from tests.unit.scenario.validation.orchard import orchard

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import quadrotor
 from gcs.scenario.validation.vehicle_rules import RULES, hover_share
+from gcs.scenario.values.si import quadrotor
 from tests.unit.scenario.variants import Data, violated, with_tables
 
 HEAVY = "cannot hover: the weight is 4.90 N (vehicle.mass_kg = 0.5), and it must lie between the two thrusts"

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from gcs.errors import ScenarioError
-from gcs.scenario.load import load_scenario
-from gcs.scenario.mistakes.mistake import dotted
+from gcs.scenario.schema.mistake import dotted
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.validation.cross_table import check
 from tests.unit.scenario.validation.orchard import orchard
 

@@ -7,8 +7,8 @@ import pytest
 
 from gcs.mavlink import LandedState
 from sim_bridge.autopilot.failsafe import Breach, Failsafe, Readings
+from sim_bridge.missions.fence import FenceShape
 from sim_bridge.personality import ARDUPILOT, PX4, Intent, Personality, Setting
-from sim_bridge.protocol.missions.fence import FenceShape
 from tests.unit.sim_bridge.bodies import HOME, OK, YAW, Body
 
 BOTH = pytest.mark.parametrize("personality", [ARDUPILOT, PX4], ids=lambda p: p.name)

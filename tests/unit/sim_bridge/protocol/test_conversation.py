@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from gcs.link.mission_protocol.item_messages import item_to_message
+from gcs.link.protocols.mission.item_messages import item_to_message
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.link.wire.signing import Signature, Signing, is_signed
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
-from gcs.scenario.load import load_scenario
-from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from gcs.scenario.sources.load import load_scenario
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import ARDUPILOT, PX4, Milestone, Personality
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 

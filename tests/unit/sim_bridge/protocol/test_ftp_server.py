@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, read_payload
-from gcs.link.mission_protocol.mission_dat import (
+from gcs.link.protocols.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, read_payload
+from gcs.link.protocols.mission.mission_dat import (
     HEADER,
     ITEM,
     MAGIC,
@@ -19,12 +19,12 @@ from gcs.link.mission_protocol.mission_dat import (
     read_mission_file,
     write_mission_file,
 )
-from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, FenceCommand, MissionType
 from gcs.mission.model import MissionItem
+from sim_bridge.missions.ftp_files import items_in
 from sim_bridge.personality import ARDUPILOT, PX4
-from sim_bridge.protocol.missions.ftp_files import items_in
 from tests.air import VEHICLE, Air, Weather, mission_of
 
 PATH = path_of(MissionType.MISSION)

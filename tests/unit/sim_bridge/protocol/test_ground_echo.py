@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.link.microservices.timesync import ping_answers
+from gcs.link.protocols.timesync import ping_answers
 from gcs.link.wire.message import Message
-from sim_bridge.protocol.traffic import BEHIND_S, PERIOD_S, UNANSWERED_PERIOD_S, GroundEcho
+from sim_bridge.sim.traffic import BEHIND_S, PERIOD_S, UNANSWERED_PERIOD_S, GroundEcho
 
 
 def asked(echo: GroundEcho, t_s: float) -> Message:

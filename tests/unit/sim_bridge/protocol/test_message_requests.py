@@ -11,7 +11,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MavCommand, MavResult, MessageId
 from gcs.mavlink_names import SENSORS
-from gcs.scenario.load import load_scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 from tests.replay.harness import Harness

@@ -13,7 +13,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from gcs.link.microservices.clock import VehicleClock
+from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message
 from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoint
 from sim_bridge.sim.world import Lockstep

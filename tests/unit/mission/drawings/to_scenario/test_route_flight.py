@@ -33,9 +33,9 @@ from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.registry import FORMATS, Content
 from gcs.mission.geofence import FenceCircle, Geofence, GeoPoint
 from gcs.mission.model import Home, MissionItem
-from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.template import scenario_text
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.sources.template import scenario_text
 
 FILES = Path(__file__).parents[1] / "files"
 HOME = Home(47.4, 8.5, 480.0)

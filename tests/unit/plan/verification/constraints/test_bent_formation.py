@@ -10,19 +10,19 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.coordinates import Name, composed
 from gcs.plan.formation.shape import Shape, rigid
+from gcs.plan.formation.timeline import lay
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints import bent_formation
+from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints.bent_formation import BentFormation
+from gcs.plan.verification.constraints.scheduled_shape import stretches
 from gcs.plan.verification.proof.subdivision import Proof, prove
-from gcs.plan.verification.scheduled_shape import stretches
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m
+from gcs.scenario.values.si import offsets_ned_m
 from tests.unit.plan.formations import COURSE, SHAPES, SHRINK, TO_FILE, TO_ROW, TURN, Planned, at, auto, fleet
 from tests.unit.plan.problems import changed
 

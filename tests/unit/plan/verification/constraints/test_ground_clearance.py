@@ -10,7 +10,7 @@ import pytest
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE
-from gcs.scenario.environment.heightmap import Relief, packed
+from gcs.scenario.schema.heightmap import Relief, packed
 from tests.unit.plan.problems import changed
 from tests.unit.plan.verification.constraints.even_flights import assert_margin, check_of, even
 

@@ -10,7 +10,7 @@ import pytest
 from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof import subdivision as module
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, prove
-from gcs.plan.verification.verdict import Check
+from gcs.plan.verification.proof.verdict import Check
 
 END_S = 8.0
 

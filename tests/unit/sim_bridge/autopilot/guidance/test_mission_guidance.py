@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
-from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.waypoint_models.calibration import ARDUPILOT, PX4
+from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.mission.model import Command, MissionItem
 from sim_bridge.autopilot.guidance.mission_guidance import fly_mission
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator, PiecePath

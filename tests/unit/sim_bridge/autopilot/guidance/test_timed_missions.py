@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.navigator import NavigatorOrders
-from gcs.autopilots.navigation.predict import passing_times
 from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.waypoint_models.navigator import NavigatorOrders
+from gcs.autopilots.waypoint_models.predict import passing_times
 from gcs.mission.waypoints.arrival_times import corrected_legs
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan

@@ -1,0 +1,395 @@
+"""Detects incidents during a flight and carries out the orders of the contingency policy."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gcs.autopilots.columns import FailsafeCause
+from gcs.errors import FlightError
+from gcs.flight.contingency.conflict_prediction import SeparationWatch
+from gcs.flight.contingency.decisions import ContingencyPolicy
+from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
+from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
+from gcs.flight.contingency.manoeuvres import MotionReference
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.order_book import StandingOrder
+from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
+from gcs.flight.contingency.policy import (
+    AIRBORNE,
+    IN_FORMATION,
+    NOT_OBEYED_AFTER,
+    USABLE_M,
+    Action,
+    Choices,
+    Order,
+    State,
+)
+from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.standstill import Standstill
+from gcs.flight.execution.streamer import Streamer
+from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
+from gcs.flight.monitoring.fleet_time import FleetTime
+from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.progress import Event
+from gcs.link.wire.message import Message
+from gcs.mission.returns.rtl_altitudes import ReturnPlan
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.energy import BatteryModel
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.values.navigation_error import judged_separation_m
+
+_PERIOD_S = 0.1  # of fleet time between two checks
+_SLEEP_S = 0.005
+_REJOIN_S = 8.0
+
+
+class ContingencyExecutor:
+    """Watches a flight from take-off to landing. `over` is set once no vehicle flies the plan any more."""
+
+    def __init__(
+        self,
+        *,
+        plan: Plan,
+        vehicles: Mapping[int, FlightVehicle],
+        monitor: Monitor,
+        streamer: Streamer,
+        time: FleetTime,
+        returns: ReturnPlan,
+        model: BatteryModel,
+        carrier: OrderCarrier,
+        options: FlightOptions,
+        on_event: Callable[[Event], None],
+    ) -> None:
+        self.policy = ContingencyPolicy(
+            plan.sysids,
+            plan.sysids[plan.leader],
+            Choices(options.on_loss, options.on_leader_loss, options.follow),
+        )
+        self.over = asyncio.Event()
+        self._plan = plan
+        self._vehicles = vehicles
+        self._monitor = monitor
+        self._streamer = streamer
+        self._time = time
+        self.returns = returns
+        self._options = options
+        self._on_event = on_event
+        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario))
+        self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in vehicles.items()}
+        self._now_s = -math.inf  # fleet time, computed once for many messages
+        self._returning: dict[int, WayBack] = {}
+        self._carrier = carrier
+        self._charge = ChargeWatch(plan, EnergyAdviser(plan, model, returns, self._way_m, monitor.expected.profiles))
+        self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
+        self._tracks = OrderedTracks(plan, returns, self._chosen)
+        self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
+        self._standstill = Standstill(
+            plan, vehicles, monitor, streamer, time, self._tracks.routes, options, lambda: self.policy.states
+        )
+        self._told: set[tuple[int, IncidentKind]] = set()
+        self._began_s = math.nan
+
+    def _watch(self, vehicle: FlightVehicle) -> VehicleWatch:
+        return VehicleWatch(vehicle.sysid, vehicle.behaviour, self._options.limits, math.inf, self._plan_modes(vehicle))
+
+    def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
+        m = vehicle.behaviour
+        return frozenset({m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided})
+
+    def starts(self) -> None:
+        """The vehicles take off: in trouble they land on their pads, and `run` raises FlightError."""
+        self.policy.begin(starting=True)
+        for vehicle in self._vehicles.values():
+            m = vehicle.behaviour
+            vehicle.view.stands_on(self._plan.pads_ned_m[vehicle.row])
+            self._watches[vehicle.sysid].order(m.armed_in, m.guided, m.mission, *m.takeoff_modes)
+
+    def flies(self) -> None:
+        """T0 is known: from now on the vehicles fly the plan."""
+        self.policy.begin(starting=False)
+        for vehicle in self._vehicles.values():
+            self._watches[vehicle.sysid].obeys = self._plan_modes(vehicle)
+
+    async def run(self) -> None:
+        """Detect, decide and order until cancelled. Raises FlightError for trouble before T0."""
+        self._time.hold()
+        began_s = self._now_s = self._began_s = self._time.sure_s()
+        stops = [
+            vehicle.session.subscribe(self._listener(self._watches[vehicle.sysid]))
+            for vehicle in self._vehicles.values()
+        ]
+        for sysid, watch in self._watches.items():
+            watch.begin(began_s, self._vehicles[sysid].session.custom_mode)
+        checked_s = began_s
+        try:
+            while True:
+                await asyncio.sleep(_SLEEP_S)
+                now_s = self._time.now_s()
+                self._now_s = self._now_s if now_s is None else now_s
+                starting = State.STARTING in self.policy.states.values()
+                if self._standstill.reads(checked_s):
+                    continue
+                if now_s is not None and now_s - checked_s >= _PERIOD_S and (starting or self._t0_known):
+                    checked_s = now_s
+                    self._tell_clocks(now_s)
+                    self._check(now_s, self._plan_time_s(now_s))
+                    if starting and self.policy.troubles:
+                        raise FlightError(
+                            f"the start was aborted: {self.describe(self.policy.troubles[0])}.",
+                            hint="see events.jsonl in the flight's folder for incidents and orders",
+                        )
+        finally:
+            for stop in stops:
+                stop()
+
+    def never_heard(self, sysid: int) -> None:
+        """A vehicle was lost before this process began: no order for it, and none for the others because of it."""
+        self.policy.states[sysid] = State.LOST
+        self._watches[sysid].never_heard()
+
+    def return_all(self) -> None:
+        """Order all vehicles in the formation to return, as the operator requested."""
+        now_s = self._time.sure_s()
+        for order in self.policy.return_all(now_s):
+            self._carry_out(order, self._plan_time_s(now_s))
+
+    @property
+    def waits(self) -> bool:
+        """Whether the plan waits: this program stood still, and the vehicles are not led back yet."""
+        return self._standstill.open
+
+    def landing(self) -> None:
+        """The plan is over: from now on a landing mode is an ordered one."""
+        self._standstill.lands = True
+        for vehicle in self._vehicles.values():
+            self._watches[vehicle.sysid].order(vehicle.behaviour.land)
+
+    @property
+    def _t0_known(self) -> bool:
+        return self._monitor.t0_unix_s is not None
+
+    @property
+    def _t0_s(self) -> float:
+        assert self._monitor.t0_unix_s is not None
+        return self._monitor.t0_unix_s
+
+    def _plan_time_s(self, unix_s: float) -> float:
+        """Plan time; before T0 is known as if the take-off had begun on time."""
+        if self._monitor.t0_unix_s is not None:
+            return unix_s - self._monitor.t0_unix_s
+        return self._plan.t_start_s + unix_s - self._began_s
+
+    def describe(self, incident: Incident) -> str:
+        """An incident in words: "vehicle 2 was lost (silent for 10.1 s) at t = 12.3 s"."""
+        t_s = self._plan_time_s(incident.unix_s)
+        detail = f" ({incident.detail})" if incident.detail else ""
+        what = (
+            "was lost" if incident.kind is IncidentKind.VEHICLE_LOST else f"left the formation: {incident.kind.value}"
+        )
+        return f"vehicle {incident.sysid} {what}{detail} at t = {t_s:.1f} s"
+
+    def _listener(self, watch: VehicleWatch) -> Callable[[Message], None]:
+        def receive(message: Message) -> None:
+            watch.receive(message, self._now_s)
+
+        return receive
+
+    def _check(self, now_s: float, t_s: float) -> None:
+        excused_s = self._standstill.end_reading(now_s)
+        for sysid, watch in self._watches.items():
+            watch.excuse(excused_s, now_s)
+            watch.ours = self._standstill.ours(now_s)
+            if not self._vehicles[sysid].session.armed:
+                continue  # no incidents on the ground
+            error_m = self._monitor.views[sysid].error_m
+            watch.usable = not error_m > USABLE_M
+            self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
+            for incident in watch.look(now_s):
+                self._decide(self._with_energy(incident, t_s), t_s)
+        self._check_separation(now_s, t_s)
+        if not self._t0_known:
+            self._standstill.close()
+            return
+        t_s = self._standstill.end(now_s, t_s, self.policy, self._carrier.stands, self._note, self._carry_out)
+        for order in self.policy.clear(now_s):
+            self._carry_out(order, t_s)
+        for sysid, way in list(self._returning.items()):
+            view = self._monitor.views[sysid]
+            if self._carrier.stands(sysid):
+                continue
+            if way.has_arrived(view, t_s):
+                del self._returning[sysid]
+                self._start(sysid, "land", self._land(self._vehicles[sysid]))
+            elif way.is_left(view, self._t0_s, t_s):
+                track = self._track(way.order, self._vehicles[sysid], way.renewals + 1)
+                if track is not None:
+                    self._streamer.streamed[sysid].reference = track
+        formation = self.policy.in_formation
+        self._monitor.in_formation = [i for i in formation if self.policy.states[i] is State.FLYING]
+        if not formation:
+            self.over.set()
+
+    def _tell_clocks(self, now_s: float) -> None:
+        for change in self._time.changes():
+            self._note(now_s, self._plan_time_s(now_s), change.sysid, change.what, change.rule)
+
+    def _flown_s(self, sysid: int, t_s: float) -> float | None:
+        """The plan time that a vehicle flies; None if it does not fly the plan."""
+        return t_s if self._t0_known and self.policy.states[sysid] in IN_FORMATION else None
+
+    def _with_energy(self, incident: Incident, t_s: float) -> Incident:
+        """The incident with what the vehicle's energy allows, if it is one of the battery."""
+        kinds = IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL
+        of_battery = incident.kind is IncidentKind.FAILSAFE and str(FailsafeCause.BATTERY) in incident.detail
+        sysid, state = incident.sysid, self.policy.states[incident.sysid]
+        left_pct, view = self._watches[sysid].remaining_pct, self._monitor.views[sysid]
+        if not (incident.kind in kinds or of_battery) or state not in AIRBORNE or left_pct is None:
+            return incident
+        if not np.isfinite(view.position_ned_m).all():
+            return incident
+        limits = self._options.limits
+        low = incident.kind is IncidentKind.BATTERY_LOW
+        reserve_pct = float(limits.battery_critical_pct) if low else limits.battery_reserve_pct
+        flown_s = None if of_battery else self._flown_s(sysid, t_s)
+        heading = None if of_battery else self._heading.get(sysid)
+        choice = self._charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
+        same = sysid in self._chosen and self._chosen[sysid].chosen.outcome is choice.chosen.outcome
+        self._chosen[sysid] = choice
+        words = choice.short() if same else str(choice)
+        detail = f"{incident.detail}; {words}" if of_battery else words
+        return replace(incident, outcome=choice.chosen.outcome, detail=detail)
+
+    def _way_m(self, row: int, start: Array, end: Array) -> float:
+        """The length of a way round no-fly zones that begins now."""
+        del row
+        return self._tracks.routes.length_m(start, end, self._plan_time_s(self._now_s))
+
+    def _free_points(self, sysid: int) -> list[SafePoint]:
+        """Landing points of vehicles that are lost or have landed elsewhere, without any vehicle near them."""
+        points, apart_m = [], self._plan.scenario.limits.separation_min_m
+        for row, other in enumerate(self._plan.sysids):
+            place = self._plan.landing_points_ned_m[row]
+            gone = self.policy.states[other] is State.LOST or not self._vehicles[other].session.armed
+            views = (view for i, view in self._monitor.views.items() if i != sysid)
+            near = any(np.hypot(*(view.position_ned_m - place)[:2]) < apart_m for view in views)
+            if other != sysid and gone and not near:
+                points.append(SafePoint(f"landing point of vehicle {other}", place))
+        return points
+
+    def _check_separation(self, now_s: float, t_s: float) -> None:
+        states, views = self.policy.states, self._monitor.views
+        armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]
+        starting = [i for i, s in states.items() if s is State.STARTING]
+        # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
+        airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
+        self._monitor.watch_separation(airborne)
+        on_plan = [i for i in airborne if states[i] in IN_FORMATION and not self._standstill.gathers]
+        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting):
+            farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
+            higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
+            distance = f"{conflict.distance_m:.2f} m"
+            incident = Incident(
+                IncidentKind.CONFLICT, farther, now_s, distance, other=other, in_s=conflict.in_s, higher=higher
+            )
+            self._decide(incident, t_s)
+
+    def _off_m(self, sysid: int) -> float:
+        """How far a vehicle is from its place in the plan; before T0, to the side of its pad."""
+        view = self._monitor.views[sysid]
+        return float(np.nan_to_num(view.error_m)) if self._t0_known else self._separation.off_pad_m(view)
+
+    def _decide(self, incident: Incident, t_s: float) -> None:
+        battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)
+        again = battery and (incident.sysid, incident.kind) in self._told
+        orders = self.policy.take(incident)
+        if orders or not (again or incident.kind is IncidentKind.CONFLICT):
+            choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
+            data = None if choice is None else choice.data()
+            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data)
+        if battery:
+            self._told.add((incident.sysid, incident.kind))
+        for order in orders:
+            self._carry_out(order, t_s)
+
+    def _note(
+        self, unix_s: float, t_s: float, sysid: int, what: str, rule: str, data: Mapping[str, Any] | None = None
+    ) -> None:
+        self._on_event(Event(unix_s, t_s, sysid, what, rule, data))
+
+    def _carry_out(self, order: Order, t_s: float) -> None:
+        self._note(self._time.sure_s(), t_s, order.sysid, _event_words(order.action), order.rule)
+        vehicle = self._vehicles[order.sysid]
+        watch, m, view = self._watches[order.sysid], vehicle.behaviour, vehicle.view
+        self._returning.pop(order.sysid, None)
+        begin_s = t_s + self._options.lead_s
+        match order.action:
+            case Action.OBEY:
+                watch.order(m.guided)
+                self._standstill.gather()
+                self._start(order.sysid, order.action.value, partial(self._standstill.take_back, vehicle))
+            case Action.LEAVE:
+                self._carrier.end(order.sysid)
+                self._streamer.leave(order.sysid)
+            case Action.LAND:
+                watch.order(m.land)
+                self._start(order.sysid, order.action.value, self._land(vehicle))
+            case Action.REJOIN:
+                if self._options.mode is FlightMode.STREAM:
+                    self._streamer.rejoin(vehicle, view, begin_s, _REJOIN_S)
+            case Action.PROMOTE:
+                self._streamer.promote(order.sysid, begin_s, _REJOIN_S)
+            case Action.HOLD | Action.SPREAD | Action.RETURN | Action.DIVERT:
+                watch.order(m.guided, m.land, m.returning)
+                self._start(order.sysid, order.action.value, partial(self._take_over, order))
+
+    async def _take_over(self, order: Order) -> None:
+        """Give an order once, from where the vehicle is now."""
+        vehicle = self._vehicles[order.sysid]
+        track = self._track(order, vehicle)
+        if track is not None:
+            await self._streamer.take_over(hurried(vehicle), track)
+
+    def _track(self, order: Order, vehicle: FlightVehicle, renewals: int = 0) -> MotionReference | None:
+        """The reference of an order from now on. Without a way back the vehicle is ordered to land: None."""
+        begin_s = self._plan_time_s(self._time.sure_s()) + self._options.lead_s
+        track = self._tracks.reference(order, vehicle.view, vehicle.row, self._t0_s, begin_s)
+        if track is None:
+            rule = f"{order.rule}; no way back keeps out of no-fly zones and inside the fence"
+            self._carry_out(Order(order.sysid, Action.LAND, rule), begin_s)
+        elif order.action in (Action.RETURN, Action.DIVERT):
+            self._returning[order.sysid] = WayBack(order, track, renewals)
+            self._heading[order.sysid] = SafePoint("as ordered", self._tracks.end_ned_m(order, vehicle.row))
+        return track
+
+    def _land(self, vehicle: FlightVehicle) -> Callable[[], Awaitable[None]]:
+        async def land() -> None:
+            await set_mode(hurried(vehicle), vehicle.behaviour.land)
+            self._streamer.leave(vehicle.sysid)
+
+        return land
+
+    def _start(self, sysid: int, what: str, work: Callable[[], Awaitable[None]]) -> None:
+        """Give an order in place of the one before, until it is carried out."""
+        self._carrier.start(sysid, what, work, self.tell_failure)
+
+    def tell_failure(self, order: StandingOrder) -> None:
+        """Tell an order that was refused or not answered; a vehicle that does not return is ordered to land."""
+        now_s = self._time.now_s() or self._now_s
+        t_s = self._plan_time_s(now_s)
+        again = f"attempt {order.attempts}, repeated in {order.wait_s(asyncio.get_running_loop().time()):.0f} s"
+        self._note(now_s, t_s, order.sysid, f"did not {order.what}", f"{order.reason} ({again})")
+        if order.attempts >= NOT_OBEYED_AFTER:
+            for stronger in self.policy.not_obeyed(order.sysid, now_s):
+                self._carry_out(stronger, t_s)
+
+
+def _event_words(action: Action) -> str:
+    """The words of an event: a released vehicle gets no order."""
+    return "released" if action is Action.LEAVE else f"ordered to {action.value}"

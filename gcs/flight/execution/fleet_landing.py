@@ -1,0 +1,253 @@
+"""The end of a flight: landing orders until they are carried out, and the wait until every vehicle has landed.
+
+A vehicle has landed when it reports itself disarmed. A flight does not end while a vehicle is armed and heard, whether
+the ground station, its autopilot or a pilot flies it. It ends when all vehicles have said so twice: one wrong HEARTBEAT
+of the last vehicle in the air would leave it alone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+
+from gcs.errors import FlightError, GcsError, OrderError
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.order_book import StandingOrder
+from gcs.flight.contingency.policy import State
+from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.streamer import Streamer
+from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
+from gcs.link.protocols.command import CommandSender
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
+from gcs.mavlink import MavCommand
+from gcs.util.aio import LOOK_S
+
+PILOT_WORDS = "a pilot flies it; the flight ends when it has landed"
+ORDERED_WORDS = "it was ordered to land; the flight ends when it has landed"
+SILENT_WORDS = "not heard: it is not known whether landed"
+HANDED_OVER = "is not known to have landed, and is handed over"
+_AGAIN_S = 3.0  # a HEARTBEAT comes once a second
+HAND_OVER_WORDS = "fly it by its RC transmitter or another ground station; `gcs attach --land` lands it"
+
+
+class Custody:
+    """The vehicles of `sessions` (by system id) that this process has to bring down: none, until it takes them.
+
+    A vehicle that a pilot or another ground station armed is theirs: it is never taken.
+    """
+
+    def __init__(self, sessions: Mapping[int, VehicleSession]) -> None:
+        self._sessions = sessions
+        self._seen_armed: dict[int, bool] = {}  # of those taken
+        self._stops: list[Callable[[], None]] = []
+
+    def take_to_arm(self, sysid: int) -> None:
+        """Take a vehicle before the first order to it leaves: its answer may be lost. Raises `FlightError`."""
+        self.refuse_armed([sysid])
+        self._take(sysid)
+
+    def take_up(self) -> None:
+        """Take the vehicles that are in the air: the operator ordered to continue a flight that was left.
+
+        One that is not heard yet may be there too.
+        """
+        for sysid, session in self._sessions.items():
+            if session.armed or not session.heard:
+                self._take(sysid)
+
+    def holds(self, sysid: int) -> bool:
+        """Whether a vehicle was taken."""
+        return sysid in self._seen_armed
+
+    def may_be_up(self, sysid: int) -> bool:
+        """Whether a vehicle was taken and may be armed. After an order to arm, its HEARTBEAT may not say so yet."""
+        return self.holds(sysid) and (self._sessions[sysid].armed or not self._seen_armed[sysid])
+
+    def refuse_armed(self, sysids: list[int] | None = None) -> None:
+        """Raises `FlightError` if one of these vehicles, or any, is armed and was not taken."""
+        asked = self._sessions if sysids is None else sysids
+        if foreign := [i for i in asked if self._sessions[i].armed and not self.holds(i)]:
+            named = f"vehicle{'s' if len(foreign) > 1 else ''} {', '.join(map(str, foreign))}"
+            raise FlightError(
+                f"{named} armed, and not by this flight.",
+                hint="it got no order: leave it to its pilot or ground station until it is disarmed, then fly again; "
+                "`--waive disarmed` does not change whose it is",
+            )
+
+    def close(self) -> None:
+        """Listen no more."""
+        for stop in self._stops:
+            stop()
+        self._stops.clear()
+
+    def _take(self, sysid: int) -> None:
+        session = self._sessions[sysid]
+        self._seen_armed.setdefault(sysid, session.armed)
+
+        def receive(message: Message) -> None:
+            if message.name == "HEARTBEAT" and session.armed:
+                self._seen_armed[sysid] = True
+
+        self._stops.append(session.subscribe(receive))
+
+
+class FleetLanding:
+    """Lands the vehicles of a flight that are in its custody, and no others.
+
+    `states` are those of the contingency policy, empty before the take-off.
+    """
+
+    def __init__(
+        self,
+        vehicles: Mapping[int, FlightVehicle],
+        streamer: Streamer,
+        options: FlightOptions,
+        states: Callable[[], Mapping[int, State]],
+        tell_failure: Callable[[StandingOrder], None],
+        tell: Callable[[int, str, str], None],
+    ) -> None:
+        self.custody = Custody({sysid: vehicle.session for sysid, vehicle in vehicles.items()})
+        self.orders = OrderCarrier(lambda sysid: vehicles[sysid].session.armed, self.is_heard, self.custody.holds)
+        self._vehicles = vehicles
+        self._streamer = streamer
+        self._options = options
+        self._states = states
+        self._tell_failure = tell_failure
+        self._tell = tell
+        self._told: set[int] = set()
+
+    def is_heard(self, sysid: int) -> bool:
+        """Whether a vehicle is within reach."""
+        if self._states().get(sysid) is State.LOST:
+            return False
+        return self._vehicles[sysid].session.silent_s() <= self._options.limits.vehicle_lost_s
+
+    def not_landed(self) -> list[int]:
+        """Return the vehicles that do not report themselves disarmed: those in the air, and those not heard."""
+        return [i for i, v in self._vehicles.items() if v.session.armed or not self.is_heard(i)]
+
+    def order(self, vehicle: FlightVehicle, *, planned: bool = False) -> None:
+        """Order a landing until the vehicle shows it; failures become events.
+
+        `planned`: as the plan wants it. Then an order that a repetition carried out did not fail.
+        """
+
+        async def land() -> None:
+            await set_mode(hurried(vehicle), vehicle.behaviour.land)
+            self._streamer.leave(vehicle.sysid)
+
+        self.orders.start(vehicle.sysid, "land", land, self._tell_failure, planned=planned)
+
+    def send_once(self) -> None:
+        """Send every vehicle the order to land once, without waiting for an acknowledgement."""
+        now_s = asyncio.get_running_loop().time()
+        for vehicle in self._ours_aloft():
+            land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
+            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
+            with suppress(Exception):  # the others get theirs
+                for message in command.start(now_s):
+                    vehicle.session.send(message)
+
+    async def land_all(self) -> None:
+        """Land all vehicles within reach that no pilot flies; wait until every vehicle has landed or is out of reach.
+
+        An order that stands goes on, so that this may be called again where it failed.
+        """
+        ordered: set[int] = set()
+        while True:
+            for vehicle in self._ours_aloft():
+                sysid = vehicle.sysid
+                if self.is_heard(sysid) and sysid not in ordered and not self.orders.stands(sysid):
+                    self.order(vehicle)  # a vehicle that was silent gets it when it is heard
+                    ordered.add(sysid)
+            if not any(self.orders.stands(sysid) for sysid in self._vehicles) and await self._all_down():
+                return
+            self._tell_of_pilots()
+            await asyncio.sleep(LOOK_S)
+
+    async def until_landed(self) -> None:
+        """Wait as long as a vehicle is armed and heard."""
+        while not await self._all_down():
+            self._tell_of_pilots()
+            await asyncio.sleep(LOOK_S)
+
+    async def _all_down(self) -> bool:
+        """Whether no vehicle is armed and heard, by two HEARTBEATs of each; a silent one is not waited for long."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + _AGAIN_S
+        ours = [v.session for i, v in self._vehicles.items() if self.custody.holds(i) and self.is_heard(i)]
+        said_s = [(session, session.latest_s["HEARTBEAT"]) for session in ours]
+        while not self.aloft():
+            if loop.time() >= end_s or all(session.latest_s["HEARTBEAT"] > at_s for session, at_s in said_s):
+                return True
+            await asyncio.sleep(LOOK_S)
+        return False
+
+    def _tell_of_pilots(self) -> None:
+        """Report once that only vehicles of pilots are still in the air."""
+        aloft, states = self.aloft(), self._states()
+        if all(states.get(sysid) is State.LEFT for sysid in aloft):
+            for sysid in set(aloft) - self._told:
+                self._tell(sysid, "still in the air", PILOT_WORDS)
+                self._told.add(sysid)
+
+    def aloft(self) -> list[int]:
+        """Return the vehicles of this flight that are armed and heard."""
+        return [i for i, v in self._vehicles.items() if v.session.armed and self.custody.holds(i) and self.is_heard(i)]
+
+    def hand_over(self) -> None:
+        """Report each vehicle that is not known to have landed: from now on it is flown by others."""
+        states = self._states()
+        for sysid in self._vehicles:
+            if states.get(sysid) is State.LOST:
+                continue  # its loss was reported
+            heard = self.is_heard(sysid)
+            if self.custody.may_be_up(sysid) and (self._vehicles[sysid].session.armed or not heard):
+                why = "still armed" if heard else SILENT_WORDS
+                self._tell(sysid, HANDED_OVER, f"{why}: {HAND_OVER_WORDS}")
+
+    def tell_aloft(self) -> None:
+        """Report the vehicles that are still in the air, and what becomes of them: Ctrl-C came once more."""
+        states = self._states()
+        for sysid, vehicle in self._vehicles.items():
+            if vehicle.session.armed and self.custody.holds(sysid):
+                ours = PILOT_WORDS if states.get(sysid) is State.LEFT else ORDERED_WORDS
+                self._tell(sysid, "still in the air", ours if self.is_heard(sysid) else SILENT_WORDS)
+
+    def words(self) -> str:
+        """Return which vehicles reported a landing, and which did not."""
+        left = self.not_landed()
+        if not left:
+            return "all vehicles have landed"
+        lost = [i for i in left if not self.is_heard(i)]
+        aloft = [i for i in left if i not in lost]
+        parts = [f"{named(lost)} {SILENT_WORDS}"] if lost else []
+        parts += [f"{named(aloft)} still armed"] if aloft else []
+        landed = [i for i in self._vehicles if i not in left]
+        return "; ".join([*([f"{named(landed)} landed"] if landed else []), *parts])
+
+    def raise_failed_orders(self, stopped: BaseException | None = None) -> None:
+        """Raises OrderError if a vehicle refused or did not answer an order. `stopped` ended the flight early.
+
+        A planned landing did not fail where the vehicle landed, however late its answers came.
+        """
+        left = self.not_landed()
+        failed = "; ".join(str(order) for order in self.orders.failed if not order.planned or order.sysid in left)
+        if failed:
+            because = f"{stopped.message} " if isinstance(stopped, GcsError) else ""
+            raise OrderError(
+                f"{because}{failed}. At the end: {self.words()}.",
+                hint="search for vehicles that did not report a landing at their last reported position",
+            ) from stopped
+
+    def _ours_aloft(self) -> list[FlightVehicle]:
+        """Vehicles of this flight that may be airborne, but those of a pilot. A silent one may receive."""
+        states = self._states()
+        return [v for i, v in self._vehicles.items() if self.custody.may_be_up(i) and states.get(i) is not State.LEFT]
+
+
+def named(sysids: list[int]) -> str:
+    """Vehicles as words."""
+    return f"vehicle{'s' if len(sysids) > 1 else ''} {', '.join(map(str, sysids))}"

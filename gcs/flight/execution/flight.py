@@ -1,0 +1,358 @@
+"""The sequence of one flight: upload, read back, arm, take off, fly from a common T0, land.
+
+No vehicle is armed before all of them have their own mission of this plan, read back equal. If the flight ends early,
+for whatever reason, the vehicles in the air are ordered to land.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from typing import Any, TypeVar
+
+from gcs.autopilots.traits import Autopilot, flight_behaviour
+from gcs.errors import FlightError, PeerError, ProtocolMisuse
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.order_book import StandingOrder
+from gcs.flight.contingency.policy import State
+from gcs.flight.execution.common_start import CommonStart
+from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.fleet_landing import FleetLanding
+from gcs.flight.execution.flight_guard import FlightGuard
+from gcs.flight.execution.streamer import Streamer
+from gcs.flight.execution.takeoff_landing import (
+    FlightVehicle,
+    expected_landings,
+    lacks,
+    request_telemetry,
+    start_mission,
+    take_off,
+    until_hovering,
+    until_ready,
+)
+from gcs.flight.execution.text_watch import TextWatch
+from gcs.flight.monitoring.expected_motion import landing_profiles
+from gcs.flight.monitoring.fleet_time import FleetTime
+from gcs.flight.monitoring.monitor import Completion, Monitor
+from gcs.flight.monitoring.preflight_check import CLOCK, MESSAGES
+from gcs.flight.monitoring.progress import Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
+from gcs.flight.monitoring.reported_now import ReportedNow
+from gcs.flight.setup.build_loads import refuse_no_hour
+from gcs.flight.setup.own_process import in_own_process
+from gcs.link.session.upload_fleet import Holdings, upload_fleet
+from gcs.link.session.vehicle_load import VehicleLoad
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
+from gcs.mission.model import SetpointStream
+from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.plan.trajectory.energy import BatteryModel, battery_model
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.util.aio import alongside, each, ended
+
+T = TypeVar("T")
+_FEW = 12  # vehicles
+_HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
+LANDING_LOOK_S = 0.002
+
+
+class FlightSequence:
+    """One plan flown once by the vehicles of `sessions` (by system id). Raises PeerError for unknown autopilots."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        sessions: dict[int, VehicleSession],
+        options: FlightOptions,
+        *,
+        loads: Sequence[VehicleLoad],
+        stream: SetpointStream,
+        returns: ReturnPlan | None = None,
+        hooks: FlightHooks | None = None,
+    ) -> None:
+        """`returns`: those of the export for the vehicles' autopilot; None: they are planned before take-off."""
+        self.plan = plan
+        self.loads = tuple(loads)
+        self.held: Holdings | None = None
+        self._returns = returns
+        self._hooks = (hooks or FlightHooks()).spared()
+        self.sessions = sessions
+        self.options = options
+        self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
+        self.completion = Completion(plan)
+        self.step = Step.READY
+        self.vehicles = {
+            sysid: FlightVehicle(
+                sessions[sysid],
+                flight_behaviour(sysid, sessions[sysid].autopilot),
+                plan,
+                row,
+                self.monitor.views[sysid],
+                options,
+            )
+            for row, sysid in enumerate(plan.sysids)
+        }
+        self._reported = ReportedNow(plan, sessions, self.monitor)
+        self.time = FleetTime(sessions)
+        self._texts = TextWatch(sessions, self.monitor, self._hooks.on_event)
+        self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
+        self._leaving_s = self.loads[0].mission.leaves_s
+        self._start: CommonStart | None = None
+        self._contingency: ContingencyExecutor | None = None
+        self.landing = FleetLanding(
+            self.vehicles,
+            self.streamer,
+            options,
+            lambda: self._contingency.policy.states if self._contingency else {},
+            self._tell_failure,
+            self._tell,
+        )
+        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._tell)
+
+    @property
+    def contingency(self) -> ContingencyExecutor:
+        """The contingency policy at work; it exists from the upload on."""
+        assert self._contingency is not None
+        return self._contingency
+
+    async def run(self) -> FlightTimes:
+        """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
+        return await self.guarded(self._run())
+
+    async def guarded(self, flying: Coroutine[Any, Any, T]) -> T:
+        """Return what `flying` returns; if it fails, the vehicles land first."""
+        stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
+        try:
+            return await self._guard.run(flying)
+        finally:
+            for stop in stops:
+                stop()
+
+    def snapshot(self) -> Snapshot:
+        """Return how the flight stands now, for display."""
+        t_s = self.monitor.plan_time_s
+        span = self.plan.t_end_s - self.plan.t_start_s
+        progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
+        nearest = self.monitor.nearest_now()
+        return Snapshot(
+            self.step.value,
+            1.0 if self.step is Step.DONE else progress,
+            t_s,
+            self.monitor.errors_m,
+            {sysid: s.silent_s() for sysid, s in self.sessions.items()},
+            {sysid: s.armed for sysid, s in self.sessions.items()},
+            math.nan if nearest is None else nearest.distance_m,
+            self.monitor.formation_error_m(),
+            "" if t_s is None else next((p.name for p in self.plan.phases if p.start_s <= t_s < p.end_s), ""),
+            self.plan.t_end_s,
+            self.time.now_s(),
+            nearest,
+            judged_separation_m(self.plan.scenario),
+            {sysid: lacks(session) for sysid, session in self.sessions.items()} if self.step is Step.READY else {},
+        )
+
+    def vehicles_now(self) -> tuple[VehicleNow, ...]:
+        """Return every vehicle as it reports itself now, for display."""
+        return self._reported.vehicles()
+
+    def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
+        """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`; NaN if not known."""
+        return self._reported.ground_margins_m(sysids)
+
+    async def each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
+        """Run `action` for all vehicles at once."""
+        await each(self.vehicles.values(), action)
+
+    def listen(self, vehicle: FlightVehicle) -> Callable[[], None]:
+        """Monitor a vehicle's position reports until the returned function is called."""
+
+        def receive(message: Message) -> None:
+            if message.name == "LOCAL_POSITION_NED":
+                self.completion.receive(vehicle.sysid, message.fields["time_boot_ms"], armed=vehicle.session.armed)
+                self.monitor.receive(vehicle.row, message, vehicle.session.clock)
+                self.streamer.wake()
+
+        return vehicle.session.subscribe(receive)
+
+    async def _run(self) -> FlightTimes:
+        self._check_mode()
+        await self.each(request_telemetry)
+        self.enter(Step.READY)
+        await self.each(until_ready)
+        if self._hooks.on_ready is not None:
+            await self._hooks.on_ready()
+        self.landing.custody.refuse_armed()
+        self.enter(Step.UPLOAD)
+        if self.options.mode is FlightMode.MISSION:
+            ahead_s = self.options.start_after_takeoff_s + 2.0 * self.plan.phase("takeoff").duration_s
+            self._start = CommonStart(self.sessions, self.time, self.loads, ahead_s)
+            self.loads = self._start.loads
+        self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
+        self.held.require(self.plan.hash, self.plan.sysids)
+        self.monitor.expect_landings(await expected_landings(self.vehicles.values()))
+        texts_end_unix_s = self.time.sure_s() + self.options.texts_after_upload_s
+        await self.prepare_contingency()
+        await self.time.until(texts_end_unix_s)
+        self._refuse_critical_texts()
+        if self.options.mode is FlightMode.MISSION or CLOCK not in self.options.waived:
+            await self.time.agree()
+        self.landing.custody.refuse_armed()
+        self.enter(Step.TAKEOFF)
+        self.contingency.starts()
+        async with alongside(self.contingency.run()):
+            await self.each(self._take_off)
+            await self.each(until_hovering)
+            airborne_unix_s = self.time.sure_s()
+            self.enter(Step.FLY)
+            fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
+            t0_unix_s = await fly()
+        self.enter_done()
+        landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
+        self.raise_troubles()
+        return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
+
+    async def _take_off(self, vehicle: FlightVehicle) -> None:
+        self.landing.custody.take_to_arm(vehicle.sysid)
+        await take_off(vehicle, self._refuse_critical_texts)
+
+    def _refuse_critical_texts(self, sysid: int | None = None) -> None:
+        if MESSAGES not in self.options.waived:
+            self._texts.refuse(sysid)
+
+    def enter(self, step: Step) -> None:
+        """A step of the flight begins."""
+        self.step = step
+        self._hooks.on_step(step, self.monitor.t0_unix_s)
+
+    def enter_done(self) -> None:
+        """The flight is over. Only vehicles that said so count as landed."""
+        if not self.landing.not_landed():
+            self.enter(Step.DONE)
+
+    async def prepare_contingency(self) -> None:
+        """Make the contingency policy ready, once the vehicles' clocks and autopilots are known."""
+        returns = self._returns
+        if returns is None:
+            kinds = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
+            returns = await in_own_process(plan_returns, self.plan, kinds)
+        self._contingency = ContingencyExecutor(
+            plan=self.plan,
+            vehicles=self.vehicles,
+            monitor=self.monitor,
+            streamer=self.streamer,
+            time=self.time,
+            returns=returns,
+            model=await self._battery_model(),
+            carrier=self.landing.orders,
+            options=self.options,
+            on_event=self._hooks.on_event,
+        )
+
+    async def _battery_model(self) -> BatteryModel:
+        """A large fleet's takes seconds, in which heartbeats would wait."""
+        if len(self.plan.sysids) > _FEW:
+            return await in_own_process(battery_model, self.plan)
+        return battery_model(self.plan)
+
+    def _check_mode(self) -> None:
+        if self.options.mode is FlightMode.MISSION:
+            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
+
+    async def _fly_stream(self) -> float:
+        """Stream setpoints to all vehicles from one T0; return T0."""
+        async with alongside(self.streamer.run()):
+            t0_unix_s = await self.streamer.begin()
+            await self.watch_over(t0_unix_s)
+        return t0_unix_s if self.monitor.t0_unix_s is None else self.monitor.t0_unix_s
+
+    async def watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
+        """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
+        self.monitor.t0_unix_s = t0_unix_s
+        self.contingency.flies()
+        self.completion.begins(self.time.sure_s() - t0_unix_s)
+        self.enter(self.step)
+        if return_all:
+            self.contingency.return_all()
+        over = asyncio.ensure_future(self.contingency.over.wait())
+        planned = asyncio.ensure_future(self._until_landing())
+        try:
+            await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
+            for done in (over, planned):
+                if done.done():
+                    done.result()
+            self.completion.broke_off = not planned.done()
+        finally:
+            await ended(over, planned)
+        self.completion.lands([i for i in self._on_plan() if self.sessions[i].silent_s() < _HEARD_S])
+        self.enter(Step.LAND)
+        self.contingency.landing()
+        if self.options.mode is FlightMode.STREAM:
+            for vehicle in self.vehicles.values():
+                if self.contingency.policy.states[vehicle.sysid] is State.FLYING:
+                    self.landing.order(vehicle, planned=True)
+        await self.landing.until_landed()
+
+    def _on_plan(self) -> list[int]:
+        """The vehicles that fly the plan, or flew it to its end, and are heard."""
+        return [i for i, state in self.contingency.policy.states.items() if state is State.FLYING]
+
+    async def _until_landing(self) -> None:
+        """Wait until the plan's landing; T0 may move, and the plan waits while vehicles are led back to it."""
+        t0_unix_s, begin_s = self.monitor.t0_unix_s, self.plan.phase("landing").start_s
+        while self.contingency.waits or self.time.sure_s() < (self.monitor.t0_unix_s or 0.0) + begin_s:
+            if self.monitor.t0_unix_s != t0_unix_s:
+                t0_unix_s = self.monitor.t0_unix_s
+                self.enter(self.step)
+            await asyncio.sleep(LANDING_LOOK_S)
+
+    def _tell_failure(self, order: StandingOrder) -> None:
+        if self._contingency is not None:
+            self._contingency.tell_failure(order)
+            return
+        self._tell(order.sysid, f"did not {order.what}", order.reason)
+
+    def _tell(self, sysid: int, what: str, rule: str) -> None:
+        try:
+            now_s = self.time.now_s() or 0.0
+        except Exception:  # the reports of a landing must not need the clocks
+            now_s = 0.0
+        t0_s = self.monitor.t0_unix_s
+        self._hooks.on_event(Event(now_s, math.nan if t0_s is None else now_s - t0_s, sysid, what, rule))
+
+    def raise_troubles(self) -> None:
+        """Raises FlightError if a vehicle did not fly the plan to its end."""
+        self.landing.raise_failed_orders()
+        words = [self.contingency.describe(incident) for incident in self.contingency.policy.troubles]
+        words = words or self.completion.missing({i: self.monitor.views[i] for i in self._on_plan()})
+        if words:
+            raise FlightError(
+                f"the flight did not complete the plan: {'; '.join(words)}.",
+                hint="see events.jsonl in the flight's folder for incidents and orders",
+            )
+
+    async def _fly_missions(self) -> float:
+        """Agree on a start, switch all vehicles to their missions, which wait in the hover for it; return T0."""
+        start, held = self._start, self.held
+        if start is None or held is None:
+            raise ProtocolMisuse("missions were to be flown before they were uploaded.")
+        said: list[str] = []
+        self.held = held = await start.bring_forward(held, said.append)
+        self.loads = start.loads
+        held.require(self.plan.hash, self.plan.sysids)
+        t0_unix_s = start.unix_s - self._leaving_s
+        now_s = self.time.sure_s()
+        for what in said:
+            self._hooks.on_event(Event(now_s, now_s - t0_unix_s, 0, what))
+        async with alongside(self.time.watch_start(start.unix_s)):
+            await self.each(start_mission)
+            late_s = self.time.sure_s() - start.unix_s
+            if late_s > 0:
+                raise FlightError(
+                    f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
+                    hint="fly again; a slow link needs more time between upload and start",
+                )
+            self.streamer.stand_by(t0_unix_s)
+            async with alongside(self.streamer.run()):
+                await self.watch_over(t0_unix_s)
+        return t0_unix_s

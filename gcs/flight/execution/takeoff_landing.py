@@ -1,0 +1,146 @@
+"""One vehicle before its flight: telemetry, readiness, arming, hover over the pad, and its modes."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.autopilots.columns import FlightBehaviour, LandingProfile
+from gcs.autopilots.traits import traits_of
+from gcs.errors import PeerError, PeerTimeout
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.single_vehicle import until_mode
+from gcs.flight.monitoring.expected_motion import landing_profiles
+from gcs.flight.monitoring.monitor import VehicleView
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.mavlink import MavCommand, MessageId
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.trajectory.plan import Plan
+from gcs.util.aio import LOOK_S, each, until
+
+# What another ground station shows of a vehicle, besides its heartbeat and what every flight requests.
+WATCHED_IDS = (MessageId.GLOBAL_POSITION_INT, MessageId.ATTITUDE, MessageId.VFR_HUD)
+WATCHED_HZ = 2.0
+_SETTLED_M, _SETTLED_MPS = 0.4, 0.25
+
+
+@dataclass(frozen=True)
+class FlightVehicle:
+    """One vehicle of a flight: session, behaviour, row of the plan, last report."""
+
+    session: VehicleSession
+    behaviour: FlightBehaviour
+    plan: Plan
+    row: int
+    view: VehicleView
+    options: FlightOptions
+
+    @property
+    def sysid(self) -> int:
+        """Its MAVLink system id."""
+        return self.session.sysid
+
+    @property
+    def hover_ned_m(self) -> Array:
+        """The position over its pad where it waits for the others (3,)."""
+        end = self.plan.airborne_s
+        return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
+
+
+async def request_telemetry(vehicle: FlightVehicle) -> None:
+    """Request positions at the telemetry rate, and the messages that incidents are detected from at 2 Hz.
+
+    A station that watches cannot request what it shows; a vehicle that refuses that flies all the same.
+    """
+    session = vehicle.session
+    await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
+    m = vehicle.behaviour
+    for number in (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
+        await session.set_message_interval(number, 2.0)
+    if vehicle.options.watched_elsewhere:
+        for number in WATCHED_IDS:
+            with suppress(PeerError):
+                await session.set_message_interval(number, WATCHED_HZ)
+
+
+async def until_ready(vehicle: FlightVehicle) -> None:
+    """Wait until a vehicle has a position estimate and reports GNSS time. Raises PeerTimeout."""
+    session, options = vehicle.session, vehicle.options
+    await session.wait_for(
+        lambda message: session.estimator.is_ready(message.name, message.fields),
+        options.ready_timeout_s,
+        "a position estimate",
+        or_latest=True,
+    )
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + options.find_timeout_s
+    while not session.clock.ready:
+        if loop.time() > end_s:
+            raise PeerTimeout(
+                f"vehicle {session.sysid} did not report GNSS time (SYSTEM_TIME) within {options.find_timeout_s:g} s.",
+                hint="wait for its GNSS fix: a formation needs a common time to start",
+            )
+        await asyncio.sleep(LOOK_S)
+
+
+def lacks(session: VehicleSession) -> str:
+    """What `until_ready` still waits for on this vehicle, in words; empty if it is ready."""
+    if not any(session.estimator.is_ready(message.name, message.fields) for message in session.latest.values()):
+        return "no position estimate"
+    return "" if session.clock.ready else "no GNSS time"
+
+
+async def expected_landings(vehicles: Iterable[FlightVehicle]) -> dict[int, LandingProfile]:
+    """Return how each vehicle will land, from the parameters it reports, or else from its autopilot's defaults."""
+    known: dict[int, dict[str, float]] = {}
+
+    async def ask(vehicle: FlightVehicle) -> None:
+        row = traits_of(vehicle.session.autopilot)
+        with suppress(PeerError):
+            found = await vehicle.session.read_parameters(tuple(row.landing.parameters if row is not None else ()))
+            known[vehicle.sysid] = {name: float(one.value) for name, one in found.items()}
+
+    fleet = tuple(vehicles)
+    await each(fleet, ask)
+    return landing_profiles({vehicle.sysid: vehicle.session.autopilot for vehicle in fleet}, known)
+
+
+async def take_off(vehicle: FlightVehicle, before_arming: Callable[[int], None] = lambda _: None) -> None:
+    """Arm a vehicle and order it to climb to the hover over its pad. `before_arming` may raise to stop it."""
+    session, behaviour = vehicle.session, vehicle.behaviour
+    pad_up_m = -float(vehicle.plan.pads_ned_m[vehicle.row, 2])
+    height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
+    await set_mode(vehicle, behaviour.armed_in)
+    before_arming(vehicle.sysid)
+    vehicle.view.stands_on(vehicle.plan.pads_ned_m[vehicle.row])
+    await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
+    home_amsl_m = vehicle.plan.scenario.origin.alt_amsl_m + pad_up_m
+    await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))
+
+
+async def set_mode(vehicle: FlightVehicle, mode: int) -> None:
+    """Request a mode and wait until the HEARTBEAT shows it. Raises CommandRefused, PeerTimeout."""
+    await until_mode(vehicle.session, vehicle.behaviour, mode, vehicle.options.phase_timeout_s)
+
+
+async def start_mission(vehicle: FlightVehicle) -> None:
+    """Start the mission of an airborne vehicle and wait until the HEARTBEAT shows it. Raises as `set_mode` does."""
+    m = vehicle.behaviour
+    await until_mode(vehicle.session, m, m.mission, vehicle.options.phase_timeout_s, MavCommand.MISSION_START)
+
+
+async def until_hovering(vehicle: FlightVehicle) -> None:
+    """Wait until a vehicle is near its hover position, and slow. Raises PeerTimeout."""
+    # A vehicle climbs to a height above its start, which it knows no better than its position on arrival.
+    near_m = max(_SETTLED_M, vehicle.plan.scenario.judge.arrival_position_m)
+    view, hover = vehicle.view, vehicle.hover_ned_m
+
+    def settled() -> bool:
+        near = np.linalg.norm(view.position_ned_m - hover) < near_m
+        return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
+
+    await until(settled, vehicle.options.phase_timeout_s, f"vehicle {vehicle.sysid}: hover over its pad")

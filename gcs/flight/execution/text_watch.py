@@ -1,0 +1,77 @@
+"""Critical STATUSTEXTs during a flight: each is an event, and no vehicle is armed after one.
+
+A text that a vehicle repeats is an event again after `REPEAT_S`, with the number of times. `telemetry.tlog` has every
+one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from gcs.errors import FlightError
+from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.preflight_check import MESSAGES
+from gcs.flight.monitoring.progress import Event
+from gcs.link.protocols.statustext import StatusText, is_critical
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.mavlink_names import severity_name
+
+REPEAT_S = 30.0  # vehicle time
+_TOLD_MAX = 256  # texts
+
+
+class TextWatch:
+    """The critical texts of all vehicles of a flight."""
+
+    def __init__(
+        self, sessions: Mapping[int, VehicleSession], monitor: Monitor, on_event: Callable[[Event], None]
+    ) -> None:
+        self._sessions = sessions
+        self._monitor = monitor
+        self._on_event = on_event
+        self._told: dict[tuple[int, str], tuple[float, int]] = {}  # when it was an event, times since
+
+    def start(self) -> Callable[[], None]:
+        """Report critical texts, those since each vehicle was found included. Return the function that ends this."""
+        stops = []
+        for sysid, session in self._sessions.items():
+            for at_s, said in tuple(session.texts.kept):
+                self._receive(sysid, at_s, said)
+            stops.append(session.texts.subscribe(partial(self._receive, sysid)))
+
+        def stop() -> None:
+            for end in stops:
+                end()
+
+        return stop
+
+    def refuse(self, sysid: int | None = None) -> None:
+        """Raises `FlightError` if this vehicle, or any, has sent a critical text since it was found."""
+        for vehicle, session in self._sessions.items():
+            texts = session.texts.critical(session.ready_since_s)
+            if texts and sysid in (None, vehicle):
+                raise FlightError(
+                    f"vehicle {vehicle} reports before it is armed: {'; '.join(texts)}.",
+                    hint=f"remove the cause, then fly again; `--waive {MESSAGES}` ignores such texts for one flight",
+                )
+
+    def _receive(self, sysid: int, at_s: float, said: StatusText) -> None:
+        if not is_critical(said):
+            return
+        unix_s = self._sessions[sysid].clock.now_unix_s(at_s)
+        now_s = at_s if unix_s is None else unix_s
+        told_s, times = self._told.get((sysid, said.text), (-math.inf, 0))
+        if now_s - told_s < REPEAT_S:
+            self._told[sysid, said.text] = told_s, times + 1
+            return
+        self._told.pop((sysid, said.text), None)
+        self._told[sysid, said.text] = now_s, 0
+        if len(self._told) > _TOLD_MAX:  # a vehicle that says something new each time
+            del self._told[next(iter(self._told))]
+        t0_s = self._monitor.t0_unix_s
+        t_s = math.nan if unix_s is None or t0_s is None else unix_s - t0_s
+        again = f" ({times + 1} times since)" if times else ""
+        what = f"reports: {severity_name(said.severity)}: {said.text.strip()}{again}"
+        self._on_event(Event(math.nan if unix_s is None else unix_s, t_s, sysid, what))

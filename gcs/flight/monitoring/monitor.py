@@ -1,0 +1,269 @@
+"""Deviations from the plan and separations, from telemetry: a vehicle reports its estimate, not its true state.
+
+While it stands, a vehicle reports its pad with the error of its receiver, metres with ordinary GNSS. Its true place is
+the pad. So until T0 separations count from `VehicleView.place_ned_m`: the pad, and what the vehicle has moved since it
+was armed. From T0 on vehicles are steered by what they report, and separations count from that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from gcs.autopilots.columns import LandingProfile
+from gcs.flight.monitoring.expected_motion import ExpectedMotion
+from gcs.flight.monitoring.progress import FlightPart, NearestPair
+from gcs.link.protocols.clock import VehicleClock
+from gcs.link.wire.local_motion import local_motion
+from gcs.link.wire.message import Message
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.plan.trajectory.distances import formation_error_m
+from gcs.plan.trajectory.plan import Plan
+
+SLOW_MPS = 0.3  # a slower vehicle is neither late nor early
+_HEARD_S = 2.0  # an older report is no position
+_AHEAD_S = 1.0  # a report is extrapolated by this much or less
+LONGEST_SILENCE_S = 600.0  # a longer step of a boot clock is a jump; emulated time runs on while a machine is busy
+SLACK_S, SLACK_SHARE = 5.0, 0.02  # reports are late, by more where vehicles are emulated faster than real time
+PLACE_M = 5.0  # off its landing point a vehicle did not fly the plan, whatever its time
+
+
+class Lateness:
+    """The time shift that best fits reported to planned positions: least squares along the velocity, so far."""
+
+    def __init__(self) -> None:
+        self._behind_m2ps = 0.0
+        self._squared_m2ps2 = 0.0
+
+    def add(self, flown_m: Array, planned_m: Array, rate_mps: Array) -> None:
+        """Add one report, or several; all (..., 3)."""
+        squared = np.sum(rate_mps * rate_mps, axis=-1)
+        behind = np.sum((planned_m - flown_m) * rate_mps, axis=-1)
+        moving = squared > SLOW_MPS**2
+        self._behind_m2ps += float(np.sum(behind, where=moving))
+        self._squared_m2ps2 += float(np.sum(squared, where=moving))
+
+    @property
+    def late_s(self) -> float:
+        """The delay behind the plan; NaN for a vehicle that never moved."""
+        return self._behind_m2ps / self._squared_m2ps2 if self._squared_m2ps2 else math.nan
+
+
+def lateness_s(flown_m: Array, planned_m: Array, rate_mps: Array) -> float:
+    """Return the delay of a vehicle behind its plan; reported and planned positions and velocities (N, 3)."""
+    lateness = Lateness()
+    lateness.add(flown_m, planned_m, rate_mps)
+    return lateness.late_s
+
+
+def skew_s(late_s: Iterable[float]) -> float:
+    """Return the largest delay less the smallest; NaN without any."""
+    known = [late for late in late_s if math.isfinite(late)]
+    return max(known) - min(known) if known else math.nan
+
+
+@dataclass
+class VehicleView:
+    """One vehicle as last reported, in the formation's common frame."""
+
+    sysid: int
+    position_ned_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    velocity_ned_mps: Array = field(default_factory=lambda: np.zeros(3))
+    unix_s: float = math.nan
+    error_m: float = math.nan  # distance to the expected position at the same time; NaN where none is expected
+    lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
+    standing_error_ned_m: Array | None = None  # (3,): of its report on the pad, when it was armed
+
+    @property
+    def place_ned_m(self) -> Array:
+        """The position (3,) by what it has moved since it was armed on its pad; before that, as reported."""
+        error = self.standing_error_ned_m
+        return self.position_ned_m if error is None else self.position_ned_m - error
+
+    def stands_on(self, pad_ned_m: Array) -> None:
+        """Note that the vehicle stands on its pad (3,), whatever it reports."""
+        if np.isfinite(self.position_ned_m).all():
+            self.standing_error_ned_m = self.position_ned_m - pad_ned_m
+
+    def predicted(self, unix_s: float) -> tuple[Array, Array]:
+        """Return position and velocity (3,) at a time soon after the report, straight on."""
+        ahead_s = min(max(unix_s - self.unix_s, 0.0), _AHEAD_S)
+        return self.position_ned_m + self.velocity_ned_mps * ahead_s, self.velocity_ned_mps
+
+
+class Monitor:
+    """Reported positions in, deviations and separations out."""
+
+    def __init__(self, plan: Plan, landings: Mapping[int, LandingProfile] | None = None) -> None:
+        """`landings`: how vehicles land by themselves, by system id; without one a vehicle lands as planned."""
+        self.plan = plan
+        self.expected = ExpectedMotion(plan, landings)
+        self.t0_unix_s: float | None = None
+        self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
+        self.plan_time_s: float | None = None
+        self.in_formation: Collection[int] = plan.sysids  # the vehicles of the formation error
+        self.aloft: Collection[int] = ()  # the vehicles of the separation: none before the take-off
+        self.nearest: dict[FlightPart, NearestPair] = {}
+
+    def expect_landings(self, landings: Mapping[int, LandingProfile]) -> None:
+        """Compare landings with these descents from now on."""
+        self.expected = ExpectedMotion(self.plan, landings)
+
+    def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
+        """Take in a LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
+        unix_s, motion = clock.unix_s(message.fields["time_boot_ms"]), local_motion(message)
+        if unix_s is None or motion is None:
+            return
+        view = self.views[self.plan.sysids[row]]
+        view.position_ned_m = np.array(motion[:3]) + self.plan.pads_ned_m[row]
+        view.velocity_ned_mps = np.array(motion[3:])
+        view.unix_s = unix_s
+        if self.t0_unix_s is not None:
+            self._compare(row, view, unix_s - self.t0_unix_s)
+
+    @property
+    def late_s(self) -> dict[int, float]:
+        """The delay of each vehicle behind the plan, by system id."""
+        return {sysid: view.lateness.late_s for sysid, view in self.views.items()}
+
+    @property
+    def errors_m(self) -> dict[int, float]:
+        """The position error of each vehicle, by system id; NaN for one that left the plan."""
+        flying = self.in_formation
+        return {sysid: view.error_m if sysid in flying else math.nan for sysid, view in self.views.items()}
+
+    def move_t0(self, t0_unix_s: float) -> None:
+        """The plan goes on with this T0; delays count from now on."""
+        self.t0_unix_s = t0_unix_s
+        for view in self.views.values():
+            view.lateness = Lateness()
+
+    def nearest_now(self) -> NearestPair | None:
+        """Return the nearest two vehicles of `aloft`; None before all have reported."""
+        return self._nearest(self.aloft)
+
+    def watch_separation(self, aloft: Collection[int]) -> None:
+        """Take in which vehicles are in the air, and note the nearest two of those that are heard."""
+        self.aloft = aloft
+        times_s = [self.views[sysid].unix_s for sysid in aloft]
+        newest_s = max((t for t in times_s if not math.isnan(t)), default=math.nan)
+        heard = [i for i, t in zip(aloft, times_s, strict=True) if newest_s - t < _HEARD_S]
+        now = self._nearest(heard)
+        if now is not None and (now.part not in self.nearest or now.distance_m < self.nearest[now.part].distance_m):
+            self.nearest[now.part] = now
+
+    @property
+    def part(self) -> FlightPart:
+        """The part of the flight: before T0, on the plan, or in the landing."""
+        t_s = self.plan_time_s
+        if self.t0_unix_s is None or t_s is None or t_s < 0.0:
+            return FlightPart.TAKEOFF
+        return FlightPart.FLIGHT if t_s < self.plan.phase("landing").start_s else FlightPart.LANDING
+
+    def formation_error_m(self) -> float:
+        """Return the formation error (Definition 1); NaN before all have reported, or before T0 is known.
+
+        In the landing it is NaN: there every vehicle descends at the speeds of its own autopilot, and no shape is kept.
+        """
+        now = self._now(self.in_formation)
+        if now is None or self.t0_unix_s is None or now[0] - self.t0_unix_s > self.plan.phase("landing").start_s:
+            return math.nan
+        unix_s, positions = now
+        t_s = np.clip(np.array([unix_s - self.t0_unix_s]), self.plan.t_start_s, self.plan.t_end_s)
+        rows = [self.plan.sysids.index(sysid) for sysid in self.in_formation]
+        return float(formation_error_m(positions[:, None], self.plan.offsets(t_s)[rows])[0])
+
+    def _nearest(self, sysids: Collection[int]) -> NearestPair | None:
+        """The nearest two of these vehicles now; None for fewer than two, or before all have reported."""
+        now = self._now(sysids, moved_only=self.part is FlightPart.TAKEOFF)
+        if now is None or len(now[1]) < 2:
+            return None
+        between_m = pdist(now[1])
+        pairs = tuple(combinations(sysids, 2))
+        least = int(np.argmin(between_m))
+        return NearestPair(self.part, pairs[least], float(between_m[least]), now[0])
+
+    def _now(self, sysids: Collection[int], *, moved_only: bool = False) -> tuple[float, Array] | None:
+        """Positions (V, 3) of these vehicles, all predicted for the time of the newest report.
+
+        `moved_only`: from the pads and what they moved since they were armed, instead of what they report.
+        """
+        views = [self.views[sysid] for sysid in sysids]
+        newest = max((v.unix_s for v in views), default=math.nan)
+        if math.isnan(sum(v.unix_s for v in views)) or not views:
+            return None
+        places = [v.place_ned_m if moved_only else v.position_ned_m for v in views]
+        ahead = [v.velocity_ned_mps * (newest - v.unix_s) for v in views]
+        return newest, np.array(places) + np.array(ahead)
+
+    def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
+        if t_s < self.plan.phase("mission").start_s - 60.0:
+            return
+        self.plan_time_s = t_s
+        at_s = np.array([t_s])
+        if t_s > self.plan.t_end_s and not self.expected.covers(row, at_s)[0]:
+            view.error_m = math.nan
+            return
+        state = self.expected.of_vehicle(row, at_s)[0]
+        view.error_m = float(np.linalg.norm(view.position_ned_m - state[POSITION]))
+        if 0.0 <= t_s <= self.plan.flight_s:
+            view.lateness.add(view.position_ned_m, state[POSITION], state[VELOCITY])
+
+
+class Completion:
+    """Whether vehicles flew the plan to its end: reported boot times in, what is missing of the plan out.
+
+    GNSS time may jump, and a wrong common time ends a flight early without any incident. A boot clock does not jump.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._boot_s: dict[int, float] = {}
+        self._flown_s = dict.fromkeys(plan.sysids, 0.0)
+        self._begin_s: float | None = None  # plan time
+        self._short: dict[int, float] = {}  # seconds flown, of vehicles whose landing began too early
+        self.broke_off = False  # no vehicle flew the plan any more before its landing
+
+    def receive(self, sysid: int, boot_ms: int, *, armed: bool) -> None:
+        """Take in the boot time of a vehicle's report."""
+        boot_s = boot_ms / 1e3
+        step_s = boot_s - self._boot_s.get(sysid, boot_s)
+        self._boot_s[sysid] = boot_s
+        if armed and 0.0 < step_s <= LONGEST_SILENCE_S and self._begin_s is not None:
+            self._flown_s[sysid] += step_s
+
+    def begins(self, t_s: float) -> None:
+        """The vehicles fly the plan, which is at its time `t_s` by the common time."""
+        self._begin_s = t_s
+
+    def lands(self, sysids: Collection[int]) -> None:
+        """These vehicles, which fly the plan and are heard, have reached its landing by the common time."""
+        enough_s = self._flight_s - SLACK_S - SLACK_SHARE * self._flight_s
+        self._short = {i: self._flown_s[i] for i in sysids if self._flown_s[i] < enough_s}
+
+    def missing(self, views: Mapping[int, VehicleView]) -> list[str]:
+        """Return in words what was not flown. `views`: the vehicles that flew the plan, as last reported."""
+        words = [
+            f"vehicle {sysid} flew {flown_s:.0f} s of {self._flight_s:.0f} s until the landing, by its own clock"
+            for sysid, flown_s in self._short.items()
+        ]
+        if self.broke_off:
+            words.append("no vehicle flew it to its landing")
+        far_m = max(PLACE_M, 3.0 * self._plan.scenario.judge.arrival_position_m)
+        for sysid, view in views.items():
+            place = self._plan.landing_points_ned_m[self._plan.sysids.index(sysid)]
+            off_m = float(np.hypot(*(view.position_ned_m - place)[:2]))
+            if math.isfinite(off_m) and off_m > far_m:
+                words.append(f"vehicle {sysid} came down {off_m:.1f} m from its landing point (limit {far_m:g} m)")
+        return words
+
+    @property
+    def _flight_s(self) -> float:
+        """How long the plan takes from where it was begun to its landing."""
+        landing_s = self._plan.phase("landing").start_s
+        return 0.0 if self._begin_s is None else max(landing_s - self._begin_s, 0.0)

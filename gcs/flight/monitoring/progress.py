@@ -1,0 +1,221 @@
+"""What reports a flight: steps, times, snapshots, events, the watcher that receives them, and the hooks it calls."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Awaitable, Callable, Collection, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
+
+from gcs.link.session.unknown_systems import LinkNotice
+
+P = ParamSpec("P")
+_RULE = "Only the vehicles of the plan are listened to, each at its own address"
+
+
+class Step(StrEnum):
+    """The steps of a flight, in order."""
+
+    UPLOAD = "upload and read back"
+    READY = "waiting for readiness"
+    TAKEOFF = "take-off"
+    FLY = "flying"
+    LAND = "landing"
+    DONE = "landed"
+
+
+class FlightPart(StrEnum):
+    """The parts of a flight, each with its own least separation: near the ground, and on the plan."""
+
+    TAKEOFF = "take-off"  # from arming to T0
+    FLIGHT = "flight"  # from T0 to the order to land
+    LANDING = "landing"  # to the last stop
+
+
+@dataclass(frozen=True)
+class NearestPair:
+    """The two vehicles that came nearest to each other in one part of a flight."""
+
+    part: FlightPart
+    pair: tuple[int, int]  # system ids
+    distance_m: float
+    unix_s: float
+
+    def __str__(self) -> str:
+        return f"{self.part} {self.distance_m:.2f} m (vehicles {self.pair[0]}, {self.pair[1]})"
+
+
+@dataclass(frozen=True)
+class FlightTimes:
+    """The times of a completed flight, in the vehicles' common GNSS time."""
+
+    airborne_unix_s: float  # all vehicles hover over their pads
+    t0_unix_s: float  # plan time 0
+    landing_unix_s: float  # all vehicles are ordered to land
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The flight at one moment, for display."""
+
+    phase: str
+    progress: float  # of the whole flight, 0..1
+    plan_time_s: float | None
+    errors_m: dict[int, float]
+    link_age_s: dict[int, float]
+    armed: dict[int, bool]
+    separation_m: float
+    formation_error_m: float  # Definition 1
+    plan_phase: str = ""  # of the plan: hover, mission, ...; empty outside of it
+    plan_end_s: float = math.nan  # end of the plan's landing, plan time
+    unix_s: float | None = None  # the vehicles' common GNSS time
+    nearest: NearestPair | None = None  # the pair of `separation_m`
+    separation_min_m: float = math.nan  # the limit of `[judge]`
+    lacks: Mapping[int, str] = field(default_factory=dict)  # what a vehicle is not ready for want of; empty: ready
+
+
+@dataclass(frozen=True)
+class VehicleNow:
+    """One vehicle as it reports itself now; NaN for what it has not reported.
+
+    Positions carry the error of the vehicle's own navigation, so every figure here does.
+    """
+
+    sysid: int
+    mode: str  # empty before its first HEARTBEAT
+    armed: bool
+    height_m: float  # above the origin's height
+    speed_mps: float
+    battery_pct: float  # of a full battery
+    link_age_s: float  # since its last message; infinite if it was never heard
+    loss: float  # share of its frames that were lost
+    error_m: float  # distance to its planned position
+    zone_m: float  # outside the nearest no-fly zone, negative inside; infinite without zones
+    above_ground_m: float  # vertically
+    fence_m: float = math.nan  # inside the side of the fence, negative outside
+    ceiling_m: float = math.nan  # below `[limits] height_m`
+
+
+GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
+ALL_VEHICLES, OURSELVES = 0, -1  # as the vehicle of an event: the whole fleet, and this program
+
+
+@dataclass(frozen=True)
+class Event:
+    """One incident of a vehicle, or one order to it with the rule behind it."""
+
+    unix_s: float  # GNSS time; NaN before it is known
+    t_s: float  # plan time; NaN before T0
+    sysid: int  # a vehicle's, `ALL_VEHICLES` or `OURSELVES`
+    what: str
+    rule: str = ""
+    data: Mapping[str, Any] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
+
+    def __str__(self) -> str:
+        when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"
+        others = {ALL_VEHICLES: "all vehicles", OURSELVES: "this program"}
+        subject = others.get(self.sysid, f"vehicle {self.sysid}")
+        return f"{when}: {subject} {self.what}. {self.rule}".rstrip(". ")
+
+
+if TYPE_CHECKING:
+    from gcs.flight.monitoring.preflight_check import PreflightCheck
+
+
+class InFlight(Protocol):
+    """A flight, as far as a watcher reads it."""
+
+    def snapshot(self) -> Snapshot:
+        """Return how it stands now."""
+        ...
+
+    def vehicles_now(self) -> tuple[VehicleNow, ...]:
+        """Return every vehicle as it reports itself now."""
+        ...
+
+    def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
+        """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`."""
+        ...
+
+
+class Watcher:
+    """Receives the progress of a flight; this one ignores it."""
+
+    @property
+    def laps_s(self) -> dict[str, float]:
+        """The seconds that each part took, for the report."""
+        return {}
+
+    def say(self, text: str) -> None:
+        """Take one line of progress."""
+
+    def warn(self, text: str) -> None:
+        """Take one warning."""
+        self.say(f"WARNING: {text}")
+
+    def lap(self, name: str) -> None:
+        """Note that this part of the work is done."""
+
+    def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
+        """Take the results of the pre-flight checks."""
+
+    async def confirm(self) -> None:
+        """Ask for permission to arm; the pre-flight checks have passed. Raises `UsageError` if it is denied."""
+
+    async def follow(self, flight: InFlight) -> None:
+        """Run beside the flight until cancelled; `flight.snapshot()` returns how it stands."""
+
+
+def _log(text: str) -> None:
+    logging.getLogger(__name__).error(text)
+
+
+def spared(call: Callable[P, object], what: str, say: Callable[[str], None] = _log) -> Callable[P, None]:
+    """Return `call` without its failures: a screen that fails does not reach the flight. `say` gets the first."""
+    told = False
+
+    def spare(*arguments: P.args, **named: P.kwargs) -> None:
+        nonlocal told
+        try:
+            call(*arguments, **named)
+        except Exception as failure:
+            if told:
+                return
+            told = True
+            with suppress(Exception):
+                say(f"{what} failed, the flight goes on without it: {type(failure).__name__}: {failure}")
+
+    return spare
+
+
+def _ignore(*_: object) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class FlightHooks:
+    """What is called during a flight. `on_ready` may raise to stop it before the upload."""
+
+    on_event: Callable[[Event], None] = _ignore
+    on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
+    on_ready: Callable[[], Awaitable[None]] | None = None
+
+    def spared(self) -> FlightHooks:
+        """Return the same hooks, without the failures of those that only report."""
+        return replace(
+            self, on_event=spared(self.on_event, "the report of events"), on_step=spared(self.on_step, "that of steps")
+        )
+
+
+def notice_event(
+    notice: LinkNotice, systems: Mapping[int, int], unix_s: float | None, t0_unix_s: float | None
+) -> Event:
+    """Return the event of a notice. `systems` are the MAVLink systems of vehicles that differ from their numbers."""
+    vehicle_of = {system: sysid for sysid, system in systems.items()}
+    now_s = math.nan if unix_s is None else unix_s
+    t_s = math.nan if t0_unix_s is None else now_s - t0_unix_s
+    sysid = vehicle_of.get(notice.system, notice.system) if notice.system else OURSELVES
+    return Event(now_s, t_s, sysid, notice.text, _RULE)

@@ -1,0 +1,96 @@
+"""Every vehicle as it reports itself at one moment, for display: state, link, and the margins to zones and ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from functools import cached_property
+
+import numpy as np
+
+from gcs.autopilots.traits import mode_name
+from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.progress import GROUND_REACH_M, FlightPart, VehicleNow
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.environment.ground_distance import ground_distance_m
+from gcs.scenario.environment.no_fly import nearest_zone_m, zones
+from gcs.scenario.environment.terrain import ground_height_m
+
+_BATTERY = "SYS_STATUS"
+
+
+class ReportedNow:
+    """Reads the sessions and the monitor of a flight, and changes nothing."""
+
+    def __init__(self, plan: Plan, sessions: Mapping[int, VehicleSession], monitor: Monitor) -> None:
+        """`sessions` by the plan's system ids."""
+        self._plan = plan
+        self._sessions = sessions
+        self._monitor = monitor
+
+    @cached_property
+    def _fence_corners_m(self) -> Array:
+        return inclusion_corners(planned_places_m(self._plan))
+
+    def vehicles(self) -> tuple[VehicleNow, ...]:
+        """Return all vehicles, in the plan's order."""
+        plan, errors_m = self._plan, self._monitor.errors_m
+        places, t_s = self._places(plan.sysids), self._monitor.plan_time_s
+        known = np.asarray(np.isfinite(places).all(axis=1))
+        zone_m, above_m, fence_m = (np.full(len(places), np.nan) for _ in range(3))
+        north, east, up = places[known].T
+        now_s = np.array(plan.t_start_s if t_s is None else t_s)
+        zone_m[known] = nearest_zone_m(zones(plan.scenario), now_s, north, east)
+        above_m[known] = up - ground_height_m(plan.scenario.terrain, north, east)
+        fence_m[known] = inside_m(self._fence_corners_m, places[known])
+        found = []
+        for row, sysid in enumerate(plan.sysids):
+            session, view = self._sessions[sysid], self._monitor.views[sysid]
+            loss = session.quality.loss
+            found.append(
+                VehicleNow(
+                    sysid,
+                    mode_name(session.autopilot, session.custom_mode) if session.heard else "",
+                    session.armed,
+                    float(places[row, 2]),
+                    float(np.linalg.norm(view.velocity_ned_mps)) if known[row] else math.nan,
+                    _battery_pct(session),
+                    session.silent_s(),
+                    math.nan if loss is None else loss,
+                    errors_m[sysid],
+                    float(zone_m[row]) if zones(plan.scenario) else math.inf,
+                    float(above_m[row]),
+                    float(fence_m[row]),
+                    plan.scenario.limits.height_m[1] - float(places[row, 2]),
+                )
+            )
+        return tuple(found)
+
+    def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
+        """Return distances to the ground in any direction, up to `GROUND_REACH_M`; NaN before the first report."""
+        places = self._places(sysids)
+        found = np.full(len(places), np.nan)
+        known = np.asarray(np.isfinite(places).all(axis=1))
+        if known.any():
+            north, east, up = places[known].T
+            found[known] = ground_distance_m(self._plan.scenario.terrain, north, east, up, GROUND_REACH_M)
+        return dict(zip(sysids, found.tolist(), strict=True))
+
+    def _places(self, sysids: Collection[int]) -> Array:
+        """Places (V, 3) north, east and up.
+
+        Before T0 they are the pads and what the vehicles have moved: separations count from the same places.
+        """
+        views = [self._monitor.views[sysid] for sysid in sysids]
+        standing = self._monitor.part is FlightPart.TAKEOFF
+        places = [view.place_ned_m if standing else view.position_ned_m for view in views]
+        return np.array(places).reshape(-1, 3) * (1.0, 1.0, -1.0)
+
+
+def _battery_pct(session: VehicleSession) -> float:
+    status = session.latest.get(_BATTERY)
+    left = -1 if status is None else int(status.fields["battery_remaining"])
+    return float(left) if left >= 0 else math.nan

@@ -1,1 +1,0 @@
-"""The setpoint stream: references, deadlines, messages."""

@@ -1,0 +1,84 @@
+"""The picture of a survey: its area, what the vehicles see of it, and what they leave out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from matplotlib import pyplot as plt
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path as Outline
+from shapely.geometry.base import BaseGeometry
+
+from gcs.errors import UsageError
+from gcs.flight.plots import map_layers
+from gcs.flight.plots.figure_file import BESIDE, Labels, colours, head, save, settle
+from gcs.flight.plots.flight_map import vehicle_entries
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.coverage import Coverage, coverage
+
+_SEEN: dict[str, Any] = {"fc": "#2ca02c", "ec": "none", "alpha": 0.18}
+_LEFT: dict[str, Any] = {"fc": "#ff00ff", "ec": "#a000a0", "alpha": 0.75}
+_NAMED = 6  # places that are not covered and get a label
+
+
+def save_coverage(plan: Plan, path: Path) -> None:
+    """Draw the coverage of a plan's survey in the format of the file's ending. Raises UsageError."""
+    found = coverage(plan)
+    if found is None:
+        raise UsageError(f"{plan.scenario.name} has no [survey].", hint="make one with gcs new NAME --survey AREA")
+    save(draw_coverage(plan, found), path)
+
+
+def draw_coverage(plan: Plan, found: Coverage) -> Any:
+    """Return the map of a survey."""
+    scenario, span_s = plan.scenario, (0.0, plan.flight_s)
+    places = shapely.get_coordinates([found.tracks, found.area])
+    low, high = area = map_layers.area_of(scenario, np.column_stack([places, np.zeros(len(places))]))
+    width_in, height_in = map_layers.map_size_in(scenario, area)
+    figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
+    map_layers.draw_ground(axes, scenario, area)
+    map_layers.draw_zones(axes, scenario, span_s)
+    _fill(axes, found.covered, **_SEEN)
+    _fill(axes, found.uncovered, zorder=3, **_LEFT)
+    _fill(axes, found.area, fill=False, ec="black", lw=1.4, zorder=2.5)
+    for colour, track in zip(colours(plan.sysids), found.tracks.geoms, strict=True):
+        north_m, east_m = shapely.get_coordinates(track).T
+        axes.plot(east_m, north_m, color=colour, lw=1.0)
+    axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
+    handles = [
+        *vehicle_entries(plan.sysids),
+        Line2D([], [], color="black", lw=1.4, label="area"),
+        Patch(**_SEEN, label=f"seen, swath {found.swath_m:g} m"),
+        Patch(**_LEFT, label="not covered"),
+        *map_layers.layer_entries(axes, scenario),
+    ]
+    axes.legend(handles=handles, **BESIDE)
+    percent = int(1e3 * found.share) / 10.0
+    head(
+        axes,
+        f"{scenario.name}: {percent:g} % of {found.area.area / 1e4:.2f} ha covered",
+        width_in - map_layers.BESIDE_IN,
+    )
+    settle(figure)
+    labels = Labels(figure)
+    for gap in found.gaps()[:_NAMED]:
+        labels.place(axes, f"{gap.area_m2:.3g} m²", (gap.east_m, gap.north_m))
+    map_layers.label_zones(axes, labels, scenario, span_s)
+    return figure
+
+
+def _fill(axes: Any, shape: BaseGeometry, **look: Any) -> None:
+    """Fill polygons (north, east) with their holes."""
+    rings = [
+        ring
+        for part in shapely.get_parts(shapely.orient_polygons(shape))
+        if isinstance(part, shapely.Polygon)
+        for ring in (part.exterior, *part.interiors)
+    ]
+    if rings:
+        paths = [Outline(np.array(ring.coords)[:, 1::-1], closed=True) for ring in rings]
+        axes.add_patch(PathPatch(Outline.make_compound_path(*paths), **look))

@@ -1,0 +1,193 @@
+"""What every map shows beside tracks: its area, the ground, zones, and the wind as an entry of the legend."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon, Rectangle
+from matplotlib.path import Path as Shape
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Affine2D
+
+from gcs.flight.plots.figure_file import Labels
+from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import KeepIn, Scenario
+
+DART = Shape([(0.0, 1.0), (0.6, -0.8), (0.0, -0.4), (-0.6, -0.8), (0.0, 1.0)])  # points north
+Area = tuple[Array, Array]  # the least and the greatest north and east (2,), m
+_GRID = 141
+_LEVEL_M = 0.1  # a lower relief is level ground
+_BANDS = 10
+_LARGEST_IN = (6.2, 6.2)  # width and height of a map
+BESIDE_IN = 2.6  # its axis and its legend
+_BELOW_IN, _COLOURS_IN = 0.85, 0.65  # its title and axis; the colours of heights
+_ROOM, _LEAST_ROOM_M = 0.12, 5.0  # around tracks: share of their extent, and metres
+_OUTSIDE_M = 15.0  # of the box of Eq. 51, how far its ground is known
+_THIN = 0.4  # shorter over longer side of an area, at least
+ZONE = "#c00000"
+ROUTE = "#7b2d8e"
+KEEP_IN = "#1b7837"
+WIND = "#1f77b4"
+ARROW = Shape(
+    [(-0.12, -1.0), (0.12, -1.0), (0.12, 0.2), (0.5, 0.2), (0.0, 1.0), (-0.5, 0.2), (-0.12, 0.2), (-0.12, -1.0)]
+)
+
+
+def area_of(scenario: Scenario | None, places_ned_m: Array) -> Area:
+    """Return the area around places (..., 3) and the zones beside them, with some room."""
+    flat = places_ned_m[..., :2].reshape(-1, 2)
+    low, high = np.nanmin(flat, axis=0), np.nanmax(flat, axis=0)
+    room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
+    if scenario is not None:
+        near = low - 3.0 * room_m, high + 3.0 * room_m
+        for zone in zones(scenario):
+            for corners in outlines(zone, (0.0, scenario.time.flight_s)):
+                low = np.minimum(low, np.maximum(corners.min(axis=0), near[0]))
+                high = np.maximum(high, np.minimum(corners.max(axis=0), near[1]))
+    low, high = low - room_m, high + room_m
+    least_m = _THIN * float(np.max(high - low))
+    short_m = np.maximum(least_m - (high - low), 0.0)
+    low, high = low - 0.5 * short_m, high + 0.5 * short_m
+    if scenario is not None and scenario.terrain.relief is not None:  # its ground is known so far and no further
+        box = np.array([scenario.limits.north_m, scenario.limits.east_m])
+        low = np.minimum(np.maximum(low, box[:, 0] - _OUTSIDE_M), np.nanmin(flat, axis=0))
+        high = np.maximum(np.minimum(high, box[:, 1] + _OUTSIDE_M), np.nanmax(flat, axis=0))
+    return low, high
+
+
+def map_size_in(scenario: Scenario | None, area: Area) -> tuple[float, float]:
+    """Return width and height, in inches, of a map that the area fills, with its axes and legend."""
+    north_m, east_m = area[1] - area[0]
+    inches = min(_LARGEST_IN[0] / east_m, _LARGEST_IN[1] / north_m)
+    level = scenario is None or not len(levels_m(ground_grid(scenario, area)[2]))
+    return float(inches * east_m) + BESIDE_IN, float(inches * north_m) + _BELOW_IN + (0.0 if level else _COLOURS_IN)
+
+
+def ground_grid(scenario: Scenario, area: Area, cells: int = _GRID) -> tuple[Array, Array, Array]:
+    """North, east and height (G, G) of an area, without the ripple, which is finer than the grid."""
+    low, high = area
+    grids = np.meshgrid(np.linspace(low[0], high[0], cells), np.linspace(low[1], high[1], cells), indexing="ij")
+    smooth = scenario.terrain.model_copy(update={"ripple": None})
+    return grids[0], grids[1], ground_height_m(smooth, *grids)
+
+
+def levels_m(height_m: Array) -> Array:
+    """Return round heights at which contour lines stand; none for level ground."""
+    if np.ptp(height_m) <= _LEVEL_M:
+        return np.empty(0)
+    return np.asarray(MaxNLocator(_BANDS).tick_values(float(height_m.min()), float(height_m.max())))
+
+
+def draw_ground(axes: Any, scenario: Scenario, area: Area, *, scale: bool = True) -> None:
+    """Draw heights of the ground in bands with contour lines, and the edge of the box of Eq. 51."""
+    north, east, height = ground_grid(scenario, area)
+    levels = levels_m(height)
+    if len(levels):
+        bands = axes.contourf(east, north, height, levels=levels, cmap="YlOrBr", alpha=0.7)
+        axes.contour(east, north, height, levels=levels, colors="saddlebrown", linewidths=0.4, alpha=0.8)
+        if scale:
+            axes.figure.colorbar(bands, ax=axes, label="ground height, m", location="bottom", shrink=0.8, aspect=35)
+    limits = scenario.limits
+    corner, size = (limits.east_m[0], limits.north_m[0]), (np.ptp(limits.east_m), np.ptp(limits.north_m))
+    box = Rectangle(corner, *size, fill=False, ec="0.45", ls=(0, (6, 4)), lw=0.9)
+    if not _hidden(area, limits.north_m, limits.east_m):
+        box.set_label("limits of the scenario")
+    axes.add_patch(box)
+
+
+def draw_zones(axes: Any, scenario: Scenario, span_s: tuple[float, float]) -> None:
+    """Draw edges of keep-in areas, and no-fly zones; a moving one where it is at both ends of a span, with its way."""
+    for zone in zones(scenario):
+        first, *later = outlines(zone, span_s)
+        if isinstance(zone, KeepIn):
+            axes.add_patch(Polygon(first[:, ::-1], fill=False, ec=KEEP_IN, lw=1.4, zorder=1.6))
+            continue
+        axes.add_patch(Polygon(first[:, ::-1], fc=ZONE, ec=ZONE, alpha=0.3, zorder=1.5))
+        axes.add_patch(Polygon(first[:, ::-1], fill=False, ec=ZONE, lw=1.0, zorder=1.6))
+        for corners in later:
+            axes.add_patch(Polygon(corners[:, ::-1], fc=ZONE, ec="none", alpha=0.12, zorder=1.5))
+            axes.add_patch(Polygon(corners[:, ::-1], fill=False, ec=ZONE, lw=1.0, ls="--", zorder=1.6))
+            ends = [tuple(one.mean(axis=0)[::-1]) for one in (corners, first)]
+            arrow = {"arrowstyle": "-|>", "color": ZONE, "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
+            axes.annotate("", *ends, arrowprops=arrow, zorder=1.7, annotation_clip=True)
+
+
+def draw_route(axes: Any, scenario: Scenario) -> list[Any]:
+    """Draw the route points, and return their entry for the legend; nothing without a route."""
+    if not scenario.route:
+        return []
+    north_m, east_m, _ = np.array([point.position_m for point in scenario.route]).T
+    look: dict[str, Any] = {"ls": "", "marker": "D", "ms": 6, "mfc": "none", "mec": ROUTE, "mew": 1.4, "zorder": 6.5}
+    return list(axes.plot(east_m, north_m, label="route point", **look))
+
+
+def label_route(axes: Any, labels: Labels, scenario: Scenario) -> None:
+    """Write its number, and its name if it has one, beside each route point. Later rounds fly the same points."""
+    places = [(point.position_m[1], point.position_m[0]) for point in scenario.route]
+    if places:
+        labels.avoid_points(axes, places)
+    for number, (place, point) in enumerate(zip(places, scenario.route, strict=True), start=1):
+        text = f"{number} {point.name or ''}".strip().replace("$", r"\$")
+        labels.place(axes, text, place, color=ROUTE, fontweight="bold")
+
+
+def label_zones(axes: Any, labels: Labels, scenario: Scenario, span_s: tuple[float, float]) -> None:
+    """Write beside a moving zone when it is where."""
+    for zone in scenario.no_fly:
+        places = outlines(zone, span_s)
+        if len(places) > 1:
+            for corners, t_s in zip(places, _moving_s(zone, span_s), strict=True):
+                north, east = corners.mean(axis=0)
+                labels.place(axes, f"zone at {t_s:.0f} s", (float(east), float(north)), color=ZONE)
+
+
+def zone_entry(scenario: Scenario) -> list[Polygon]:
+    """Return no-fly zones and keep-in areas for a legend; nothing where there are none."""
+    zone = Polygon([(0.0, 0.0)], fc=ZONE, ec=ZONE, alpha=0.3, label="no-fly zone")
+    area = Polygon([(0.0, 0.0)], fill=False, ec=KEEP_IN, lw=1.4, label="keep-in area")
+    return [zone] * bool(scenario.no_fly) + [area] * bool(scenario.keep_in)
+
+
+def layer_entries(axes: Any, scenario: Scenario) -> list[Any]:
+    """Return zones, limits and wind for the legend of a map that has them."""
+    named = [patch for patch in axes.patches if patch.get_label() and not patch.get_label().startswith("_")]
+    return [*zone_entry(scenario), *named, wind_entry(scenario)]
+
+
+def wind_entry(scenario: Scenario, *, in_space: bool = False) -> Line2D:
+    """Return the wind for a legend: an arrow where the air goes, north up, and its speed.
+
+    A view in space has an arrow of its own; the entry is a line then.
+    """
+    wind = scenario.wind
+    if wind is None or wind.speed_mps == 0.0:
+        return Line2D([], [], ls="", label="no wind in the scenario")
+    arrow = ARROW.transformed(Affine2D().rotate_deg(180.0 - wind.from_deg))
+    text = f"wind {wind.speed_mps:g} m/s from {wind.from_deg:g}°"
+    if in_space:
+        return Line2D([], [], color=WIND, lw=2.0, label=text)
+    return Line2D([], [], ls="", marker=arrow, ms=17, mfc=WIND, mec="none", label=text)
+
+
+def _hidden(area: Area, north_m: tuple[float, float], east_m: tuple[float, float]) -> bool:
+    inside = [low < edge < high for low, high, edges in zip(*area, (north_m, east_m), strict=True) for edge in edges]
+    return not any(inside)
+
+
+def _moving_s(zone: Zone, span_s: tuple[float, float]) -> Array:
+    if not zone.moves:
+        return np.array([span_s[0]])
+    times = [t_s for t_s, *_ in zone.moves]
+    return np.clip([times[0], times[-1]], *span_s)
+
+
+def outlines(zone: Zone, span_s: tuple[float, float]) -> list[Array]:
+    """Corners (C, 2), north and east, of a zone where it is first and last in a span; once if it does not move."""
+    moved = displacement_m(zone, _moving_s(zone, span_s))
+    area = zone.area if isinstance(zone, KeepIn) else outline(zone)
+    corners = np.array(area.exterior.coords)
+    return [corners + one for one in moved[: 1 + bool(np.ptp(moved, axis=0).any())]]

@@ -1,0 +1,269 @@
+"""Tracks in 3D over the ground in bands of height, with no-fly zones, and close-ups of where something happens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.colors import LightSource, Normalize
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Affine2D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.proj3d import proj_transform
+from scipy.spatial.distance import pdist
+
+from gcs.flight.plots import map_layers
+from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, settle
+from gcs.flight.plots.flight_map import FlightMap, vehicle_entries
+from gcs.flight.recording.recording import nearest_m
+from gcs.physics.quadrotor import Array
+from gcs.plan.formation.timeline import Move
+from gcs.plan.trajectory.distances import zone_distances_m
+from gcs.scenario.environment.no_fly import zones
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import KeepIn, Scenario
+
+_HIGH = 0.25  # height of the box over its longer side
+_TICKS = 4
+_PANEL_IN, _BETWEEN_IN = (4.3, 2.2), 0.95  # a close-up, and the room of its titles
+_CELLS = 101  # of the ground along a side
+_BAND = 0.84  # how dark every other band of heights is
+_LEVEL = (0.93, 0.92, 0.88)  # the colour of level ground
+_WIND = 0.18  # length of the arrow over the shorter side
+_CORNERS = 49  # of a zone in 3D, at most
+MOST = 3
+_LEVEL_M = 1.0  # a lower relief is level ground
+_AROUND_S = 3.0  # to either side of an instant
+_ROOM, _LEAST_ROOM_M = 0.15, 1.0
+
+
+def draw_tracks(
+    scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, moves: tuple[Move, ...] = ()
+) -> Any:
+    """Return a 3D view of tracks (V, N, 3) at plan times (N,), heights exaggerated, with close-ups beside it."""
+    stretches = close_ups(scenario, sysids, t_s, tracks_ned_m, moves)
+    rows = max(len(stretches), 2)
+    figure = plt.figure(figsize=(13.0, rows * (_PANEL_IN[1] + _BETWEEN_IN)), layout="constrained")
+    grid = figure.add_gridspec(rows, 2, width_ratios=(1.7, 1))
+    axes: Any = figure.add_subplot(grid[:, 0], projection="3d", computed_zorder=False)
+    chart = FlightMap(scenario, sysids, t_s, tracks_ned_m)
+    _draw_in_space(axes, chart, scenario)
+    panels = [figure.add_subplot(grid[row, 1]) for row in range(len(stretches))]
+    for panel, stretch in zip(panels, stretches, strict=True):
+        draw_close_up(panel, scenario, sysids, t_s, tracks_ned_m, stretch, _PANEL_IN)
+    settle(figure)
+    labels = Labels(figure)
+    for mark_s, (north, east, down) in zip(*chart.marks(), strict=True):
+        right, up, _ = proj_transform(east, north, -down, axes.get_proj())
+        labels.place(axes, f"{mark_s:.0f} s", (float(right), float(up)))
+    for panel, stretch in zip(panels, stretches, strict=True):
+        label_close_up(panel, labels, sysids, t_s, tracks_ned_m, stretch)
+    return figure
+
+
+def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
+    sysids, tracks_ned_m, span_s = chart.sysids, chart.tracks_ned_m, (float(chart.t_s[0]), float(chart.t_s[-1]))
+    low, high = area = chart.area
+    lowest_m, top_m = _draw_ground(axes, scenario, area), float(np.nanmax(-tracks_ned_m[..., 2]))
+    for zone in zones(scenario):
+        colour = map_layers.KEEP_IN if isinstance(zone, KeepIn) else map_layers.ZONE
+        for corners in map_layers.outlines(zone, span_s):
+            _draw_zone(axes, scenario, np.clip(corners, low, high), top_m, colour)
+    for colour, track in zip(colours(sysids), tracks_ned_m, strict=True):
+        under_m = ground_height_m(scenario.terrain, track[:, 0], track[:, 1])
+        axes.plot(track[:, 1], track[:, 0], under_m, color="black", lw=0.5, alpha=0.35, zorder=8)
+        axes.plot(track[:, 1], track[:, 0], -track[:, 2], color=colour, lw=1.4, zorder=9)
+    _, places = chart.marks()
+    look = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white", "mec": "black", "mew": 0.6, "zorder": 10}
+    axes.plot(places[:, 1], places[:, 0], -places[:, 2], **look)
+    _draw_wind(axes, scenario, area, tracks_ned_m[..., :2], top_m)
+    sides_m = (high - low)[::-1] / float(np.max(high - low))
+    height_m = max(top_m, axes.get_zlim()[1]) - lowest_m
+    times = _HIGH * float(np.max(high - low)) / height_m
+    axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), zlim=(lowest_m, lowest_m + height_m))
+    axes.set_xlabel("east, m", labelpad=16.0)
+    axes.set_ylabel("north, m", labelpad=16.0)
+    axes.set_zlabel("height, m", labelpad=2.0)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(_TICKS))
+    axes.set_box_aspect((*sides_m, _HIGH), zoom=1.1)
+    axes.view_init(elev=35, azim=-60)
+    entries = [
+        *vehicle_entries(sysids),
+        *map_layers.zone_entry(scenario),
+        map_layers.wind_entry(scenario, in_space=True),
+    ]
+    axes.legend(handles=entries, fontsize=8, loc="upper left", ncols=2)
+    head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
+
+
+def _draw_wind(axes: Any, scenario: Scenario, area: map_layers.Area, flat_ned_m: Array, top_m: float) -> None:
+    """Draw an arrow along the wind, as high as the highest track, over the corner that is farthest from all tracks."""
+    if scenario.wind is None or scenario.wind.speed_mps == 0.0:
+        return
+    low, high = area
+    length_m = _WIND * float(np.min(high - low))
+    corners = [np.array([north, east]) for north in (low[0], high[0]) for east in (low[1], high[1])]
+    corners = [corner + np.where(corner == low, 1.0, -1.0) * 0.7 * length_m for corner in corners]
+    away_m = [np.nanmin(np.linalg.norm(flat_ned_m.reshape(-1, 2) - corner, axis=1)) for corner in corners]
+    place = corners[int(np.argmax(away_m))]
+    turned = np.asarray(map_layers.ARROW.transformed(Affine2D().rotate_deg(180.0 - scenario.wind.from_deg)).vertices)
+    east, north = (place[::-1] + 0.5 * length_m * turned).T
+    outline = list(zip(east, north, np.full(len(east), top_m), strict=True))
+    axes.add_collection3d(Poly3DCollection([outline], facecolor=map_layers.WIND, edgecolor="none", zorder=11))
+
+
+def _draw_ground(axes: Any, scenario: Scenario, area: map_layers.Area) -> float:
+    """Draw the ground as it is, in bands of height; return its lowest height."""
+    north, east, height = map_layers.ground_grid(scenario, area, _CELLS)
+    levels = map_layers.levels_m(height)
+    if len(levels):
+        range_m = Normalize(float(height.min()), float(height.max()))
+        shade: Any = LightSource(315, 45).shade(
+            height, plt.get_cmap("YlOrBr"), norm=range_m, vert_exag=4, blend_mode="soft"
+        )
+        band = np.searchsorted(levels, height)
+        shade[..., :3] *= np.where((band - band.min()) % 2, _BAND, 1.0)[..., None]
+        axes.plot_surface(east, north, height, facecolors=shade, rstride=1, cstride=1, linewidth=0, antialiased=False)
+    else:
+        axes.plot_surface(
+            east[::20, ::20], north[::20, ::20], height[::20, ::20], color=_LEVEL, linewidth=0, shade=False
+        )
+    return float(height.min())
+
+
+def _draw_zone(axes: Any, scenario: Scenario, corners: Array, top_m: float, colour: str) -> None:
+    """Draw a wall around a zone, from the ground to the highest track."""
+    corners = corners[np.linspace(0, len(corners) - 1, min(len(corners), _CORNERS)).astype(int)]
+    north, east = corners.T
+    foot_m = ground_height_m(scenario.terrain, north, east)
+    top = np.full_like(foot_m, top_m)
+    wall = [
+        [
+            (east[n], north[n], foot_m[n]),
+            (east[n + 1], north[n + 1], foot_m[n + 1]),
+            (east[n + 1], north[n + 1], top_m),
+            (east[n], north[n], top_m),
+        ]
+        for n in range(len(north) - 1)
+    ]
+    faces = Poly3DCollection(wall, facecolor=colour, edgecolor="none", alpha=0.13, zorder=7.5)
+    axes.add_collection3d(faces)
+    for edge in (foot_m, top):
+        axes.plot(east, north, edge, color=colour, lw=1.0, zorder=7.6)
+
+
+@dataclass(frozen=True)
+class CloseUp:
+    """Some seconds of a flight."""
+
+    title: str
+    begin_s: float
+    end_s: float
+    at_s: float | None = None  # the instant that it is about; None: the whole of it
+    pair: tuple[int, int] | None = None  # rows of the nearest two vehicles
+
+    @classmethod
+    def around(cls, title: str, at_s: float, pair: tuple[int, int] | None = None) -> CloseUp:
+        """Some seconds before and after an instant."""
+        return cls(title, at_s - _AROUND_S, at_s + _AROUND_S, at_s, pair)
+
+
+def close_ups(
+    scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, moves: tuple[Move, ...]
+) -> list[CloseUp]:
+    """Return at most three stretches of the mission where something happens; its middle where nothing does."""
+    during = np.flatnonzero((t_s >= 0.0) & (t_s <= scenario.time.flight_s))
+    found = [_nearest_call(sysids, t_s, tracks_ned_m, during)] if len(sysids) > 1 and len(during) else []
+    if (scenario.no_fly or scenario.keep_in) and len(during):
+        away_m = zone_distances_m(scenario, t_s[during], tracks_ned_m[:, during])
+        row, n = np.unravel_index(int(np.nanargmin(away_m)), away_m.shape)
+        inside = "inside" if away_m[row, n] < 0.0 else "from"
+        zone = "the edge of a zone" if scenario.keep_in else "a no-fly zone"
+        title = f"vehicle {sysids[row]}, {abs(away_m[row, n]):.2f} m {inside} {zone}"
+        found.append(CloseUp.around(title, float(t_s[during[n]])))
+    if len(found) < MOST - len(moves) and len(during):
+        found += _lowest(scenario, sysids, t_s, tracks_ned_m, during)
+    changes = [
+        CloseUp(f"{move.name}, t = {move.start_s:.0f} to {move.end_s:.0f} s", move.start_s, move.end_s)
+        for move in moves
+        if move.end_s > move.start_s
+    ]
+    found = changes[: MOST - len(found)] + found
+    return found or [CloseUp.around("the middle of the flight", 0.5 * scenario.time.flight_s)]
+
+
+def _lowest(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Any) -> list[CloseUp]:
+    """Where a vehicle passes lowest above ground that is not level."""
+    north, east, down = np.moveaxis(tracks_ned_m[:, during], -1, 0)
+    ground_m = ground_height_m(scenario.terrain, north, east)
+    if not np.ptp(ground_m[np.isfinite(ground_m)]) > _LEVEL_M:
+        return []
+    above_m = -down - ground_m
+    row, n = np.unravel_index(int(np.nanargmin(above_m)), above_m.shape)
+    title = f"vehicle {sysids[row]}, {above_m[row, n]:.2f} m above the ground"
+    return [CloseUp.around(title, float(t_s[during[n]]))]
+
+
+def _nearest_call(sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Any) -> CloseUp:
+    n = int(np.nanargmin(nearest_m(tracks_ned_m[:, during])))
+    gaps = pdist(tracks_ned_m[:, during[n]])
+    pair = int(np.nanargmin(gaps))
+    first, second = np.triu_indices(len(sysids), 1)
+    rows = int(first[pair]), int(second[pair])
+    title = f"nearest call: vehicles {sysids[rows[0]]} and {sysids[rows[1]]}, {gaps[pair]:.2f} m"
+    return CloseUp.around(title, float(t_s[during[n]]), rows)
+
+
+def draw_close_up(
+    axes: Any,
+    scenario: Scenario,
+    sysids: tuple[int, ...],
+    t_s: Array,
+    tracks_ned_m: Array,
+    what: CloseUp,
+    size_in: tuple[float, float],
+) -> None:
+    """Draw a stretch as a map: hollow where vehicles begin it, filled where they end it, or at its instant.
+
+    `size_in` is the width and the height of the axes.
+    """
+    during = np.flatnonzero((t_s >= what.begin_s) & (t_s <= what.end_s))
+    tracks = tracks_ned_m[:, during, 1::-1]
+    at = int(np.argmin(np.abs(t_s - what.at_s))) if what.at_s is not None else int(during[-1])
+    low, high = _frame(tracks, size_in)
+    map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
+    map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
+    for colour, track, place in zip(colours(sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
+        axes.plot(*track.T, color=colour, lw=1.2)
+        axes.plot(*track[0], "o", color=colour, mfc="white", ms=4.5)
+        axes.plot(*place, "o", color=colour, ms=5.5, zorder=5)
+    if what.pair is not None:
+        axes.plot(*tracks_ned_m[list(what.pair), at, 1::-1].T, color="black", lw=1.0, zorder=4)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="east, m", ylabel="north, m")
+    axes.locator_params(nbins=5)
+    axes.grid(alpha=0.3)
+    when = "" if what.at_s is None else f"\nat t = {what.at_s:.1f} s"
+    head(axes, what.title + when, size_in[0], 9.0)
+
+
+def _frame(tracks: Array, size_in: tuple[float, float]) -> tuple[Array, Array]:
+    """The least and the greatest east and north (2,) around tracks (V, N, 2), with room, that fill axes of a size."""
+    low, high = np.nanmin(tracks, axis=(0, 1)), np.nanmax(tracks, axis=(0, 1))
+    room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
+    scale = float(np.max((high - low + 2.0 * room_m) / np.array(size_in)))
+    half, middle = 0.5 * scale * np.array(size_in), 0.5 * (low + high)
+    return middle - half, middle + half
+
+
+def label_close_up(
+    axes: Any, labels: Labels, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, what: CloseUp
+) -> None:
+    """Write the number of every vehicle beside it."""
+    instant_s = what.end_s if what.at_s is None else what.at_s
+    places = tracks_ned_m[:, int(np.argmin(np.abs(t_s - instant_s))), 1::-1]
+    labels.avoid_points(axes, places)
+    for sysid, place in zip(sysids, places, strict=True):
+        labels.place(axes, str(sysid), (float(place[0]), float(place[1])), needed=len(sysids) <= NAMED)

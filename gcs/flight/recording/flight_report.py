@@ -1,0 +1,196 @@
+"""The report of a flight: the verdict, the conditions of the flight, and what every figure means.
+
+`report.json` is for programs, `report.md` for people: with it the flight can be cited, and flown again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.judge import GRID_S, Verdict
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.recording.flight_folder import FAILED_TEXT, OK_TEXT, PLAN, limit_text
+from gcs.flight.setup.build_loads import TimeKeeping
+from gcs.flight.setup.simulator_process import Emulated
+from gcs.physics.wind import GUSTS_MPS
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.si import autopilots
+from gcs.util.atomic_write import atomic_write
+
+# Criterion: what is measured, and when. Positions are true ones, times are plan times.
+DEFINITIONS = {
+    "position error (RMS)": f"distance of the true position from the planned position of the same instant; root of the "
+    f"mean of its squares, every {GRID_S:g} s from T0 to the planned arrival; the worst vehicle",
+    "clearance above ground": f"distance to the exact ground in any direction, every {GRID_S:g} s from the hover after "
+    "take-off to the order to land",
+    "outside no-fly zones": "horizontal distance to the nearest no-fly zone, negative inside; from the pads to the "
+    "last stop",
+    "inside keep-in areas": "horizontal distance to the edge of the nearest keep-in area, negative outside; from the "
+    "pads to the last stop",
+    "inside the fence": "horizontal distance to the edge of the fence, negative outside; from the pads to the last "
+    "stop",
+    "height": f"height above the origin, every {GRID_S:g} s from the hover after take-off to the order to land",
+    "route points": "least distance of a vehicle from its place at a route point, within 3 s, or "
+    "`judge.arrival_time_s` where that is more, of the planned time; the worst vehicle and point",
+    "arrival position": "distance from the vehicle's goal at the planned arrival",
+    "arrival time": "when the vehicle comes into the circle of `judge.arrival_position_m` around its goal to stay, "
+    "against the plan's own entry; early or late",
+    "separation": "distance of the centres of two vehicles, from T0 to the order to land",
+    "separation near ground": "the same before T0 and after the order to land",
+}
+FORMATION_ERROR = (
+    "Definition 1 of the paper: distance of a true position from its place in the formation, wherever the formation "
+    "is; the largest of any vehicle from T0 to the planned arrival"
+)
+SKEW = "difference of the delays of two vehicles behind the plan, from telemetry"
+
+
+def emulation_data(scenario: Scenario, emulated: Emulated) -> dict[str, Any]:
+    """Return the conditions of an emulated flight as plain values, for `report.json`."""
+    return {
+        "skein": version("skein-gcs"),
+        "autopilots": sorted({known.key for known in autopilots(scenario)}),
+        "sensors": scenario.sensors.grade,
+        "planned_wind": None if scenario.wind is None else scenario.wind.model_dump(),
+        "gusts_mps": _deviation_mps(emulated.gusts),
+        **asdict(emulated),
+        "faults": list(emulated.faults),
+    }
+
+
+def repeat_command(keeping: TimeKeeping, options: FlightOptions, emulation: dict[str, Any]) -> str:
+    """Return the command that flies the plan of this folder again, under the same conditions."""
+    words = ["gcs", "fly", PLAN, "--sim", "--mode", keeping.mode.value, "--seed", str(emulation["seed"])]
+    if keeping.mode is FlightMode.MISSION:
+        words += ["--nav", keeping.navigator, *(("--gates", str(keeping.gates)) if keeping.gates else ())]
+    for option in ("wind", "gusts"):
+        words += [f"--{option}", emulation[option]] if emulation[option] is not None else []
+    for fault in emulation["faults"]:
+        words += ["--fault", fault]
+    words += ["--follow"] if options.follow else []
+    usual = FlightOptions()
+    for name, value, default in (
+        ("--on-loss", options.on_loss, usual.on_loss),
+        ("--on-leader-loss", options.on_leader_loss, usual.on_leader_loss),
+    ):
+        words += [name, value.value] if value is not default else []
+    return shlex.join([*words, "--speedup", emulation["speedup"]])
+
+
+def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
+    """Write `report.json` for programs and `report.md` for readers."""
+    atomic_write(folder / "report.json", json.dumps(data, indent=2) + "\n")
+    navigator = f" with the {data['navigator']} navigator" if data.get("navigator") else ""
+    lines = [
+        f"# Flight of {data['mission']}",
+        "",
+        f"{OK_TEXT if verdict.ok else FAILED_TEXT} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}{navigator}.",
+        "",
+        *_conditions(data),
+        "## Criteria, from the true states",
+        "",
+        "| criterion | measured | limit | verdict |",
+        "| --- | --- | --- | --- |",
+        *(
+            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {limit_text(c)} | {'ok' if c.ok else 'FAILED'} |"
+            for c in verdict.criteria
+        ),
+        f"| formation error | {verdict.formation_error_m:.3f} m | – | – |",
+    ]
+    if (skew_s := data.get("skew_s")) is not None and len(verdict.rms_m) > 1:
+        lines.append(f"| time skew (telemetry) | {1e3 * skew_s:.1f} ms | – | – |")
+    lines += [
+        "",
+        "| vehicle | position error RMS, m | maximum, m |",
+        "| --- | --- | --- |",
+        *(f"| {sysid} | {rms:.3f} | {verdict.max_m[sysid]:.3f} |" for sysid, rms in verdict.rms_m.items()),
+        "",
+        "`gcs report` on this folder divides each of these errors: plan less estimate, which is the control's, and "
+        "estimate less truth, which is the sensors'.",
+        "",
+    ]
+    if rows := data.get("separation_reported"):
+        lines += ["| least separation, from telemetry | m |", "| --- | --- |"]
+        lines += [
+            f"| {row['part']} (vehicles {row['vehicles'][0]}, {row['vehicles'][1]}) at t = {row['t_s']:.1f} s "
+            f"| {row['distance_m']:.3f} |"
+            for row in rows
+        ]
+        lines.append("")
+    lines += _definitions(verdict)
+    atomic_write(folder / "report.md", "\n".join(lines))
+
+
+def _conditions(data: dict[str, Any]) -> list[str]:
+    found = data.get("emulation")
+    if found is None:
+        return []
+    rows = [
+        ("vehicles", f"{len(data['position_rms_m'])}, emulated, {', '.join(found['autopilots'])}"),
+        ("sensors", found["sensors"]),
+        ("wind", _wind_in_words(found)),
+        ("gusts", _gusts_in_words(found)),
+        ("faults", ", ".join(found["faults"]) or "none"),
+        ("seed of noise and gusts", str(found["seed"])),
+        ("Skein", found["skein"]),
+    ]
+    return [
+        "## Conditions",
+        "",
+        "| condition | value |",
+        "| --- | --- |",
+        *(f"| {name} | {value} |" for name, value in rows),
+        "",
+        f"To fly it again, in this folder: `{data['repeat']}`",
+        "",
+    ]
+
+
+def _wind_in_words(found: dict[str, Any]) -> str:
+    planned = found["planned_wind"]
+    expected = "none" if planned is None else f"{planned['speed_mps']:g} m/s from {planned['from_deg']:g} degrees"
+    if found["wind"] is None:
+        return "none" if planned is None else f"{expected} at {planned['height_m']:g} m height, as planned"
+    speed, _, origin = found["wind"].partition("@")
+    return f"{speed} m/s from {origin} degrees (the plan assumes: {expected})"
+
+
+def _gusts_in_words(found: dict[str, Any]) -> str:
+    deviation_mps = found["gusts_mps"]
+    if not deviation_mps:
+        return "none"
+    name = f"{found['gusts']}: " if found["gusts"] in GUSTS_MPS else ""
+    return f"{name}Dryden, standard deviation {deviation_mps:g} m/s along and across the wind"
+
+
+def _deviation_mps(gusts: str | None) -> float:
+    if not gusts:
+        return 0.0
+    deviation = GUSTS_MPS[gusts] if gusts in GUSTS_MPS else float(gusts)
+    return deviation if math.isfinite(deviation) else 0.0
+
+
+def _definitions(verdict: Verdict) -> list[str]:
+    known = [(c.name, DEFINITIONS[c.name]) for c in verdict.criteria if c.name in DEFINITIONS]
+    known += [("formation error", FORMATION_ERROR), ("time skew", SKEW)]
+    return [
+        "## Definitions",
+        "",
+        "True positions are those of the emulated bodies; vehicles and Skein know estimates only. T0 is plan time 0. "
+        "The measured figure is that of the worst vehicle or pair.",
+        "",
+        *(f"- **{name}**: {text}." for name, text in known),
+        "",
+    ]
+
+
+def _where(criterion: Criterion) -> str:
+    vehicle = f" ({criterion.vehicles})" if criterion.vehicles else ""
+    return vehicle if criterion.t_s is None else f"{vehicle} at t = {criterion.t_s:.1f} s"

@@ -1,1 +1,0 @@
-"""The sequence of a flight: upload, arm, take off, fly, land."""

@@ -1,1 +1,0 @@
-"""Upload to the whole fleet: all vehicles, or none."""

@@ -1,1 +1,0 @@
-"""The mission protocol: upload item by item or as a file, read-back, comparison."""

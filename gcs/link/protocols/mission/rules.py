@@ -1,0 +1,79 @@
+"""Rules, timers and errors that both machines of the mission protocol share.
+
+Specification: https://mavlink.io/en/services/mission.html. Each station may play either part: an upload is the ground
+station's `MissionSender` with the vehicle's `MissionReceiver`, a download the reverse. Time is the argument `now_s`,
+seconds of any monotonic clock. Each machine lives for one transfer:
+
+    messages = machine.start(now_s)                 # to be sent
+    messages = machine.receive(message, now_s)      # for every received message, also of other conversations
+    messages = machine.tick(now_s)                  # at `deadline_s` or earlier
+    machine.done -> machine.error, machine.items    # error is None, PeerTimeout, MissionRefused or PeerError
+
+Rules
+1.  The receiver controls the transfer: it requests each item by number, and the sender sends only requested items.
+2.  A message counts if it comes from the peer, is addressed to us or to no station, and names our mission type. All
+    other messages belong to other conversations and are ignored.
+3.  Every request is answered, however often it is repeated, always with MISSION_ITEM_INT.
+4.  Both kinds of request and both kinds of item are accepted.
+5.  A message without an answer is repeated: `reply_s` after a list, a count, or the last item; `item_s` after the
+    request of an item; `retries` times. Between items the sender is silent: requests are the receiver's part.
+    A machine with a `RttEstimator` repeats as soon as the estimated wait has passed, until `give_up_s`. Such a sender
+    repeats the last requested item together with the next one: whether the item or the next request was lost, the
+    receiver waits for one of the two, and ignores the other.
+6.  A new MISSION_COUNT restarts the receiver: items of two missions never mix.
+7.  The receiver ends the transfer with MISSION_ACK. It repeats the MISSION_ACK if the last item comes again, because
+    then the first MISSION_ACK was lost.
+8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. After INVALID_SEQUENCE
+    ArduPilot repeats its request. ERROR after a repeated MISSION_COUNT means that the first one had arrived and the
+    transfer continues (PX4: "busy"). ERROR after a repeated last item means that the transfer was over and its
+    MISSION_ACK was lost. Any other result ends the transfer: `MissionRefused`. With a `RttEstimator`, where many
+    messages are repeated, ERROR, DENIED and OPERATION_CANCELLED may answer a late copy: they end the transfer only if
+    no request or answer follows within some waits.
+9.  `give_up_s` without progress ends the transfer: `PeerTimeout`. So do endless requests without progress.
+10. With a `window` a receiver requests several items at a time, if the peer does not track its requests (ArduPilot).
+    Items are accepted in any order.
+11. If all items were sent and MISSION_ACK is missing, nothing is proved. `MissionSender.all_sent` then means that a
+    read-back is worthwhile.
+"""
+
+from __future__ import annotations
+
+from gcs.autopilots.protocol_timers import MissionTimers
+from gcs.errors import PeerRefusal
+from gcs.link.protocols.rtt import RttEstimator
+from gcs.link.wire.message import Message, Station
+from gcs.mavlink import MissionResult
+from gcs.mavlink_names import mission_result_words
+
+DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
+
+
+def doubt_s(round_trip: RttEstimator, timers: MissionTimers) -> float:
+    """The wait after a refusal that may answer a late copy: ArduPilot repeats its requests once a second."""
+    return max(4.0 * round_trip.wait_s(), timers.doubt_s)
+
+
+class MissionRefused(PeerRefusal):
+    """The peer ended the transfer with a MISSION_ACK other than ACCEPTED.
+
+    `result` is the MAV_MISSION_RESULT; `seq` the last requested item, or None before the first request.
+    """
+
+    def __init__(self, peer: Station, result: int, seq: int | None) -> None:
+        where = "the mission" if seq is None else f"the mission at item {seq}"
+        super().__init__(
+            f"{peer} refused {where}: {mission_result_words(result)}.",
+            hint="check that item and the vehicle's messages, then upload again; no vehicle was armed",
+        )
+        self.result = result
+        self.seq = seq
+
+
+def mission_ack(peer: Station, result: MissionResult, mission_type: int) -> Message:
+    """Return MISSION_ACK to `peer`."""
+    return Message("MISSION_ACK", {**peer.target, "type": int(result), "mission_type": mission_type})
+
+
+def mission_type_of(message: Message) -> int:
+    """Return the mission type of a message; 0 for MAVLink 1, which has no such field."""
+    return int(message.fields.get("mission_type", 0))

@@ -1,1 +1,0 @@
-"""The address of each vehicle, the proof that a vehicle has moved, and the budget of strangers."""

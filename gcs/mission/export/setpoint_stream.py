@@ -1,0 +1,62 @@
+"""The setpoint stream: positions, velocities, accelerations and yaw of all vehicles, on whole milliseconds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.mission.model import SetpointStream
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array, derivative
+
+if TYPE_CHECKING:
+    from gcs.mission.export.bspline_smoothing import SmoothPath
+    from gcs.plan.trajectory.plan import Plan
+
+_DECIMALS = 6  # micrometres: far below the resolution of float32 on links
+_MS = 1000
+ALL_VEHICLES = slice(None)
+
+
+def build_stream(
+    plan: Plan, rate_hz: float, smooth: SmoothPath | None = None, rows: slice = ALL_VEHICLES
+) -> SetpointStream:
+    """The setpoints from the end of the take-off to the end of the hover after the arrival, smoothed if given.
+
+    Times are t = k / rate_hz, rounded to whole milliseconds, so one is T0. The last setpoint has zero velocity and
+    acceleration: an autopilot continues with those of the last setpoint received.
+    """
+    if not 0 < rate_hz <= _MS:
+        raise ValueError(f"a setpoint rate of {rate_hz} Hz is not between 0 and {_MS} Hz")
+    start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
+    ticks = np.arange(np.ceil(start_s * rate_hz - 1e-6), np.floor(end_s * rate_hz + 1e-6) + 1)
+    t_ms = np.rint(ticks * _MS / rate_hz)
+    last_ms = np.floor(end_s * _MS + 1e-6)
+    t_s = np.append(t_ms[t_ms < last_ms], last_ms) / _MS
+    if smooth is None:
+        states, controls = plan.motion(t_s, rows)
+        acceleration = derivative(states, controls, plan.quadrotor)[..., VELOCITY]
+        parts = states[..., POSITION], states[..., VELOCITY], acceleration, states[..., 8]
+    else:
+        position, velocity, acceleration, yaw = smooth.at(t_s)
+        parts = position[rows], velocity[rows], acceleration[rows], yaw[rows]
+    position, velocity, acceleration, yaw = map(_rounded, parts)
+    velocity[:, -1] = acceleration[:, -1] = 0.0
+    return SetpointStream(plan.sysids[rows], t_s, position, velocity, acceleration, yaw)
+
+
+def of_vehicle(stream: SetpointStream, row: int) -> SetpointStream:
+    """The stream of the vehicle in this row."""
+    one = slice(row, row + 1)
+    return SetpointStream(
+        stream.sysids[one],
+        stream.t_s,
+        stream.position_ned_m[one],
+        stream.velocity_ned_mps[one],
+        stream.acceleration_ned_mps2[one],
+        stream.yaw_ned_rad[one],
+    )
+
+
+def _rounded(values: Array) -> Array:
+    return np.asarray(np.round(values, _DECIMALS) + 0.0)  # + 0.0 turns -0.0 into 0.0

@@ -1,1 +1,0 @@
-"""What keeps vehicles safe when a plan ends early: fence, rally points, return (RTL) altitudes."""

@@ -1,0 +1,359 @@
+"""Staggered return (RTL) altitudes, with which the whole fleet can return at once from any instant of a plan.
+
+Altitudes start above the highest ground under all return tracks and are one step apart. `stagger_order` searches the
+order of vehicles. Fleets of more than 12 return at one altitude, in formation. Vehicles return to their homes, or to
+the nearest of home and rally points (`rtl_cases`).
+
+If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
+under climbing ones; at a lower speed it passes later, when they are higher.
+
+Nothing here depends on the last bits of a plan. The lowest altitude is rounded up to `BASE_GRID_M`; the separation
+counts as kept within `KEPT_M`; a slower return must be better by `BETTER_M`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from gcs.autopilots.traits import FleetFirmware, one_each
+from gcs.mission.machine_independent import EQUAL, first_least
+from gcs.mission.returns.ground_below import highest_below_returns_m
+from gcs.mission.returns.pair_returns import StraightReturns, proved_separation
+from gcs.mission.returns.proved_fleet import proved_fleet
+from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.routed_returns import (
+    NoWay,
+    RoutedReturns,
+    highest_under_ways_m,
+    instants_s,
+    nearest_return,
+    routed_returns,
+    without_way,
+)
+from gcs.mission.returns.rtl_cases import (
+    Crossing,
+    Returning,
+    ReturnSpeeds,
+    highest_ground_m,
+    pair_distances,
+    places_at,
+    rally_points_ned_m,
+    return_cases,
+    return_ends,
+)
+from gcs.mission.returns.zones_crossed import zones_crossed
+from gcs.physics.quadrotor import Array
+from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.util.cache import once
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.plan import Plan
+
+STEP_MIN_M = 2.0
+BASE_GRID_M = 0.5  # the lowest return altitude above the origin is a multiple of it
+BETTER_M = 0.05  # of the least distance: a slower return that gains less is not taken
+KEPT_M = 5e-4  # a length that misses its limit by less keeps it: a plan may lie on the limit, but for its last bits
+_LEVEL_M = 0.02  # so much above its return altitude a vehicle returns at its own height
+_STEP_SHARE = 1.25  # of the plan's separation
+_COARSE_S, _FINE_S, _FINEST_S, _GROUND_S, _ROUTED_S = 8.0, 0.5, 0.05, 2.0, 1.0
+_IN_FORMATION_INSTANTS, _IN_FORMATION_LOOKS = 40, 60
+_CM = 100.0
+_CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
+SEARCHED_MAX = 12  # vehicles
+GAP_STEP_M = 0.05
+ENOUGH = 2.0
+_ALL_ORDERS = 8  # vehicles
+_STEPS_BEGIN = 0.382  # of a step: pads and formations have round distances, and steps shall not begin there
+
+
+@dataclass(frozen=True)
+class WorstReturn:
+    """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins.
+
+    At whatever instant a return begins, no two vehicles come nearer than `proved_m`; None where that is not proved.
+    """
+
+    distance_m: float
+    t_s: float
+    sysids: tuple[int, int]
+    ends: str  # "home", or "nearest" of home and rally points
+    proved_m: float | None = None
+
+
+@dataclass(frozen=True)
+class ReturnPlan:
+    """The verified returns of a fleet. Altitudes (V) count from each vehicle's own home, in whole centimetres.
+
+    Staggered ones are rounded up to what a rally point can hold (ArduPilot: whole metres), and verified after that.
+    """
+
+    altitudes_m: tuple[float, ...]
+    speeds: ReturnSpeeds
+    step_m: float
+    ground_max_m: float  # under any return track, above the origin's height
+    top_m: float  # the highest vehicle, above the origin's height
+    worst: WorstReturn | None  # None for a single vehicle
+    crossings: tuple[Crossing, ...]  # of straight returns, as autopilots fly them
+    routed: WorstReturn | None = None  # as `worst`, of returns that the ground station flies round no-fly zones
+    no_way: tuple[NoWay, ...] = ()
+    rally_ned_m: tuple[tuple[tuple[float, float, float], ...], ...] = ()  # of each vehicle, on the ground
+    proved_at_s: float = 0.0  # about when returns begin of which least is proved
+
+
+@once
+def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
+    """The return altitudes of a plan's fleet, and the fastest return that keeps the separation, both verified.
+
+    `firmware` is the autopilot of all vehicles, or that of each.
+    """
+    found = _searched(plan, firmware)
+    rally = np.array(found.rally_ned_m)
+    found = replace(found, crossings=tuple(zones_crossed(plan, firmware, rally)))
+    worst = found.worst
+    if worst is None:
+        return found
+    prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
+    ends, required_m = return_ends(plan, firmware, rally), judged_separation_m(plan.scenario)
+    returns = StraightReturns(plan, ends, found.speeds, np.array(found.altitudes_m), required_m)
+    proof = prove(returns, worst.distance_m)
+    if proof.least_m < worst.distance_m - KEPT_M:
+        first, second = proof.pair
+        worst = WorstReturn(proof.least_m, proof.t_s, (plan.sysids[first], plan.sysids[second]), proof.ends)
+    return replace(found, worst=replace(worst, proved_m=proof.proved_m), proved_at_s=proof.proved_at_s)
+
+
+def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
+    """The returns by instants `_FINE_S` apart."""
+    every = one_each(firmware, len(plan.sysids))
+    rows = [known.traits.returns for known in every]
+    limits = plan.scenario.limits
+    best: ReturnPlan | None = None
+    routes = ReturnRoutes(plan)
+    routed = routed_returns(plan, routes, instants_s(plan, _ROUTED_S))
+    rally = rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
+    ground_m = 0.0
+    for share in _CRUISE_SHARES:
+        speeds = _speeds(plan, firmware, share)
+        coarse = return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
+        if best is None:
+            straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S, rally_ned_m=rally))
+            straight_m = highest_below_returns_m(plan, firmware, rally, straight_m)
+            ground_m = max(straight_m, highest_under_ways_m(plan, routed))
+        base_m = _base_m(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
+        vehicles = len(plan.sysids)
+        # A large fleet returns at one level: there, rounding would make vehicles climb for different times.
+        quantum_m = np.array([row.rally_step_m if vehicles <= SEARCHED_MAX else 1.0 / _CM for row in rows])
+        # Rounding brings two neighbours closer by less than one quantum.
+        step_m = max(
+            STEP_MIN_M, _STEP_SHARE * limits.separation_min_m, limits.separation_min_m + float(quantum_m.max())
+        )
+        homes_m = -plan.pads_ned_m[:, 2]
+        levels_m = _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m)
+        order = stagger_order(coarse, levels_m, limits.separation_min_m)
+        altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
+        worst = _worst(plan, firmware, speeds, altitudes_m, rally) if vehicles > 1 else None
+        fine = return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
+        found = ReturnPlan(
+            tuple(altitudes_m.tolist()),
+            speeds,
+            step_m,
+            ground_m,
+            max(float(np.max(case.datum_m + altitudes_m[:, None])) for case in fine),
+            worst,
+            (),
+            rally_ned_m=tuple(tuple(map(tuple, points)) for points in rally.tolist()),
+        )
+        required_m = limits.separation_min_m - KEPT_M
+        if worst is None or worst.distance_m >= required_m:
+            found = _with_routed(plan, routes, routed, found)
+            if found.routed is None or found.routed.distance_m >= required_m:
+                return found
+        if best is None or _least_m(found) >= _least_m(best) + BETTER_M:
+            best = found
+        if vehicles > SEARCHED_MAX:
+            break
+    assert best is not None
+    return best if best.routed is not None else _with_routed(plan, routes, routed, best)
+
+
+def _least_m(found: ReturnPlan) -> float:
+    return min(worst.distance_m for worst in (found.worst, found.routed) if worst is not None)
+
+
+def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], found: ReturnPlan) -> ReturnPlan:
+    """The returns with those of the ground station verified as well."""
+    found = replace(found, no_way=tuple(without_way(plan, cases)))
+    if found.worst is None:
+        return found
+    top_down_m = plan.pads_ned_m[:, 2] - np.array(found.altitudes_m)
+    near = nearest_return(plan, routes, cases, top_down_m, found.speeds)
+    sysids = plan.sysids[near.pair[0]], plan.sysids[near.pair[1]]
+    return replace(found, routed=WorstReturn(near.distance_m, near.t_s, sysids, near.name))
+
+
+def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array, rally: Array) -> WorstReturn:
+    """The nearest two vehicles of all returns, to homes and to the nearest of home and rally points."""
+    if len(altitudes_m) > SEARCHED_MAX:
+        period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
+        cases = return_cases(plan, firmware, speeds, period_s, rally_ned_m=rally)
+        return min((_nearest_in_formation(plan, case, altitudes_m) for case in cases), key=_distance)
+    fine = [
+        _nearest_pair(plan, case, altitudes_m)
+        for case in return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
+    ]
+    worst = min(fine, key=_distance)
+    around = max(worst.t_s - _FINE_S, plan.t_start_s), min(worst.t_s + _FINE_S, plan.t_end_s)
+    finer = [
+        _nearest_pair(plan, case, altitudes_m)
+        for case in return_cases(plan, firmware, speeds, _FINEST_S, around, rally)
+    ]
+    return min(worst, *finer, key=_distance)
+
+
+def _distance(worst: WorstReturn) -> int:
+    return math.floor(worst.distance_m / EQUAL + 0.5)  # of equal distances the first counts
+
+
+def _base_m(clear_m: float, highest_m: float) -> float:
+    """The lowest return altitude above the origin: clear of the ground, and not below the plan's own heights."""
+    least_m = max(clear_m - KEPT_M, highest_m - _LEVEL_M)
+    return math.ceil(least_m / BASE_GRID_M) * BASE_GRID_M
+
+
+def _rounded(altitudes_m: Array, quantum_m: Array) -> Array:
+    """Altitudes (..., V) rounded up to multiples of each vehicle's `quantum_m` (V,)."""
+    per_m = np.round(1.0 / quantum_m)
+    return np.asarray(np.ceil(altitudes_m * per_m - 1e-6) / per_m)
+
+
+def _speeds(plan: Plan, firmware: FleetFirmware, share: float) -> ReturnSpeeds:
+    """Return speeds: a share of the plan's speed limit, in whole cm/s. ArduPilot waits 5 s before it descends."""
+    every = one_each(firmware, len(plan.sysids))
+    north, east, vertical = plan.scenario.limits.speed_ned_mps
+    cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
+    return ReturnSpeeds(vertical, cruise_mps, vertical, max(known.traits.returns.wait_s for known in every))
+
+
+def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstReturn:
+    motions = [case.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
+    found = []
+    for i, j in itertools.combinations(range(len(motions)), 2):
+        distance = pair_distances(motions[i], motions[j])
+        at = first_least(distance)
+        found.append(
+            WorstReturn(float(distance.min()), float(case.t_s[at]), (plan.sysids[i], plan.sysids[j]), case.name)
+        )
+    return min(found, key=_distance)
+
+
+def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) -> WorstReturn:
+    """The nearest two vehicles of a large fleet, at `_IN_FORMATION_LOOKS` instants of each return."""
+    motions = [returning.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
+    longest_s = np.max([times[:, -1] for times, _ in motions], axis=0)
+    looks = np.linspace(0.0, 1.0, _IN_FORMATION_LOOKS) * longest_s[:, None]
+    places = np.stack([places_at(motion, looks) for motion in motions])  # (V, N, L, 3)
+    worst = WorstReturn(math.inf, math.nan, (0, 0), returning.name)
+    for instant, look in np.ndindex(looks.shape):
+        distance, near = KDTree(places[:, instant, look]).query(places[:, instant, look], k=2)
+        row = first_least(distance[:, 1])
+        if distance[row, 1] < worst.distance_m - EQUAL:
+            pair = plan.sysids[row], plan.sysids[int(near[row, 1])]
+            worst = WorstReturn(float(distance[row, 1]), float(returning.t_s[instant]), pair, returning.name)
+    return worst
+
+
+def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
+    """Warnings: returns below the judge's separation, above the plan's ceiling, or through no-fly zones."""
+    worst, required_m = returns.worst, judged_separation_m(plan.scenario)
+    if worst is not None and worst.distance_m < required_m:
+        first, second = worst.sysids
+        yield (
+            f"if all vehicles return at {worst.t_s:.1f} s, vehicles {first} and {second} come within "
+            f"{worst.distance_m:.2f} m ({required_m:g} m required); do not command RTL to all vehicles at once"
+        )
+    elif worst is not None and worst.proved_m is not None and worst.proved_m < required_m - KEPT_M:
+        yield (
+            f"returns that begin at about {returns.proved_at_s:.1f} s are proved only {worst.proved_m:.3f} m apart "
+            f"({required_m:g} m required; vehicles as far from home as from a rally point may choose differently); do "
+            "not command RTL to all vehicles at once"
+        )
+    ceiling_m = plan.scenario.limits.height_m[1]
+    if returns.top_m > ceiling_m:
+        yield (
+            f"returns reach {returns.top_m:.1f} m, above the plan's ceiling of {ceiling_m:g} m; check that the "
+            "airspace allows it"
+        )
+    routed = returns.routed
+    if routed is not None and routed.distance_m < required_m:
+        first, second = routed.sysids
+        yield (
+            f"if the ground station returns all vehicles at {routed.t_s:.1f} s, vehicles {first} and {second} come "
+            f"within {routed.distance_m:.2f} m ({required_m:g} m required); land them instead"
+        )
+    for gap in returns.no_way:
+        yield (
+            f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} cannot return outside all no-fly zones "
+            "and inside the fence; ordered to return, it lands where it is"
+        )
+    acts = dict(zip(plan.sysids, (known.traits.returns for known in one_each(firmware, len(plan.sysids))), strict=True))
+    for crossing in returns.crossings:
+        where = (
+            "to home (without rally points)" if crossing.ends == "home" else "to the nearest of home and rally points"
+        )
+        for at_fence in dict.fromkeys(acts[sysid].at_fence for sysid in crossing.sysids):
+            sysids = ", ".join(str(sysid) for sysid in crossing.sysids if acts[sysid].at_fence == at_fence)
+            yield (
+                f"from {crossing.from_s:.1f} s to {crossing.to_s:.1f} s the autopilot's own straight return {where} "
+                f"crosses {crossing.name.edge}: vehicle {sysids}; at its fence it {at_fence}. Returns of the "
+                "ground station lead round it"
+            )
+
+
+def stagger_order(cases: list[Returning], altitudes_m: Array, separation_m: float) -> NDArray[np.intp]:
+    """Place of each vehicle in the stagger (V,): the order with the largest least distance.
+
+    `altitudes_m` (L, V) are the altitudes that each vehicle would have at each place. All orders of up to 8 vehicles
+    are compared, and exchanges of two in fleets of up to 12. Many are equally good, for example because pads limit the
+    least distance, and then the last bits of a plan would choose among them. Least distances are therefore compared in
+    whole steps of `GAP_STEP_M`, and those of `ENOUGH` separations or more are equal. Of equally good orders the first
+    one counts: the vehicles' own order is the first, the reversed one the last.
+    """
+    vehicles = len(cases[0].from_ned_m)
+    if vehicles == 1 or vehicles > SEARCHED_MAX:
+        return np.zeros(vehicles, dtype=np.intp)
+    pairs = list(itertools.combinations(range(vehicles), 2))
+    gaps_m = np.full((vehicles, vehicles, vehicles, vehicles), np.inf)  # by pair, then by their places in the stagger
+    for case in cases:
+        motions = [case.motion(row, altitudes_m[:, row, None]) for row in range(vehicles)]
+        for i, j in pairs:
+            (times_i, places_i), (times_j, places_j) = motions[i], motions[j]
+            distance = pair_distances((times_i[:, None], places_i[:, None]), (times_j[None], places_j[None]))
+            gaps_m[i, j] = np.minimum(gaps_m[i, j], distance.min(axis=-1))
+    steps = np.floor(np.minimum(gaps_m, ENOUGH * separation_m) / GAP_STEP_M + _STEPS_BEGIN)
+    first, second = np.array(pairs).T
+
+    def worth(orders: NDArray[np.intp]) -> Array:
+        """The least distance (O,) of orders (O, V), in whole steps."""
+        return np.asarray(steps[first, second, orders[:, first], orders[:, second]].min(axis=1))
+
+    if vehicles <= _ALL_ORDERS:
+        orders = np.array(list(itertools.permutations(range(vehicles))))
+        best: NDArray[np.intp] = orders[np.argmax(worth(orders))]
+        return best
+    order = np.arange(vehicles)
+    while True:
+        swapped = np.repeat(order[None], len(pairs), axis=0)
+        rows = np.arange(len(pairs))
+        swapped[rows, first], swapped[rows, second] = order[second], order[first]
+        found = worth(swapped)
+        if found.max() <= worth(order[None])[0]:
+            return order
+        order = swapped[np.argmax(found)]

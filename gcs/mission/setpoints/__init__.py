@@ -1,1 +1,0 @@
-"""Timed setpoints from a plan, and their B-spline smoothing."""

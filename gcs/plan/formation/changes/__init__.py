@@ -1,1 +1,0 @@
-"""How a formation changes its shape: rotation, shrinking, reassignment, and when they happen."""

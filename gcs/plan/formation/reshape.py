@@ -1,0 +1,158 @@
+"""Reshape (§2.2.3): an assignment of places and collision-free paths to them; the leader keeps its place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
+from gcs.plan.formation.altitude_lanes import Deadlock, find_lanes
+from gcs.plan.formation.assignment import Places, bottleneck, least_squares
+from gcs.plan.formation.separation import least_distance, least_gap, near_point
+from gcs.plan.formation.shape import Shape
+from gcs.plan.formation.transforms import straight
+
+# Places written with two decimals should not fail for the last bit of their differences.
+SLACK_M = 1e-9
+# Where room is made, it is this much more than required, so that rounding decides nothing.
+_ROOM = 1.01
+_MOST_SPREAD = 4.0  # times the shape's size: beyond that it is no longer the same flight
+
+
+@dataclass(frozen=True)
+class Reshaped:
+    """A change to new places, leg by leg."""
+
+    legs: tuple[Shape, ...]  # each on [0, 1], flown one after the other
+    offsets_after_ned_m: Array  # (V, 3)
+    places: Places  # (V,) row of the target of each vehicle
+    way: str  # for people
+    least_distance_m: float  # between any two vehicles on any leg
+
+
+@dataclass(frozen=True)
+class _Try:
+    """An assignment, and its description when it is flown straight."""
+
+    places: Places
+    words: str
+
+
+def reshape(
+    offsets_ned_m: Array,
+    targets_ned_m: Array,
+    leader: int,
+    separation_m: float,
+    *,
+    fixed: bool = False,
+    sysids: Sequence[int] | None = None,
+) -> Reshaped:
+    """The change from offsets (V, 3) to targets (V, 3), no two vehicles nearer than the separation at any instant.
+
+    Straight by the fastest assignment (Eq. 14), else straight by the least sum of squares, else in altitude lanes,
+    else spread out while they cross. `fixed`: every vehicle to the target of its own row. Raises `Infeasible`, naming
+    two vehicles by their `sysids`, when the shapes themselves are too tight or no path keeps the separation.
+    """
+    if np.any(targets_ned_m[leader] != 0.0) or np.any(offsets_ned_m[leader] != 0.0):
+        raise ValueError("offsets are from the leader: its own must be zero, before and after")
+    names = list(range(1, len(offsets_ned_m) + 1)) if sysids is None else list(sysids)
+    for places, when in ((offsets_ned_m, "before"), (targets_ned_m, "after")):
+        _check_gap(places, separation_m, names, when)
+    tries: list[_Try] = []
+    for attempt in _tries(offsets_ned_m, targets_ned_m, leader, separation_m, fixed):
+        tries.append(attempt)
+        made = _flown([offsets_ned_m, targets_ned_m[attempt.places]], attempt.places, attempt.words)
+        if made.least_distance_m >= separation_m - SLACK_M:
+            return made
+    laned = [_in_lanes(offsets_ned_m, targets_ned_m, attempt.places, leader, separation_m) for attempt in tries]
+    found = [made for made in laned if made is not None]
+    if found:
+        return min(found, key=lambda made: made[0])[1]
+    nearest, roomiest = max(
+        ((least_distance(offsets_ned_m, targets_ned_m[attempt.places]), attempt) for attempt in tries),
+        key=lambda pair: pair[0][0],
+    )
+    if nearest[0] * _MOST_SPREAD >= separation_m * _ROOM:
+        return _spread(offsets_ned_m, targets_ned_m, roomiest.places, separation_m * _ROOM / nearest[0])
+    raise _refusal(nearest, separation_m, names, fixed)
+
+
+def _tries(offsets: Array, targets: Array, leader: int, separation_m: float, fixed: bool) -> Iterator[_Try]:
+    """Assignments in the order in which they are tried."""
+    if fixed:
+        yield _Try(np.arange(len(offsets), dtype=np.intp), "straight, each vehicle to its own place")
+        return
+    distance = np.asarray(cdist(offsets, targets))
+    distance[leader], distance[:, leader] = np.inf, np.inf
+    distance[leader, leader] = 0.0
+    # The leader does not move, so a path past it is clear or not, whatever the others do.
+    clear = distance.copy()
+    others = np.arange(len(offsets)) != leader
+    near = near_point(offsets[:, None], targets[None, :], np.zeros(3)) < separation_m
+    clear[near & others[:, None] & others] = np.inf
+    for table in (clear, distance):
+        fastest = bottleneck(table)
+        if fastest is None:
+            continue
+        yield _Try(fastest, "straight, shortest longest path")
+        least = least_squares(table)
+        assert least is not None
+        yield _Try(least, "straight, least sum of squared paths")
+        return
+
+
+def _in_lanes(
+    offsets: Array, targets: Array, places: Places, leader: int, separation_m: float
+) -> tuple[int, Reshaped] | None:
+    """The number of lanes and the change through them; None where there are none."""
+    end = targets[places]
+    lanes = find_lanes(offsets, end, leader, separation_m)
+    if isinstance(lanes, Deadlock):
+        return None
+    words = "in one altitude lane" if lanes.count == 1 else f"in {lanes.count} altitude lanes"
+    made = _flown([offsets, lanes.risen_ned_m, lanes.crossed_ned_m, end], places, words)
+    return (lanes.count, made) if made.least_distance_m >= separation_m - SLACK_M else None
+
+
+def _spread(offsets: Array, targets: Array, places: Places, factor: float) -> Reshaped:
+    """The change with the shape larger by a factor while vehicles cross, so that all pass further apart."""
+    end = targets[places]
+    words = f"spread out to {factor:.2f} times the size, across, together again"
+    return _flown([offsets, factor * offsets, factor * end, end], places, words)
+
+
+def _flown(stops: list[Array], places: Places, way: str) -> Reshaped:
+    """The change straight from stop to stop, all vehicles in step."""
+    legs = list(pairwise(stops))
+    return Reshaped(
+        legs=tuple(straight(start, end) for start, end in legs),
+        offsets_after_ned_m=stops[-1],
+        places=places,
+        way=way,
+        least_distance_m=min(least_distance(start, end)[0] for start, end in legs),
+    )
+
+
+def _check_gap(places: Array, separation_m: float, names: Sequence[int], when: str) -> None:
+    gap_m, i, j = least_gap(places)
+    if gap_m < separation_m - SLACK_M:
+        raise Infeasible(
+            f"{when} the change vehicles {names[i]} and {names[j]} stand {gap_m:.2f} m apart; "
+            f"separation_min_m is {separation_m:g} m",
+            hint="give the shape a larger spacing",
+        )
+
+
+def _refusal(nearest: tuple[float, int, int], separation_m: float, names: Sequence[int], fixed: bool) -> Infeasible:
+    distance_m, i, j = nearest
+    free = 'leave out assignment = "fixed", ' if fixed else ""
+    return Infeasible(
+        f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and no altitude lane "
+        f"above the others exists; separation_min_m is {separation_m:g} m",
+        hint=f"give the shapes a larger spacing, {free}or add an intermediate shape",
+    )

@@ -1,0 +1,132 @@
+"""How much of a survey's area the vehicles of a plan see, proved from their planned tracks.
+
+A vehicle sees all places within half the swath of its track between T0 and the arrival. The proof takes less than that:
+the track is a chain of chords, and the radius is smaller by as much as the true track may be away from them. Between
+instants `h` apart it is within h² / 8 times the largest acceleration, which Taylor models bound. Dropping a corner of
+the chain moves it by at most `_CHORD_M`. Circles are polygons inside of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.trajectory.energy import battery_model
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.util.cache import once
+
+_STEP_S = 0.1
+_CHORD_M = 0.005
+_QUARTER = 32  # corners of a quarter of a circle: it is too small by 0.03 % of its radius
+_SEEN_M2 = 1e-4  # a smaller remainder is rounding: 1 cm by 1 cm
+_SQUARE_M_PER_HA = 10_000.0
+
+
+@dataclass(frozen=True)
+class Uncovered:
+    """A part of the area that is not covered, with a place inside it."""
+
+    area_m2: float
+    north_m: float
+    east_m: float
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What the vehicles of a plan see of a survey's area; shapes are (north, east), m."""
+
+    area: BaseGeometry  # without its holes
+    covered: BaseGeometry  # by all vehicles, also outside of the area
+    uncovered: BaseGeometry
+    tracks: shapely.MultiLineString  # one line for each vehicle, in order, within 5 mm of chords of its track
+    swath_m: float
+    slack_m: float  # by so much the proof takes the swath's half as smaller
+    used: Array  # (V,) share of a full battery that each vehicle uses from take-off to landing
+    reserve: float  # share of a full battery that stays
+
+    @property
+    def share(self) -> float:
+        """Covered part of the area, 0 to 1."""
+        return 1.0 - float(self.uncovered.area) / float(self.area.area)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is left out."""
+        return bool(self.uncovered.is_empty)
+
+    @property
+    def overlap(self) -> float:
+        """By how much swath times length of all tracks inside the area exceeds it, as a share of it."""
+        inside_m = float(shapely.intersection(self.tracks, self.area).length)
+        return self.swath_m * inside_m / float(self.area.area) - 1.0
+
+    @property
+    def covered_ha(self) -> float:
+        """The covered part of the area, hectares."""
+        return float(self.area.area - self.uncovered.area) / _SQUARE_M_PER_HA
+
+    @property
+    def ha_per_battery(self) -> float:
+        """Covered area for each full battery that is flown down to the reserve, hectares."""
+        return self.covered_ha * (1.0 - self.reserve) / float(self.used.sum())
+
+    def gaps(self) -> list[Uncovered]:
+        """The parts that are not covered, the largest first."""
+        parts = sorted(shapely.get_parts(self.uncovered), key=lambda part: -part.area)
+        places = [part.representative_point() for part in parts]
+        return [Uncovered(float(part.area), place.x, place.y) for part, place in zip(parts, places, strict=True)]
+
+
+@once
+def coverage(plan: Plan) -> Coverage | None:
+    """The coverage of a plan's survey; None where its scenario has no [survey]."""
+    survey = plan.scenario.survey
+    if survey is None:
+        return None
+    t_s = _instants_s(plan)
+    slack_m = _bow_m(plan, t_s) + _CHORD_M
+    places = plan.states(t_s)[..., POSITION][..., :2]  # (V, N, 2)
+    tracks = [shapely.simplify(shapely.LineString(track), _CHORD_M, preserve_topology=False) for track in places]
+    radius_m = max(survey.swath_m / 2.0 - slack_m, 0.0)
+    covered = shapely.union_all([_swept(track, radius_m) for track in tracks])
+    parts = shapely.get_parts(shapely.difference(survey.area, covered))
+    left = [part for part in parts if part.area > _SEEN_M2]
+    return Coverage(
+        area=survey.area,
+        covered=covered,
+        uncovered=shapely.MultiPolygon(left),
+        tracks=shapely.MultiLineString(tracks),
+        swath_m=survey.swath_m,
+        slack_m=slack_m,
+        used=battery_model(plan).used[:, -1],
+        reserve=plan.scenario.preflight.reserve,
+    )
+
+
+def _instants_s(plan: Plan) -> Array:
+    """Instants (N,) between T0 and the arrival, all joints among them."""
+    even = np.linspace(0.0, plan.flight_s, max(2, round(plan.flight_s / _STEP_S) + 1))
+    joints = plan.joints_s[(plan.joints_s > 0.0) & (plan.joints_s < plan.flight_s)]
+    return np.unique(np.concatenate([even, joints]))
+
+
+def _bow_m(plan: Plan, t_s: Array) -> float:
+    """How far the track of any vehicle may be from its chords between instants (N,), horizontally."""
+    start_s, end_s = t_s[:-1], t_s[1:]
+    leader = enclosed(plan.leader_trajectory.state, start_s, end_s, 2, 2)[:2].size()  # (2, N)
+    factors = enclosed(plan.shape.functions, start_s, end_s, 2, 2).size()  # (K, N)
+    own = np.einsum("kva,kn->van", np.abs(plan.shape.basis_ned_m[..., :2]), factors)  # (V, 2, N)
+    accel_mps2 = np.hypot(*np.moveaxis(leader + own, 1, 0))  # (V, N)
+    return float(np.max((end_s - start_s) ** 2 / 8.0 * accel_mps2))
+
+
+def _swept(track: shapely.LineString, radius_m: float) -> BaseGeometry:
+    """What is within the radius of a chain of chords: each chord by itself, which has no concave corners."""
+    corners = np.array(track.coords)
+    chords = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))
+    return shapely.union_all(shapely.buffer(chords, radius_m, quad_segs=_QUARTER))

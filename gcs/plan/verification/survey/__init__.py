@@ -1,1 +1,0 @@
-"""What the vehicles of a plan see of a survey's area."""

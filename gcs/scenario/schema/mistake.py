@@ -1,0 +1,117 @@
+"""One mistake in a scenario, its sentence, and keys and values as sentences show them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from gcs.scenario.schema.toml_lines import Key
+
+_STEPS = "Choose|Complete|Correct|Exchange|Give|Keep|Make|Move|Raise|Remove|Set|Shorten|Widen|Write"
+_LAST_STEP = re.compile(rf"\.\s+((?:{_STEPS})\b[^;]*)$")  # a sentence at the end that says what to do
+_NO_WORD = re.compile(r"[-+]?\d[\d.]*(?:[,:]\d+|\s*[A-Za-z/²^°]{1,7}2?)")  # 5 m: perhaps without quotes in the file
+_SHOWN_INT = 10**100
+_SHOWN_DEPTH = 10
+_SMALL = 0.1
+DEGE7, DEGE7_LEAST = 10_000_000, 1_000_000  # degrees as MAVLink has them; smaller numbers may be metres
+_DIGITS = 3
+EXACT = 7  # digits of what is written into a file
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """The mistake of one key; `text` follows "key = value: ". `remedy` says what to do, as a `next:` line has it."""
+
+    key: Key
+    text: str
+    value: Any = None
+    remedy: str = ""
+    line: int | None = None  # where the text of the file itself is wrong
+
+    @property
+    def place(self) -> str:
+        """The key and its value."""
+        if self.value is None:
+            return dotted(self.key)
+        return f"{dotted(self.key)} = {toml(self.value, EXACT if name_of(self.key).endswith('_deg') else _DIGITS)}"
+
+    @property
+    def told(self) -> tuple[str, str]:
+        """What is wrong, and what to do, which is empty where nothing is known but the problem."""
+        if self.remedy or not (found := _LAST_STEP.search(self.text)):
+            return self.text, self.remedy
+        return self.text[: found.start()], found[1][0].lower() + found[1][1:]
+
+    @property
+    def whole(self) -> str:
+        """What is wrong and what to do."""
+        stop = "" if self.text.endswith("?") else "."
+        return f"{self.text}{stop} {self.remedy[0].upper()}{self.remedy[1:]}" if self.remedy else self.text
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.whole}"
+
+
+def dotted(key: Key) -> str:
+    """The key as text: `formation.vehicle[3].position_m[0]`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    return "".join(parts).removeprefix(".")
+
+
+def name_of(key: Key) -> str:
+    """The name of a value, or of the list that it stands in."""
+    return next((part for part in reversed(key) if isinstance(part, str)), "")
+
+
+def value_at(table: Any, key: Key) -> Any:
+    """The value at a key inside a table; None without one."""
+    for part in key:
+        try:
+            table = table[part]
+        except (LookupError, TypeError):
+            return None
+    return table
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is the same but for its unit or its case, or else is similar; None without one."""
+    same, names = name.lower().replace("-", "_"), list(known)
+    with_unit = [one for one in names if one.startswith(f"{same}_")]
+    return next(iter(with_unit or difflib.get_close_matches(same, names, n=1)), None)
+
+
+def plain(value: float, digits: int = _DIGITS) -> str:
+    """A number in a sentence: few digits after the point, or three in all below 0.1, and no zeros at the end."""
+    if isinstance(value, int):
+        return str(value) if abs(value) < _SHOWN_INT else hex(value)  # Python refuses thousands of decimal digits
+    if digits == _DIGITS and 0.0 < abs(value) < _SMALL:
+        return f"{value:.3g}"
+    return f"{round(value, digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")
+
+
+def degrees(value: float) -> str:
+    """Degrees as they are written into a file: to 1e-7, which is a centimetre."""
+    return plain(float(value), EXACT)
+
+
+def toml(value: Any, digits: int = _DIGITS, depth: int = 0) -> str:
+    """The value in TOML, cut when it is long or nested deeply. What may stand without quotes has none."""
+    if depth > _SHOWN_DEPTH:
+        text = "..."
+    elif isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, str):
+        text = "".join(mark if mark.isprintable() else ascii(mark)[1:-1] for mark in value)
+        text = text if _NO_WORD.fullmatch(text) or {'"', "'"} & {*text} else f'"{text}"'
+    elif isinstance(value, list | tuple):
+        text = f"[{', '.join(toml(item, digits, depth + 1) for item in value)}]"
+    elif isinstance(value, dict):
+        text = f"{{{', '.join(f'{name} = {toml(item, digits, depth + 1)}' for name, item in value.items())}}}"
+    elif isinstance(value, float) and (digits != _DIGITS or not 0.0 < abs(value) < _SMALL):
+        text = str(round(value, digits))
+    else:
+        text = plain(value) if isinstance(value, int | float) else str(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

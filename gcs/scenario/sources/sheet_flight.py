@@ -1,0 +1,121 @@
+"""A flight whose formation and shapes come from sheets: its vehicles, its shapes, and a change to each in turn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from gcs.errors import counted
+from gcs.physics.quadrotor import Array
+from gcs.scenario.schema.formation_table import START_SHAPE
+from gcs.scenario.sources.flight_sheets import Sheet
+from gcs.scenario.sources.template import FirstFlight
+from gcs.scenario.validation.spacing import nearest_pair
+
+_SPEED_MPS, _ACCEL_MPS2 = 3.0, 0.8  # of a vehicle in a change
+_ROOM_FOR_LANES = 4.0  # times the least time of the longest path: vehicles that cross fly in altitude lanes
+_HOLD_S = 10.0  # each shape stays so long
+_GNSS_APART_M = 5.0  # nearer vehicles need better sensors
+_ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
+
+
+@dataclass(frozen=True)
+class SheetFlight:
+    """A straight flight that starts in the places of a sheet, and takes the shape of each further sheet on its way."""
+
+    positions: Sheet
+    shapes: tuple[Sheet, ...]
+    course_deg: float
+    distance_m: float
+    height_m: float
+    end_deg: tuple[float, float] | None = None
+
+    @property
+    def is_close(self) -> bool:
+        """Whether vehicles stand too near for ordinary GNSS."""
+        return min(self._least_m()) < _GNSS_APART_M
+
+    def keys(self) -> dict[str, str]:
+        """What stands in the template for each @KEY@; FORMATION is the table [formation]."""
+        starts_m = self.positions.places_m
+        straight = FirstFlight(1, "line", 10.0, self.course_deg, self.distance_m, self.height_m, self.end_deg).keys()
+        course = math.radians(self.course_deg)
+        leader_m = np.array([*starts_m[0, :2], self.height_m]).round(3) + 0.0
+        way_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course), 0.0]), 2)
+        end_m = leader_m + way_m
+        offsets_m = np.concatenate([sheet.offsets_m for sheet in (self.positions, *self.shapes)])
+        low, high = (bound(bound(leader_m, end_m), 0.0 * end_m) for bound in (np.minimum, np.maximum))
+        low, high = low + offsets_m.min(axis=0), high + offsets_m.max(axis=0)
+        room_m = np.array(_ROOM_M)
+        low, high = 10.0 * np.floor((low - room_m) / 10.0), 10.0 * np.ceil((high + room_m) / 10.0)
+        lowest_m = self.height_m + float(offsets_m[:, 2].min())
+        highest_m = self.height_m + float(offsets_m[:, 2].max())
+        flight_s, formation = self._formation(leader_m)
+        yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {straight['YAW']}]" if straight["YAW"] != "0.0" else ""
+        end = [f"position_m = {_numbers(end_m)}"]
+        if self.end_deg is not None:
+            end = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
+        phases = max(20.0, math.ceil(20.0 / 15.0 * highest_m)), max(30.0, math.ceil(2.0 * highest_m))
+        more = f"\nground_phases = {{ takeoff_s = {float(phases[0])}, landing_s = {float(phases[1])} }}"
+        if self.is_close:
+            more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
+        names = ", ".join([START_SHAPE, *(sheet.name for sheet in self.shapes)])
+        return straight | {
+            "TITLE": f"{counted(len(starts_m), 'quadrotor')}, shapes {names}",
+            "FLIGHT": repr(max(flight_s, float(straight["FLIGHT"]))),
+            "START": f"start = {{ position_m = {_numbers(leader_m)}{yaw} }}  ",
+            "END": f"end = {{ {', '.join(end)}{yaw} }}{more}",
+            "BOX_NORTH": _numbers([low[0], high[0]]),
+            "BOX_EAST": _numbers([low[1], high[1]]),
+            "BOX_HEIGHT": _numbers([0.0, max(40.0, high[2])]),
+            "CLEARANCE": repr(max(0.1, min(5.0, round(lowest_m / 2.0, 1)))),
+            "SEPARATION": repr(math.floor(100.0 * min(5.0, *(0.6 * least for least in self._least_m()))) / 100.0),
+            "FORMATION": formation,
+        }
+
+    def _least_m(self) -> list[float]:
+        pads_m = self.positions.places_m * [1.0, 1.0, 0.0]
+        pairs = [nearest_pair(places) for places in (pads_m, *(sheet.places_m for sheet in self.shapes))]
+        return [math.inf if pair is None else pair.distance_m for pair in pairs]
+
+    def _formation(self, leader_m: Array) -> tuple[float, str]:
+        """The flight's duration, s, and the table [formation]."""
+        ids = self.positions.sysids
+        lines = [
+            "[formation]",
+            f"leader = {ids[0]}                    # the first vehicle of {self.positions.file.name}",
+        ]
+        if self.shapes:
+            lines += [f"change_speed_mps = {_SPEED_MPS}", f"change_accel_mps2 = {_ACCEL_MPS2}"]
+        lines += ["vehicle = ["]
+        for sysid, offset_m in zip(ids, self.positions.offsets_m, strict=True):
+            lines.append(f"  {{ sysid = {sysid}, position_m = {_numbers(leader_m + offset_m)} }},")
+        lines.append("]")
+        for sheet in self.shapes:
+            lines += ["", "[[formation.shape]]", f'name = "{sheet.name}"', "offsets_m = [  # north, east, up"]
+            lines += [f"  {_numbers(offset_m)}," for offset_m in sheet.offsets_m]
+            lines.append("]")
+        t_s, before_m = _HOLD_S, self.positions.offsets_m
+        targets = [(sheet.name, sheet.offsets_m) for sheet in self.shapes]
+        if targets:
+            lines += ["", '# To turn a shape: kind = "rotate", angle_deg = 72.0, at_s between the times below.']
+            targets.append((START_SHAPE, self.positions.offsets_m))
+        for name, offsets_m in targets:
+            lines += ["", "[[formation.change]]", 'kind = "reshape"', f'to = "{name}"', f"at_s = {t_s}"]
+            t_s, before_m = t_s + _change_s(before_m, offsets_m) + _HOLD_S, offsets_m
+        return t_s, "\n".join(lines) + "\n"
+
+
+def _change_s(before_m: Array, after_m: Array) -> float:
+    """Time for a change, with room for paths round each other, s."""
+    distances_m = cdist(before_m, after_m)
+    longest_m = float(distances_m[linear_sum_assignment(distances_m**2)].max())
+    return 5.0 * math.ceil(_ROOM_FOR_LANES * (longest_m / _SPEED_MPS + _SPEED_MPS / _ACCEL_MPS2) / 5.0)
+
+
+def _numbers(values: Array | list[float]) -> str:
+    return str([round(float(value), 3) for value in values])

@@ -1,0 +1,163 @@
+"""A survey as a scenario: start, points of the route, line abreast, box, and the area that must be covered."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from gcs.errors import UsageError, counted
+from gcs.physics.quadrotor import Array
+from gcs.scenario.schema.fields import FLIGHT_MAX_S
+from gcs.scenario.schema.route_tables import ROUTE_MAX
+from gcs.scenario.sources.mowing import Mowing, PassTimes, mowing
+from gcs.scenario.sources.template import FORMATION, FirstFlight
+
+COUNTS = (4, 5, 6)  # vehicles to choose from, where no number is given
+_ROOM_M = 50.0  # between the box and the tracks
+_BESIDE_HOLES_M = 5.0  # between a pass and a hole that is avoided: the navigation error of ordinary GNSS has room
+_SQUARE_M_PER_HA = 10_000.0
+
+
+@dataclass(frozen=True)
+class SurveyOrder:
+    """What is to be surveyed, and how: lengths in metres, from the origin."""
+
+    area: shapely.Polygon  # (north, east), m, with its holes
+    swath_m: float
+    overlap: float = 0.2  # share of the swath that neighbours see both
+    course_deg: float | None = None  # of the passes; None: chosen
+    counts: tuple[int, ...] = COUNTS
+    height_m: float = 15.0
+    speed_mps: float = 4.0
+    avoid_holes: bool = False
+    starts_at_origin: bool = False  # else where the first pass begins
+
+
+@dataclass(frozen=True)
+class SurveyFlight:
+    """A survey that can be written as a scenario."""
+
+    order: SurveyOrder
+    mowing: Mowing
+
+    @property
+    def start_m(self) -> tuple[float, float]:
+        """Where the leader starts and ends: north, east."""
+        return (0.0, 0.0) if self.order.starts_at_origin else self._leader(self.mowing.passes[0][0])
+
+    @property
+    def area_ha(self) -> float:
+        """The area without its holes, hectares."""
+        return float(self.order.area.area) / _SQUARE_M_PER_HA
+
+    @property
+    def flight_s(self) -> float:
+        """From start to end, s."""
+        return 5.0 * math.ceil(self.mowing.time_s / 5.0)
+
+    def points(self) -> list[tuple[str, tuple[float, float]]]:
+        """The leader's points after the start, with their names."""
+        named = [(name, self._leader(place)) for name, place in self.mowing.places()]
+        return named if self.order.starts_at_origin else named[1:]
+
+    def keys(self) -> dict[str, str]:
+        """What stands in the template for each @KEY@; FORMATION is the table [formation] and [survey]."""
+        order, mown = self.order, self.mowing
+        spacing_m = round(mown.spacing_m, 3)
+        plain = FirstFlight(mown.count, "line", spacing_m, mown.course_deg, 100.0, order.height_m).keys()
+        flown = np.concatenate([shapely.get_coordinates(mown.lines), [self.start_m]])
+        reach_m = _ROOM_M + max(map(max, mown.leads_m)) + mown.count * spacing_m * order.starts_at_origin
+        box = np.stack([flown.min(axis=0) - reach_m, flown.max(axis=0) + reach_m])
+        low, high = 10.0 * np.floor(box[0] / 10.0), 10.0 * np.ceil(box[1] / 10.0)
+        yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {plain['YAW']}]" if plain["YAW"] != "0.0" else ""
+        end = ['end = "start"                 # home again', *plain["END"].split("\n")[1:], *self._route(plain["YAW"])]
+        return plain | {
+            "TITLE": f"survey of {self.area_ha:.2f} ha by {counted(mown.count, 'quadrotor')}",
+            "FLIGHT": repr(self.flight_s),
+            "START": f"start = {{ position_m = {_numbers([*self.start_m, order.height_m])}{yaw} }}  ",
+            "END": "\n".join(end),
+            "NO_FLY": self._no_fly(),
+            "BOX_NORTH": _numbers([low[0], high[0]]),
+            "BOX_EAST": _numbers([low[1], high[1]]),
+            FORMATION: "\n".join([*self._formation(spacing_m, plain["HEADING"]), "", *self._survey(), ""]),
+        }
+
+    def _leader(self, middle_m: tuple[float, float]) -> tuple[float, float]:
+        """The leader's place in a line whose middle is there: with an even number, it is left of the middle."""
+        aside_m = -0.5 * self.mowing.spacing_m * (self.mowing.count % 2 == 0)
+        angle = math.radians(self.mowing.course_deg)
+        return middle_m[0] - aside_m * math.sin(angle), middle_m[1] + aside_m * math.cos(angle)
+
+    def _route(self, yaw_deg: str) -> list[str]:
+        # Without a heading at the points vehicles would turn towards every leg, which takes time and moves the camera.
+        yaw = f", heading_deg = {yaw_deg}"
+        rows = [
+            f'  {{ name = "{name}", position_m = {_numbers([*place, self.order.height_m])}{yaw} }},'
+            for name, place in self.points()
+        ]
+        return ["route = [                     # places of the leader, in order", *rows, "]"]
+
+    def _no_fly(self) -> str:
+        if not (self.order.avoid_holes and self.order.area.interiors):
+            return "# no_fly = [{ polygon_m = [[north, east], ...] }]"
+        rows = [f"  {{ polygon_m = {_corners(ring)} }}," for ring in self.order.area.interiors]
+        return "\n".join(["no_fly = [", *rows, "]"])
+
+    def _formation(self, spacing_m: float, heading: str) -> list[str]:
+        order, mown = self.order, self.mowing
+        overlap = f"{1.0 - spacing_m / order.swath_m:.0%}"
+        return [
+            "[formation]                   # vehicle 1 leads; the line keeps its direction, also on the way back",
+            f"count = {mown.count}",
+            'start_shape = "line"',
+            f'shape = [{{ name = "line", generator = "line", spacing_m = {spacing_m}{heading} }}]  # overlap {overlap}',
+        ]
+
+    def _survey(self) -> list[str]:
+        order = self.order
+        lines = [
+            "[survey]                      # gcs plan proves how much of this area the vehicles see",
+            f"swath_m = {order.swath_m}".ljust(30) + "# a vehicle sees half of it to each side",
+            f"polygon_m = {_corners(order.area.exterior)}  # north, east",
+        ]
+        if order.area.interiors:
+            note = "no-fly zones, above" if order.avoid_holes else "vehicles may cross them"
+            rows = [f"  {{ polygon_m = {_corners(ring)} }}," for ring in order.area.interiors]
+            lines += [f"hole = [                      # not surveyed; {note}", *rows, "]"]
+        return lines
+
+
+def survey_flight(order: SurveyOrder) -> SurveyFlight:
+    """The quickest survey. Raises UsageError for one that a scenario cannot hold."""
+    holes = shapely.MultiPolygon([shapely.Polygon(ring) for ring in order.area.interiors])
+    avoided = shapely.union_all(holes).buffer(_BESIDE_HOLES_M) if order.avoid_holes else None
+    widest_m = order.swath_m * (1.0 - order.overlap)
+    start_m = (0.0, 0.0) if order.starts_at_origin else None
+    try:
+        mown = mowing(
+            order.area,
+            widest_m,
+            order.counts,
+            course_deg=order.course_deg,
+            start_m=start_m,
+            avoided=avoided,
+            times=PassTimes(order.speed_mps),
+        )
+    except ValueError:
+        text = f"a route has at most {ROUTE_MAX} points; {max(order.counts)} vehicles {widest_m:g} m apart need more"
+        raise UsageError(text, hint="give more vehicles, a wider swath, or a part of the area") from None
+    if mown.time_s > FLIGHT_MAX_S:
+        text = f"the survey takes {mown.time_s:,.0f} s; a flight takes at most {FLIGHT_MAX_S:,} s"
+        raise UsageError(text, hint="give more vehicles, a wider swath, or a part of the area")
+    return SurveyFlight(order, mown)
+
+
+def _corners(ring: shapely.LinearRing) -> str:
+    return str([[round(float(value), 2) + 0.0 for value in corner] for corner in np.array(ring.coords)[:-1, :2]])
+
+
+def _numbers(values: Array | list[float]) -> str:
+    return str([round(float(value), 2) + 0.0 for value in values])

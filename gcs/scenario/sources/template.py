@@ -1,0 +1,225 @@
+"""The text of a first scenario: a short one, or one with every table."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Protocol, get_args
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from gcs.errors import ScenarioError, UsageError
+from gcs.frames import Origin, place_up_m
+from gcs.physics.quadrotor import Array
+from gcs.scenario.schema.formation_table import Generator
+from gcs.scenario.schema.mistake import degrees
+from gcs.scenario.schema.scenario import OriginTable, Scenario
+from gcs.scenario.sources.load import FILE_NAME, load_scenario
+from gcs.scenario.validation.written_places import question
+from gcs.scenario.values.formations import places_up_m, turned
+from gcs.scenario.values.navigation_error import vehicle_size_m
+from gcs.scenario.values.si import offsets_ned_m
+
+FORMATION = "FORMATION"
+SHAPES: tuple[Generator, ...] = get_args(Generator)
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+_LONGEST_M = 20_000.0
+_COMMENTS_AT = 30  # column of comments
+_BESIDE_M, _BESIDE_SHARE = 100.0, 0.3  # room beside the straight way, for detours: at least, and of its length
+_PACE_SPM = 0.3  # at rest at both ends
+_CLIMB_SPM, _SINK_SPM = 20.0 / 15.0, 2.0  # of height
+_NO_FLY = """[[no_fly]]@@  # as many as you like
+north_m = @NORTH@
+east_m = @EAST@
+radius_m = @RADIUS@               # or polygon_m = [[north, east], ...]
+# moves = [[0.0, 0.0, 0.0], [90.0, 0.0, 20.0]]  # displacement: [t s, north m, east m]
+"""
+
+
+class Flight(Protocol):
+    """A flight that can be written as a scenario."""
+
+    def keys(self) -> dict[str, str]:
+        """What stands in the template for each @KEY@; FORMATION replaces the table [formation] and what follows."""
+
+
+@dataclass(frozen=True)
+class FirstFlight:
+    """A straight flight from the origin: `count` vehicles in a shape that faces the course, from hover to hover."""
+
+    count: int = 6
+    shape: Generator = "vee"
+    spacing_m: float = 10.0
+    course_deg: float = 0.0
+    distance_m: float = 300.0
+    height_m: float = 15.0
+    end_deg: tuple[float, float] | None = None  # latitude and longitude of the end, to be written as they were given
+
+    def keys(self) -> dict[str, str]:
+        """What stands in the template for each @KEY@."""
+        course = math.radians(self.course_deg)
+        end_ne_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course)]), 2) + 0.0
+        places_m = turned(places_up_m(self.shape, self.count, self.spacing_m), self.course_deg)
+        top_m = self.height_m + float(places_m[:, 2].max())
+        yaw_deg = round(180.0 - (180.0 - self.course_deg) % 360.0, 6)
+        start, end = [0.0, 0.0, self.height_m], [*end_ne_m.tolist(), self.height_m]
+        is_default = self == FirstFlight()
+        middle, radius_m = (end_ne_m / 2.0).round(1).tolist(), max(1.0, float(round(self.distance_m / 10.0)))
+        no_fly = [*middle, radius_m] if not is_default else [150.0, 60.0, 50.0]
+        north_m, east_m = self._box(places_m[:, :2], end_ne_m) if not is_default else ([-60, 360], [-120, 120])
+        attitude = f", roll_pitch_yaw_deg = [0.0, 0.0, {yaw_deg!r}]" if yaw_deg else ""
+        zone = f"no_fly = [{{ north_m = {no_fly[0]}, east_m = {no_fly[1]}, radius_m = {no_fly[2]!r} }}]"
+        start_line = f"start = {{ position_m = {start}{attitude} }}"
+        end_keys = [f"position_m = {end}"]
+        if self.end_deg is not None:
+            end_keys = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
+        end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
+        phases = (max(20.0, math.ceil(_CLIMB_SPM * top_m)), max(30.0, math.ceil(_SINK_SPM * top_m)))
+        if top_m > 15.0:
+            end_line += f"\nground_phases = {{ takeoff_s = {float(phases[0])}, landing_s = {float(phases[1])} }}"
+        title, flies = self._title(), "fly" if self.count > 1 else "flies"
+        way = "from one hover to another" + (", past a no-fly zone" if is_default else "")
+        return {
+            "TITLE": title,
+            "SENTENCE": f"{title.capitalize().replace(' in a', f' {flies} in a')} {way}.",
+            "FLIGHT": repr(max(30.0, 5.0 * math.ceil(_PACE_SPM * self.distance_m / 5.0))),
+            "START": start_line.ljust(59) if is_default else f"{start_line}  ",
+            "END": end_line,
+            "START_PLACE": str(start),
+            "END_KEYS": "\n".join(end_keys),
+            "YAW": repr(yaw_deg),
+            "HEIGHT": repr(self.height_m),
+            "NO_FLY": zone if is_default else f"# {zone}",
+            "NO_FLY_TABLE": _table(no_fly, commented=not is_default),
+            "BOX_NORTH": str([float(v) for v in north_m]),
+            "BOX_EAST": str([float(v) for v in east_m]),
+            "BOX_HEIGHT": str([0.0, max(40.0, 10.0 * math.ceil(top_m / 10.0 + 1.5))]),
+            "CLEARANCE": repr(min(5.0, self.height_m / 2.0)),
+            "SEPARATION": repr(self._separation_m(places_m)),
+            "COUNT": str(self.count),
+            "SHAPE": self.shape,
+            "SPACING": repr(self.spacing_m),
+            "HEADING": f", heading_deg = {yaw_deg!r}" if yaw_deg else "",
+            "HEADING_LINE": f"heading_deg = {yaw_deg!r}\n" if yaw_deg else "",
+            "OTHERS": ", ".join(name for name in SHAPES if name != self.shape),
+            "TAKEOFF": repr(float(phases[0])),
+            "LANDING": repr(float(phases[1])),
+        }
+
+    def _separation_m(self, places_m: Array) -> float:
+        """Half the spacing, at most 5 m; less where vehicles above each other have their pads nearer."""
+        if self.count == 1:
+            return 5.0
+        pads_m = float(KDTree(places_m[:, :2]).query(places_m[:, :2], k=2)[0][:, 1].min())
+        return max(0.01, math.floor(100.0 * min(5.0, self.spacing_m / 2.0, 0.9 * pads_m)) / 100.0)
+
+    def _title(self) -> str:
+        count = _NUMBERS[self.count] if self.count < len(_NUMBERS) else str(self.count)
+        return f"{count} quadrotor{'s' * (self.count > 1)} in a {self.shape}"
+
+    def _box(self, offsets_ne_m: Array, end_ne_m: Array) -> tuple[list[float], ...]:
+        """The least and the greatest place north and east, with room for detours."""
+        flown = np.concatenate([offsets_ne_m, offsets_ne_m + end_ne_m])
+        room_m = max(_BESIDE_M, _BESIDE_SHARE * self.distance_m)
+        low, high = flown.min(axis=0) - room_m, flown.max(axis=0) + room_m
+        return tuple([10.0 * math.floor(a / 10.0), 10.0 * math.ceil(b / 10.0)] for a, b in zip(low, high, strict=True))
+
+
+def straight_to(end_deg: tuple[float, float], origin_deg: tuple[float, float]) -> dict[str, float]:
+    """The course and the length of a flight from the origin to a place. Raises UsageError for one that is far away."""
+    origin = Origin(*origin_deg, 0.0)
+    option = f"--end {degrees(end_deg[0])},{degrees(end_deg[1])}"
+    if asked := question(end_deg, origin):
+        meant = asked.degrees and f"write --end {degrees(asked.degrees[0])},{degrees(asked.degrees[1])}"
+        raise UsageError(f"{option}: {asked.text}", hint=meant or "give the origin too: --at LAT,LON[,ALT]")
+    north_m, east_m, _ = place_up_m(*end_deg, 0.0, origin)
+    distance_m = float(np.hypot(north_m, east_m))
+    if not 1.0 <= distance_m <= _LONGEST_M:
+        text = f"{option} is {distance_m:,.0f} m from the origin"
+        raise UsageError(f"{text}; a flight is 1 to {_LONGEST_M:,.0f} m long.", hint="give another place, or --at")
+    return {"course_deg": round(float(np.degrees(np.arctan2(east_m, north_m))), 1), "distance_m": distance_m}
+
+
+def scenario_text(
+    folder: Path,
+    lat_deg: float,
+    lon_deg: float,
+    alt_amsl_m: float,
+    *,
+    full: bool = False,
+    flight: Flight | None = None,
+    template: str = "template.toml",
+) -> str:
+    """The text of a scenario named after its folder, at a place on Earth; `full` has every table, commented.
+
+    `template` is the text that is filled otherwise: "template_route.toml" has points between start and end.
+
+    Raises UsageError for a folder whose name cannot be a scenario's, for a place out of range, and for a `flight` that
+    no scenario allows.
+    """
+    name = folder.resolve().name
+    pattern = next(m.pattern for m in Scenario.model_fields["name"].metadata if hasattr(m, "pattern"))
+    if not re.match(pattern, name):
+        raise UsageError(
+            f'"{name}" cannot be the name of a scenario.',
+            hint="use small letters, digits, - and _; begin with a letter or a digit",
+        )
+    try:
+        OriginTable(lat_deg=lat_deg, lon_deg=lon_deg, alt_amsl_m=alt_amsl_m)
+    except ValueError:
+        raise UsageError(
+            f"--at {lat_deg:g} {lon_deg:g} {alt_amsl_m:g}: out of range.",
+            hint="give latitude (-85 to 85), longitude (-180 to 180) and height above the sea (-500 to 9000 m)",
+        ) from None
+    text = (files("gcs.scenario.sources") / ("template_full.toml" if full else template)).read_text(encoding="utf-8")
+    filled = {"NAME": name, "FOLDER": str(folder), "LAT": repr(lat_deg), "LON": repr(lon_deg), "ALT": repr(alt_amsl_m)}
+    filled |= (flight or FirstFlight()).keys()
+    text, table, formation = text.partition("[formation]")
+    text += filled[FORMATION] if FORMATION in filled else table + formation
+    text = "\n".join(_filled(line, filled) for line in text.split("\n"))
+    tomllib.loads(text)
+    if flight is not None:
+        _refuse_impossible(text)
+    return text
+
+
+def _filled(line: str, keys: dict[str, str], comments_at: int = _COMMENTS_AT) -> str:
+    """A line of the template with its values, and its comment where comments stand."""
+    if "@" not in line:
+        return line
+    code, mark, comment = line.partition("  #")
+    code, comment = (re.sub(r"@(\w*)@", lambda found: keys.get(found[1], ""), part) for part in (code, comment))
+    if not mark:
+        return code
+    return f"{code.rstrip().ljust(comments_at - 2)}  #{comment.lstrip('#')}"
+
+
+def _table(zone: list[float], *, commented: bool) -> str:
+    values = dict(zip(("NORTH", "EAST", "RADIUS"), map(repr, zone), strict=True))
+    lines = [_filled(line, values, _COMMENTS_AT - 2 * commented) for line in _NO_FLY.split("\n")]
+    return "\n".join(f"# {line}" if commented and line and not line.startswith("#") else line for line in lines)
+
+
+def _refuse_impossible(text: str) -> None:
+    """Raise UsageError for a scenario that its own rules refuse."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / FILE_NAME
+        file.write_text(text, encoding="utf-8")
+        try:
+            scenario = load_scenario(file)
+        except ScenarioError as mistakes:
+            told = re.sub(rf"{re.escape(str(file))}:\d+: ", "", mistakes.message)
+            raise UsageError(f"such a flight is not possible: {told}", hint="give other numbers") from None
+    places = offsets_ned_m(scenario)
+    size_m, apart_m = vehicle_size_m(scenario.vehicle), float(KDTree(places).query(places, k=2)[0][:, 1].min())
+    if apart_m < size_m:  # infinite for a single vehicle
+        raise UsageError(
+            f"such a flight is not possible: vehicles of {size_m:.2f} m would be {apart_m:g} m apart",
+            hint="give a greater --spacing",
+        )

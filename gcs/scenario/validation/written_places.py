@@ -1,0 +1,158 @@
+"""Places as a file has them, in metres or in degrees: read, written, and asked about where they lie too far away."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from gcs.frames import Origin, geodetic_to_ned
+from gcs.scenario.schema.degree_keys import CENTRE, DegreeKeys, adapter
+from gcs.scenario.schema.fields import FARTHEST_M
+from gcs.scenario.schema.mistake import DEGE7, DEGE7_LEAST, Mistake, degrees, plain
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.toml_lines import Key
+from gcs.scenario.validation.schema_words import from_pydantic
+
+Pair = Sequence[float]  # as written: latitude, longitude, or north, east
+
+_LISTED = 4  # places that a message writes out
+_WRITTEN_MAX = 1e12  # larger numbers were not typed by a person
+
+
+class Question(NamedTuple):
+    """What to ask about a place, and the place in degrees that was perhaps meant, or whether it is in metres."""
+
+    text: str
+    degrees: Pair | None = None
+    is_metres: bool = False
+
+
+def question(place: Pair, origin: Origin) -> Question | None:
+    """What to ask about a place; None for one that may be flown to."""
+    (lat, lon), away_m, largest = place, _away_m(place, origin), max(map(abs, place))
+    if away_m <= FARTHEST_M:
+        return None
+    if isinstance(lat, int) and isinstance(lon, int) and DEGE7_LEAST < largest <= 180 * DEGE7:
+        return Question("are these degrees times 10 million?", (lat / DEGE7, lon / DEGE7))
+    where = f"{away_m / 1000.0:,.0f} km from the origin" if math.isfinite(away_m) else "no place on Earth"
+    for meant, text in (
+        ((lon, lat), "swapped latitude and longitude?"),
+        ((lat, lon - 360.0), "longitudes go from -180 to 180; is this one counted to 360?"),
+        *(
+            ((n * lat, e * lon), "south and west are negative; is a sign wrong?")
+            for n, e in ((-1, 1), (1, -1), (-1, -1))
+        ),
+    ):
+        if _away_m(meant, origin) <= FARTHEST_M:
+            return Question(f"{where}: {text}", meant)
+    if largest <= FARTHEST_M and (not math.isfinite(away_m) or all(value == round(value) for value in place)):
+        return Question(f"{where}: are these metres?", is_metres=True)
+    return Question(f"{where}; places are at most {FARTHEST_M // 1000} km away")
+
+
+def numbers(value: Any, *counts: int) -> tuple[float, ...] | None:
+    """A list as numbers that a person may have written; None for anything else, and for more or fewer of them."""
+    is_list = isinstance(value, list | tuple) and (not counts or len(value) in counts)
+    return tuple(value) if is_list and all(map(is_number, value)) else None
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a number that a person may have written."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -_WRITTEN_MAX < value < _WRITTEN_MAX
+
+
+def pairs_of(keys: DegreeKeys, given: Sequence[Any]) -> list[Pair]:
+    """The places in the values of the keys of one form; none where something else than places stands there."""
+    rows: Sequence[Any] = given
+    if keys.form == "position":
+        rows = [(numbers(given[0], 2, 3) or ())[:2]]
+    elif keys.form == "points":
+        rows = given[0] if isinstance(given[0], list | tuple) else []
+    elif keys is CENTRE:
+        rows = [given]
+    elif all(map(numbers, given)):
+        rows = list(zip(*given, strict=False))
+    found: list[Pair] = [pair for row in rows if (pair := numbers(row, 2))]
+    return found if len(found) == len(rows) else []
+
+
+def written(keys: DegreeKeys, places: Sequence[Pair], height: str = "", *, metres: bool = False) -> str:
+    """The keys and values of places in a file; those of a position with its height, of a long list the first ones."""
+    names, shown = (keys.metres, plain) if metres else (tuple(keys.degrees), degrees)
+    rows, rest = [[shown(value) for value in place] for place in places], ", ..." if len(places) > _LISTED else ""
+    if keys.form == "position":
+        third, above = ([height or "height"], "") if metres else ([], f", height_m = {height}" if height else "")
+        return f"{names[0]} = [{', '.join(rows[0] + third)}]{above}"
+    if keys.form == "points":
+        listed = [f"[{', '.join(row)}]" for row in rows[:_LISTED]]
+        return f"{names[0]} = [{', '.join(listed)}{rest}]"
+    columns = [", ".join(column[:_LISTED]) + rest for column in zip(*rows, strict=True)]
+    marks = "{} = {}" if keys is CENTRE else "{} = [{}]"
+    return " and ".join(map(marks.format, names, columns))
+
+
+def place_mistakes(
+    keys: DegreeKeys, values: dict[str, Any], in_metres: list[str], origin: Origin | None, key: Key
+) -> Iterator[Mistake]:
+    """The mistakes of one place in degrees: of its keys, of where it is, and of each number."""
+    names, heights = list(keys.degrees), [name for name in keys.heights or () if name in values]
+    lacking, first = [name for name in names if name not in values], next(iter(values))
+    third = numbers(values.get(names[0]), 3) if keys.form == "position" else None
+    if in_metres:
+        text = f"stands beside {' and '.join(in_metres)}; a place is in metres or in degrees"
+        text += ", with its height" if keys.heights else ""
+        yield Mistake((*key, first), text, values[first], remedy="keep one of the two")
+    elif lacking:
+        step = f"add {lacking[0]}" + (" = [latitude, longitude]" if keys.heights else ", in degrees")
+        yield Mistake((*key, lacking[0]), f"missing; {first} needs it", remedy=step)
+    if in_metres or lacking:
+        return
+    if keys.heights and not heights and not third:
+        text = f"missing; {first} needs a height: height_m above the origin, or alt_amsl_m above the sea"
+        yield Mistake((*key, "height_m"), text, remedy="add height_m, in m")
+    if heights[1:]:
+        text = f"stands beside {heights[0]}; both are the height. Keep one of the two"
+        yield Mistake((*key, heights[1]), text, values[heights[1]])
+    found = list(_misplaced(keys, values, third, origin, key))
+    yield from found
+    for name in heights if found else values:
+        try:
+            adapter(keys.every[name]).validate_python(values[name])
+        except ValidationError as error:
+            yield from from_pydantic(error, Scenario, (*key, name))
+
+
+def _misplaced(
+    keys: DegreeKeys, values: dict[str, Any], third: Pair | None, origin: Origin | None, key: Key
+) -> Iterator[Mistake]:
+    """Places that are not near the origin, and lists that are none of places."""
+    name, *_ = keys.degrees
+    value, height = values[name], plain(third[2]) if third and len(values) == 1 else ""
+    places, where = pairs_of(keys, [values[one] for one in keys.degrees]), (*key, name)
+    asked = [question(place, origin) if origin else None for place in places]
+    wrong = [one for one in asked if one]
+    if wrong and all(one.degrees for one in wrong):
+        meant = [one.degrees if one and one.degrees else place for one, place in zip(asked, places, strict=True)]
+        yield Mistake(where, wrong[0].text, value, remedy=f"write {written(keys, meant, height)}")
+    elif wrong and all(one and one.is_metres for one in asked):
+        height = plain(values["height_m"]) if is_number(values.get("height_m")) else height
+        yield Mistake(where, wrong[0].text, value, remedy=f"write {written(keys, places, height, metres=True)}")
+    elif wrong:
+        for row, (one, place) in enumerate(zip(asked, places, strict=True)):
+            at, shown = ((*where, row), place) if keys.form == "points" else (where, value)
+            if one:
+                yield Mistake(at, one.text, shown, remedy="correct the place, or [origin]")
+    elif third:
+        text = "has three numbers; it is latitude and longitude, and the height has its own key"
+        yield Mistake(where, text, value, remedy=f"write {written(keys, places, height)}")
+
+
+def _away_m(place: Pair, origin: Origin) -> float:
+    """The straight distance from the origin; infinite for what is no place on Earth."""
+    if abs(place[0]) > 90.0 or abs(place[1]) > 180.0:
+        return math.inf
+    return float(np.linalg.norm(geodetic_to_ned(place[0], place[1], origin.alt_amsl_m, origin)))

@@ -1,0 +1,204 @@
+"""Helpers for asyncio: one action for several vehicles at once, background work, and waits that end."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
+from contextlib import asynccontextmanager, suppress
+from types import FrameType
+from typing import Any, TypeVar
+
+from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.util.steady_loop import SteadyLoop
+
+T = TypeVar("T")
+LOOK_S = 0.05
+_STOPS = tuple(n for name in ("SIGINT", "SIGTERM", "SIGHUP") if (n := getattr(signal, name, None)) is not None)
+_COARSE_S = 1e-3  # the event loop's timers are late by up to this
+
+
+async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) -> None:
+    """Run `action` for all things at once. The first failure cancels the other actions and is raised."""
+    tasks = [asyncio.ensure_future(action(thing)) for thing in things]
+    try:
+        await asyncio.gather(*tasks)
+    finally:
+        await ended(*tasks)
+
+
+async def ended(*tasks: asyncio.Future[Any]) -> None:
+    """Cancel tasks and wait until they have ended. Their own failures are dropped: the caller already has one.
+
+    All are cancelled before the first wait: none goes on if the wait itself fails.
+    """
+    while alive := [task for task in tasks if not task.done()]:  # a library in between may swallow the cancellation
+        for task in alive:
+            task.cancel()
+        await asyncio.wait(alive, timeout=1.0)
+    for task in tasks:
+        if not task.cancelled():
+            task.exception()
+
+
+async def insisted(work: Coroutine[Any, Any, None]) -> None:
+    """Run `work` to its end even if the caller is cancelled or fails, once or often. It must end by itself."""
+    task = asyncio.ensure_future(work)
+    while not task.done():
+        with suppress(BaseException):
+            await asyncio.wait({task})
+    with suppress(asyncio.CancelledError):
+        task.result()
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal stopped this program: SIGINT (Ctrl-C), SIGTERM, or SIGHUP (its terminal was closed)."""
+
+    latest: int = signal.SIGINT  # some libraries make a plain KeyboardInterrupt of it
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.number = Stopped.latest = number
+
+    @staticmethod
+    def exit_code() -> int:
+        """The exit code of a program that was stopped: 128 and the number of the signal, as shells count."""
+        return 128 + Stopped.latest
+
+
+def stop_at_signals() -> None:
+    """Let SIGINT, SIGTERM and SIGHUP raise `Stopped`. For programs, not for libraries.
+
+    A shell's background job has SIGINT ignored, so the handler is set in any case. Only SIGHUP stays ignored where it
+    is: `nohup` means that the program outlives its terminal.
+    """
+    for number in _STOPS:
+        if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _raise_stopped)
+
+
+def ignore_stops() -> None:
+    """Ignore further signals of a program that listens to them: it is ending."""
+    for number in _STOPS:
+        if signal.getsignal(number) is _raise_stopped:
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _raise_stopped(number: int, frame: FrameType | None) -> None:
+    if number != signal.SIGINT:  # closing a terminal sends two: the second must not interrupt the clean-up
+        signal.signal(number, signal.SIG_IGN)
+    raise Stopped(number)
+
+
+class Stoppable:
+    """Runs work that SIGINT (Ctrl-C), SIGTERM or SIGHUP cancels once. Each further one calls `on_again`.
+
+    The work then ends by itself. `asyncio.run` alone would cancel every task at the second Ctrl-C, those that land
+    vehicles too, and would die at SIGTERM and SIGHUP.
+    """
+
+    def __init__(self) -> None:
+        self.on_again: Callable[[], None] = lambda: None
+        self._stopped: int | None = None  # the signal
+        self._work: asyncio.Future[Any] | None = None
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        """Run `work` in an event loop of its own. Raises `Stopped` if it was stopped.
+
+        A program that handles or ignores one of the signals itself keeps doing so.
+        """
+        in_main = threading.current_thread() is threading.main_thread()
+        before = {n: h for n in _STOPS if in_main and _is_default(n, h := signal.getsignal(n))}
+        try:
+            with asyncio.Runner(loop_factory=SteadyLoop) as runner:
+                return self._to_its_end(runner.get_loop(), self._main(work, tuple(before)))
+        except asyncio.CancelledError:
+            if self._stopped is not None:
+                raise Stopped(self._stopped) from None
+            raise
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, T]) -> T:
+        """Run the loop on, though a task ended it by KeyboardInterrupt or SystemExit: that stops the work, no more."""
+        task: asyncio.Task[T] = loop.create_task(main)
+        while True:
+            try:
+                return loop.run_until_complete(task)
+            except (KeyboardInterrupt, SystemExit):
+                if task.done() or self._work is None:
+                    raise
+                self._stop(self._work, signal.SIGINT)
+
+    async def _main(self, work: Coroutine[Any, Any, T], numbers: Iterable[int]) -> T:
+        task = asyncio.ensure_future(work)
+        self._work = task
+        loop = asyncio.get_running_loop()
+
+        def receive(number: int, frame: FrameType | None) -> None:
+            with suppress(RuntimeError):  # the loop is closed: the work has ended
+                loop.call_soon_threadsafe(self._stop, task, number)
+
+        for number in numbers:  # not the loop's own handlers, which leave SIGTERM and SIGHUP deadly when it closes
+            signal.signal(number, receive)
+        return await task
+
+    def _stop(self, task: asyncio.Future[Any], number: int) -> None:
+        if self._stopped is not None:
+            self.on_again()
+        else:
+            self._stopped = number
+            task.cancel()
+
+
+def _is_default(number: int, handler: object) -> bool:
+    if number == signal.SIGINT:
+        return handler in (signal.default_int_handler, _raise_stopped)
+    return handler in (signal.SIG_DFL, _raise_stopped)
+
+
+@asynccontextmanager
+async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """Run endless work in the background of the block. If the work ends by itself, the block ends with its failure."""
+    block = asyncio.current_task()
+    task = asyncio.ensure_future(work)
+    stopped = False
+
+    def stop_block(_: asyncio.Future[None]) -> None:
+        nonlocal stopped
+        if block is not None:
+            stopped = block.cancel()
+
+    task.add_done_callback(stop_block)
+    try:
+        try:
+            yield
+        finally:
+            task.remove_done_callback(stop_block)
+            await ended(task)
+    except asyncio.CancelledError:
+        if block is None or not stopped or block.uncancel():  # it was cancelled by others too
+            raise
+        failure = None if task.cancelled() else task.exception()
+        raise failure or ProtocolMisuse("a part of the work ended by itself.") from None
+
+
+async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+    """Return once `condition` is true; it is checked every 0.05 s. Raises PeerTimeout: "`what` was not reached ..."."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + timeout_s
+    while not condition():
+        if loop.time() > end_s:
+            raise PeerTimeout(f"{what} was not reached within {timeout_s:g} s.")
+        await asyncio.sleep(LOOK_S)
+
+
+async def sleep_sharply(seconds: float) -> None:
+    """Sleep `seconds`, accurate to a fraction of a millisecond. The last millisecond is a busy loop that yields."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + seconds
+    await asyncio.sleep(max(seconds - _COARSE_S, 0.0))  # other tasks get a turn in any case
+    while loop.time() < end_s:
+        await asyncio.sleep(0)

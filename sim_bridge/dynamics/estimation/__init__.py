@@ -1,1 +1,0 @@
-"""The state estimator: an extended Kalman filter per vehicle, computed as one batch."""

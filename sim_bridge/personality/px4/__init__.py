@@ -1,1 +1,0 @@
-"""The personality of PX4 1.17, as recorded."""

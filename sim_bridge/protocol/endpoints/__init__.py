@@ -1,1 +1,0 @@
-"""The endpoints of the vehicles: UDP, TCP and pseudo terminals."""

@@ -1,0 +1,443 @@
+"""The contingency policy at work over a formation of points: what is told, what is ordered, where vehicles are led.
+
+Expected are the table of rules in docs/flying.md, modes of ArduCopter, and places of the scenario.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs.errors import FlightError
+from gcs.flight.contingency.conflict_prediction import Conflict
+from gcs.flight.contingency.detection import DetectionLimits, Incident
+from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss, State
+from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.rtl_altitudes import ReturnPlan
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.trajectory.plan import Plan
+from tests.point_fleet import ARDUPILOT, EPOCH_S, PILOTS_MODE, PointFleet, flown
+
+GUIDED, LAND, RTL, AUTO = 4, 9, 6, 3
+Story = Callable[[PointFleet], Awaitable[None]]
+CONTINUE = FlightOptions(on_loss=OnLoss.CONTINUE)
+
+
+def words(fleet: PointFleet, sysid: int) -> list[str]:
+    return [event.what for event in fleet.events if event.sysid == sysid]
+
+
+def after(seconds: float, act: Callable[[PointFleet], None], then_s: float) -> Story:
+    """A story in which one thing happens."""
+
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(seconds)
+        act(fleet)
+        await asyncio.sleep(then_s)
+
+    return story
+
+
+def set_all(fleet: PointFleet, sysids: tuple[int, ...], **values: object) -> None:
+    for sysid in sysids:
+        for name, value in values.items():
+            setattr(fleet.points[sysid], name, value)
+
+
+def planned(plan: Plan, t_s: float) -> Array:
+    """Planned positions (V, 3)."""
+    return plan.states(np.array([t_s]))[:, 0, POSITION]
+
+
+def test_of_an_undisturbed_formation_nothing_is_told(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(hop, hop_returns, lambda _: asyncio.sleep(4.0))
+    assert (fleet.events, fleet.error) == ([], None)
+    assert not fleet.executor.over.is_set()
+    assert not fleet.executor.waits
+    assert tuple(fleet.monitor.in_formation) == tuple(fleet.monitor.aloft) == (1, 2, 3)
+    assert [point.modes_ordered for point in fleet.points.values()] == [[], [], []]
+    places = np.array([point.position_ned_m for point in fleet.points.values()])
+    np.testing.assert_allclose(places, planned(hop, fleet.t_s), atol=0.5)
+
+
+def test_a_vehicle_heard_again_in_its_place_rejoins(hop: Plan, hop_returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(2.0)
+        fleet.points[2].silent = True
+        await asyncio.sleep(5.0)
+        assert fleet.executor.policy.states[2] is State.SILENT
+        assert fleet.monitor.in_formation == [1, 3]
+        fleet.points[2].silent = False
+        fleet.points[2].off_ned_m = np.array([0.0, -1.0, 0.0])
+        await asyncio.sleep(1.0)
+        fleet.points[2].off_ned_m = np.zeros(3)
+        await asyncio.sleep(8.5)
+
+    fleet = flown(hop, hop_returns, story, t_s=8.0)
+    assert words(fleet, 2) == ["link lost", "link back", "ordered to rejoin"]
+    assert fleet.executor.policy.states[2] is State.FLYING
+    assert not fleet.points[2].modes_ordered, "it obeys setpoints"
+    places = np.array([values[:3] for _, values in fleet.points[2].setpoints])
+    times_s = np.array([host_s + EPOCH_S for host_s, _ in fleet.points[2].setpoints]) - fleet.monitor.t0_unix_s
+    off_m = places - hop.states(np.clip(times_s, 0.0, 33.0))[1][:, :3]
+    assert -1.1 < off_m[:, 1].min() < -0.8, "its setpoints begin where it is"
+    (back,) = fleet.told("ordered to rejoin")
+    assert np.abs(off_m[times_s > back.t_s + 8.3]).max() < 0.3
+    assert np.abs(off_m[(times_s > back.t_s + 3.0) & (times_s < back.t_s + 5.0), 1]).min() > 0.15, "it takes 8 s"
+
+
+def test_of_a_vehicle_heard_again_off_its_place_a_return_is_ordered(hop: Plan, hop_returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet) -> None:
+        fleet.points[2].silent = True
+        await asyncio.sleep(4.0)
+        fleet.points[2].silent, fleet.points[2].off_ned_m = False, np.array([0.0, -1.7, 0.0])
+        await asyncio.sleep(1.0)
+
+    fleet = flown(hop, hop_returns, story)
+    assert words(fleet, 2) == ["link lost", "link back", "ordered to return"]
+
+
+@pytest.mark.parametrize(
+    ("on_loss", "ordered", "mode"),
+    [
+        (OnLoss.LAND, ["ordered to land"], LAND),
+        (OnLoss.RETURN, ["ordered to return"], GUIDED),
+        (OnLoss.CONTINUE, [], GUIDED),
+    ],
+)
+def test_after_a_loss_the_others_do_as_chosen(
+    hop: Plan, hop_returns: ReturnPlan, on_loss: OnLoss, ordered: list[str], mode: int
+) -> None:
+    """Vehicle 2 is silent from 10 s on."""
+
+    async def story(fleet: PointFleet) -> None:
+        fleet.points[2].silent = True
+        await asyncio.sleep(12.0)
+
+    fleet = flown(hop, hop_returns, story, options=FlightOptions(on_loss=on_loss))
+    assert words(fleet, 2) == ["link lost", "vehicle lost"]
+    assert words(fleet, 1) == words(fleet, 3) == ordered
+    assert fleet.points[1].mode == fleet.points[3].mode == mode
+    assert fleet.executor.over.is_set() is bool(ordered)
+    assert tuple(fleet.monitor.aloft) == (1, 3)
+    if mode == LAND:
+        assert fleet.points[1].setpoints[-1][0] < fleet.points[1]._host_s() - 1.0, "no setpoints in the landing"
+    (trouble,) = fleet.executor.policy.troubles
+    told = fleet.executor.describe(trouble)
+    assert told.startswith("vehicle 2 was lost (silent for 10.")
+    assert float(told.split("t = ")[1].split()[0]) == pytest.approx(20.3, abs=0.5)
+
+
+def test_a_return_leads_over_the_pad_at_its_own_altitude_and_then_lands(hop: Plan, hop_returns: ReturnPlan) -> None:
+    """It climbs to the altitude of its return, and waits at rest 1 m above its pad until it is there."""
+    fleet = flown(
+        hop,
+        hop_returns,
+        after(1.0, lambda f: f.points[3].say("FENCE_STATUS", breach_status=1), 36.0),
+        options=CONTINUE,
+        t_s=3.0,
+    )
+    assert words(fleet, 3) == ["fence breached", "ordered to return"]
+    point = fleet.points[3]
+    assert point.modes_ordered == [LAND], "it obeys setpoints already"
+    pad = hop.pads_ned_m[2]
+    places = np.array([values[:3] for _, values in point.setpoints])
+    assert pad[2] - places[:, 2].min() == pytest.approx(hop_returns.altitudes_m[2], abs=0.02)
+    np.testing.assert_allclose(point.position_ned_m, pad - [0.0, 0.0, 1.0], atol=0.01)
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 0.6, "no jumps at 10 Hz"
+    assert point.setpoints[-1][0] < point._host_s() - 1.0, "no setpoints in the landing"
+    assert fleet.executor.policy.states[1] is State.FLYING
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_is_blown_off_its_way_back_gets_a_new_reference_from_where_it_is(
+    hop: Plan, hop_returns: ReturnPlan
+) -> None:
+    """The wind blows it 4 m aside and no more, so its new reference begins there; it is asked so three times."""
+
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(0.5)
+        fleet.points[3].say("FENCE_STATUS", breach_status=1)
+        await asyncio.sleep(4.0)
+        fleet.points[3].off_ned_m = np.array([0.0, 4.0, 0.0])
+        await asyncio.sleep(12.0)
+
+    point = flown(hop, hop_returns, story, options=CONTINUE).points[3]
+    east_m = np.array([values[1] for _, values in point.setpoints])
+    assert np.count_nonzero(np.diff(east_m) > 3.0) == 3
+
+
+def test_all_return_when_the_operator_orders_it(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(hop, hop_returns, after(1.0, lambda f: f.executor.return_all(), 2.0))
+    assert [(event.sysid, event.what) for event in fleet.events] == [(i, "ordered to return") for i in (1, 2, 3)]
+    assert {event.rule for event in fleet.events} == {"The operator ordered all vehicles to return"}
+    assert [event.t_s for event in fleet.events] == pytest.approx([11.0] * 3, abs=0.2)
+    assert fleet.executor.over.is_set()
+    assert list(fleet.monitor.in_formation) == []
+
+
+def test_without_a_way_back_a_vehicle_lands(
+    hop: Plan, hop_returns: ReturnPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ReturnRoutes, "way_ned_m", lambda *_: None)
+    fleet = flown(hop, hop_returns, after(1.0, lambda f: f.points[3].say("FENCE_STATUS", breach_status=1), 2.0))
+    assert words(fleet, 3) == ["fence breached", "ordered to return", "ordered to land"]
+    assert fleet.told("ordered to land")[0].rule.endswith(
+        "; no way back keeps out of no-fly zones and inside the fence"
+    )
+    assert fleet.points[3].mode == LAND
+
+
+def test_a_pilot_gets_the_vehicle_and_no_more_setpoints(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), mode=PILOTS_MODE), 4.0))
+    assert words(fleet, 2) == ["pilot took over", "released"]
+    assert fleet.events[0].rule == "now in LOITER"
+    assert fleet.points[2].setpoints[-1][0] < fleet.points[2]._host_s() - 1.5
+    assert fleet.points[2].modes_ordered == []
+    (trouble,) = fleet.executor.policy.troubles
+    assert fleet.executor.describe(trouble).startswith(
+        "vehicle 2 left the formation: pilot took over (now in LOITER) at t = 12."
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "of", "who"),
+    [
+        (AUTO, FlightMode.STREAM, "pilot took over"),
+        (AUTO, FlightMode.MISSION, None),
+        (PILOTS_MODE, FlightMode.MISSION, "pilot took over"),
+    ],
+)
+def test_a_mission_is_a_pilots_choice_where_setpoints_are_flown(
+    hop: Plan, hop_returns: ReturnPlan, mode: int, of: FlightMode, who: str | None
+) -> None:
+    fleet = flown(
+        hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), mode=mode), 3.0), options=FlightOptions(mode=of)
+    )
+    assert words(fleet, 2)[:1] == ([] if who is None else [who])
+
+
+def test_a_vehicle_in_its_failsafe_is_taken_over_and_returns(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), mode=RTL, critical=True), 3.0))
+    assert words(fleet, 2) == ["failsafe took over", "ordered to return"]
+    assert fleet.points[2].modes_ordered == [GUIDED]
+
+
+def test_a_failsafe_of_the_battery_is_told_with_what_the_energy_allows(hop: Plan, hop_returns: ReturnPlan) -> None:
+    def fail(fleet: PointFleet) -> None:
+        set_all(fleet, (2,), mode=RTL, critical=True, battery_pct=60)
+        fleet.points[2].say("STATUSTEXT", severity=2, text="Battery Failsafe", id=0, chunk_seq=0)
+
+    limits = DetectionLimits(battery_low_pct=15)
+    fleet = flown(hop, hop_returns, after(1.0, fail, 3.0), options=FlightOptions(limits=limits))
+    assert words(fleet, 2)[0] == "failsafe took over"
+    told = fleet.events[0]
+    assert "cause: " in told.rule
+    assert "; 60 % left, reserve 4 %: " in told.rule
+    assert "finish" not in told.rule, "it left the plan"
+    assert told.data is not None
+    assert told.data["reserve_pct"] == 4.0
+
+
+def test_a_low_battery_is_told_once_while_the_plan_can_be_finished(hop: Plan, hop_returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet) -> None:
+        for left_pct in (20, 19, 18):
+            fleet.points[2].battery_pct = left_pct
+            await asyncio.sleep(1.2)
+        fleet.points[1].battery_pct = 8
+        await asyncio.sleep(1.2)
+
+    fleet = flown(hop, hop_returns, story)
+    assert words(fleet, 2) == ["battery low"]
+    assert words(fleet, 1) == ["battery critical"]
+    low, critical = fleet.events
+    assert low.rule.startswith("20 % left, reserve 10 %: finish needs ")
+    assert critical.rule.startswith("8 % left, reserve 4 %: finish needs ")
+    assert low.data is not None
+    assert (low.data["chosen"], low.data["remaining_pct"], low.data["reserve_pct"]) == ("finish", 20, 10.0)
+
+
+def test_a_critical_battery_ends_a_return_that_it_allows(hop: Plan, hop_returns: ReturnPlan) -> None:
+    """The vehicle finishes what it was ordered; that is told once, at the first report."""
+
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(0.5)
+        fleet.points[2].say("FENCE_STATUS", breach_status=1)
+        await asyncio.sleep(1.0)
+        for left_pct in (40, 39):
+            fleet.points[2].battery_pct = left_pct
+            await asyncio.sleep(1.0)
+
+    limits = DetectionLimits(battery_low_pct=45, battery_critical_pct=40)
+    fleet = flown(hop, hop_returns, story, options=replace(CONTINUE, limits=limits))
+    assert words(fleet, 2) == ["fence breached", "ordered to return", "battery critical"]
+    assert fleet.events[-1].rule.startswith("40 % left, reserve 4 %: finish (as ordered) needs ")
+    chosen = fleet.executor._chosen[2]
+    assert chosen.remaining_pct == 39
+    np.testing.assert_allclose(chosen.chosen.target_ned_m, hop.pads_ned_m[1])
+
+
+def test_an_order_that_is_not_carried_out_is_told_and_then_a_landing_is_ordered(
+    hop: Plan, hop_returns: ReturnPlan
+) -> None:
+    def fail(fleet: PointFleet) -> None:
+        set_all(fleet, (2,), mode=RTL, critical=True, deaf=True)
+
+    fleet = flown(hop, hop_returns, after(1.0, fail, 24.0), options=CONTINUE, t_s=2.0)
+    assert words(fleet, 2) == [
+        "failsafe took over",
+        "ordered to return",
+        *["did not return"] * 3,
+        "ordered to land",
+    ]
+    failures = fleet.told("did not return")
+    assert [event.rule.split("(")[-1] for event in failures] == [
+        "attempt 1, repeated in 1 s)",
+        "attempt 2, repeated in 2 s)",
+        "attempt 3, repeated in 4 s)",
+    ]
+    pauses_s = np.diff([event.t_s for event in failures])
+    assert pauses_s == pytest.approx([7.0, 8.0], abs=0.5), "6 s for the HEARTBEAT, and the pause before"
+
+
+def test_of_two_that_would_meet_the_one_off_its_place_yields(hop: Plan, hop_returns: ReturnPlan) -> None:
+    """Vehicles 2 and 3 are 5 m apart in the plan; 3 drifts towards 2, too fast for both to brake."""
+
+    async def story(fleet: PointFleet) -> None:
+        for _ in range(8):
+            # 0.5 m would put predictions on limits.
+            fleet.points[3].off_ned_m = fleet.points[3].off_ned_m - [0.0, 0.48, 0.0]
+            await asyncio.sleep(0.5)
+        fleet.points[3].off_ned_m = np.zeros(3)
+        await asyncio.sleep(9.0)
+
+    fleet = flown(hop, hop_returns, story, options=CONTINUE, t_s=5.0)
+    assert words(fleet, 2) == []
+    assert words(fleet, 3) == ["separation in danger", "ordered to climb", "ordered to return"]
+    assert [event.rule.split(":")[0] for event in fleet.events[1:]] == [
+        "The upper vehicle climbs by 2 m",
+        "A vehicle that yielded returns after 5 s without a conflict",
+    ]
+    danger = fleet.events[0]
+    assert danger.rule.endswith(" m")
+    assert 1.4 <= float(danger.rule.split()[0]) <= 2.0
+    assert "vehicles 3 and 2 will be" in fleet.events[1].rule
+
+
+def test_a_vehicle_on_the_ground_has_no_incidents(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), armed=False, battery_pct=5), 2.0))
+    assert fleet.events == []
+    assert tuple(fleet.monitor.aloft) == (1, 3)
+
+
+def test_before_t0_trouble_aborts_the_start_and_all_land(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(
+        hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), battery_pct=15), 2.0), t_s=hop.airborne_s, starting=True
+    )
+    assert isinstance(fleet.error, FlightError)
+    (told,) = fleet.told("battery low")
+    assert told.t_s == pytest.approx(hop.t_start_s + 1.2, abs=0.3), "as if the take-off had begun on time"
+    assert f"at t = {told.t_s:.1f} s" in str(fleet.error)
+    assert "the start was aborted: vehicle 2 left the formation: battery low" in str(fleet.error)
+    assert [point.modes_ordered for point in fleet.points.values()] == [[LAND]] * 3
+
+
+def test_before_t0_the_modes_of_a_take_off_are_ordered_ones(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(
+        hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), mode=ARDUPILOT.mission), 3.0), t_s=hop.airborne_s,
+        starting=True,
+    )  # fmt: skip
+    assert (fleet.events, fleet.error) == ([], None)
+    assert set(fleet.executor.policy.states.values()) == {State.STARTING}
+
+
+def test_in_the_landing_its_mode_is_an_ordered_one(hop: Plan, hop_returns: ReturnPlan) -> None:
+    def land(fleet: PointFleet) -> None:
+        fleet.executor.landing()
+        set_all(fleet, (1, 2), mode=LAND)
+
+    assert flown(hop, hop_returns, after(1.0, land, 3.0)).events == []
+    story = after(0.2, lambda f: set_all(f, (1,), mode=LAND), 2.5)
+    unordered = flown(hop, hop_returns, story, options=CONTINUE, t_s=-3.9)  # all hover
+    assert words(unordered, 1) == ["pilot took over", "released"]
+
+
+def test_a_vehicle_that_was_never_heard_gets_no_order_and_others_fly_on(hop: Plan, hop_returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet) -> None:
+        fleet.points[2].silent = True
+        fleet.executor.never_heard(2)
+        await asyncio.sleep(12.0)
+        assert fleet.events == []
+        fleet.points[2].silent = False
+        await asyncio.sleep(1.0)
+
+    fleet = flown(hop, hop_returns, story, t_s=5.0)
+    assert words(fleet, 2) == ["link back", "ordered to return"]
+    assert words(fleet, 1) == words(fleet, 3) == []
+
+
+def test_the_next_vehicle_leads_when_the_leader_leaves(hop: Plan, hop_returns: ReturnPlan) -> None:
+    story = after(1.0, lambda f: set_all(f, (1,), mode=PILOTS_MODE), 3.0)
+    fleet = flown(hop, hop_returns, story, options=FlightOptions(follow=True, on_loss=OnLoss.CONTINUE))
+    assert words(fleet, 2) == ["ordered to lead"]
+    back = FlightOptions(follow=True, on_leader_loss=OnLeaderLoss.RETURN)
+    assert words(flown(hop, hop_returns, story, options=back), 2) == ["ordered to return"]
+    assert words(flown(hop, hop_returns, story, options=replace(back, follow=False)), 2) == []
+
+
+def test_landing_points_of_lost_and_landed_vehicles_are_free_unless_another_is_near(
+    hop: Plan, hop_returns: ReturnPlan
+) -> None:
+    """The limit of separation is 3 m, and landing points are 5 m apart."""
+
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(1.0)
+        free = fleet.executor._free_points
+        assert free(1) == []
+        fleet.executor.policy.states[2] = State.LOST
+        (point,) = free(1)
+        assert point.name == "landing point of vehicle 2"
+        np.testing.assert_allclose(point.ned_m, hop.landing_points_ned_m[1])
+        assert free(2) == [], "its own"
+        fleet.points[3].armed = False
+        await asyncio.sleep(1.0)
+        assert [point.name for point in free(1)] == ["landing point of vehicle 2", "landing point of vehicle 3"]
+        view, second = fleet.monitor.views[3], hop.landing_points_ned_m[1]
+        view.position_ned_m = second + np.array([2.9, 0.0, -9.0])
+        assert "landing point of vehicle 2" not in [point.name for point in free(1)]
+        view.position_ned_m = second + np.array([3.1, 0.0, -9.0])
+        assert "landing point of vehicle 2" in [point.name for point in free(1)]
+
+    flown(hop, hop_returns, story)
+
+
+@pytest.mark.parametrize("off_m", [(0.0, 2.0), (2.0, 0.0)])
+@pytest.mark.parametrize("down_m", [(-8.0, -9.0), (-9.0, -8.0)])
+def test_the_vehicle_farther_from_its_place_yields_whether_it_is_above_or_below(
+    off_m: tuple[float, float], down_m: tuple[float, float]
+) -> None:
+    ours: Any = object.__new__(ContingencyExecutor)
+    told: list[Incident] = []
+    ours.policy = SimpleNamespace(states=dict.fromkeys((1, 2), State.FLYING))
+    ours._vehicles = dict.fromkeys((1, 2), SimpleNamespace(session=SimpleNamespace(armed=True)))
+    views = {
+        sysid: SimpleNamespace(error_m=off, position_ned_m=np.array([0.0, 0.0, down]))
+        for sysid, off, down in zip((1, 2), off_m, down_m, strict=True)
+    }
+    ours._monitor = SimpleNamespace(views=views, t0_unix_s=0.0, watch_separation=lambda aloft: None)
+    ours._standstill = SimpleNamespace(gathers=False)
+    ours._separation = SimpleNamespace(look=lambda *_: [Conflict((1, 2), 0.75, 1.234)])
+    ours._decide = lambda incident, t_s: told.append(incident)
+    ours._check_separation(20.0, 20.0)
+    (incident,) = told
+    farther = 1 + int(np.argmax(off_m))
+    assert (incident.sysid, incident.other, incident.in_s, incident.detail) == (farther, 3 - farther, 0.75, "1.23 m")
+    assert incident.higher is (int(np.argmin(down_m)) == farther - 1)
