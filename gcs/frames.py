@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pymap3d
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 _STEP_M = 1000.0
 

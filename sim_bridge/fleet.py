@@ -19,9 +19,9 @@ from typing import Any, Self, TypeVar
 
 from gcs.errors import GcsError, UsageError
 from gcs.link.endpoints.ip_address import Address
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
+from gcs.types import Array
 from sim_bridge.dynamics.presets import FIELD
 from sim_bridge.dynamics.wind_field import parse_wind
 from sim_bridge.faults.fault_spec import parse_faults

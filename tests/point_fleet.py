@@ -29,9 +29,10 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, ModeFlag
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from gcs.util.aio import ended
 from gcs.util.steady_loop import SteadyClock, SteadyLoop, host_s
 

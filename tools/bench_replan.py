@@ -19,12 +19,13 @@ import numpy as np
 
 import gcs
 from gcs.errors import GcsError, Infeasible
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.replanning.replanner import LEAST_S
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 from tools.bench.frame import ROOT, finish, options
 
 ASIDE_M, BELOW_M, SPEED_MPS = 20.0, 3.0, 0.2

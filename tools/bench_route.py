@@ -25,11 +25,11 @@ import numpy as np
 
 from gcs import load_scenario, make_plan, verify
 from gcs.errors import GcsError, Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Boundary, NoFlyZone, RoutePoint, Scenario
+from gcs.types import Array
 from tools.bench.frame import ROOT, apart, finish, options, serve
 from tools.bench.memory import peak_mb
 

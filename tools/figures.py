@@ -13,7 +13,7 @@ import gcs
 from gcs.flight.plots.coverage_plot import save_coverage
 from gcs.flight.plots.flight_plot import draw_map
 from gcs.flight.plots.overview_plot import draw_plan
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from tools.pictures.change import draw_change

@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 from gcs.autopilots.waypoint_models.calibration import ARDUPILOT, PX4
 from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders
 from gcs.autopilots.waypoint_models.predict import passing_times, predict
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from tools.bench.frame import ROOT, options
 
 RECORDINGS = ROOT / "tests" / "recorded" / "timed_legs"

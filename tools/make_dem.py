@@ -12,8 +12,8 @@ import rasterio
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import OriginTable
+from gcs.types import Array
 
 FILE = Path(__file__).resolve().parent.parent / "missions" / "ridge" / "ridge.tif"
 ORIGIN = OriginTable(lat_deg=-33.42, lon_deg=-70.58, alt_amsl_m=740.0)

@@ -1,4 +1,7 @@
-"""Writes the reference pages of docs, and the policy's tables in flying.md:  ./tools/run python tools/reference.py"""
+"""Writes the reference pages of docs, the policy's tables in flying.md and the folders in design.md.
+
+./tools/run python tools/reference.py
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,7 @@ from gcs.util.bounded_parquet import ROWS_MAX
 from gcs.util.bounded_xml import XML_ELEMENTS_MAX
 from tools.api_reference import api_reference
 from tools.commands_reference import commands_reference
+from tools.house import house
 from tools.markdown import table
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -239,6 +243,7 @@ MAKERS: dict[str, Callable[[], str | tuple[str, ...]]] = {
     "commands.md": commands_reference,
     "formats.md": formats_reference,
     "flying.md": policy_tables,
+    "design.md": house,
 }
 
 

@@ -1,1 +1,4 @@
-"""What differs between the autopilots: one table with a row for each, and models of how they fly waypoints."""
+"""What differs between autopilots: one table with a row for each of them.
+
+It may import autopilots.waypoint_models.
+"""

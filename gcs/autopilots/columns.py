@@ -29,7 +29,7 @@ POSITION_FLAGS = EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.POS_HORIZ_A
 
 
 if TYPE_CHECKING:
-    from gcs.physics.quadrotor import Array
+    from gcs.types import Array
 
 _BENT_M = 0.01  # heights between two knots differ by less from the straight line
 

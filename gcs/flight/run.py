@@ -54,7 +54,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify

@@ -1,1 +1,4 @@
-"""The link to vehicles: protocol machines without sockets or clocks, and around them sessions, sockets and timers."""
+"""The link to the vehicles: protocol machines without sockets or clocks, and sessions that run them.
+
+It imports leaves only.
+"""

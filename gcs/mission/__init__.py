@@ -1,1 +1,4 @@
-"""From a plan to missions and setpoints, as values and as files."""
+"""Missions and setpoints made from a plan, as values and as files.
+
+It may import scenario.
+"""

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from gcs.mission.predicted.planned_flight import Surroundings
-from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.ground_bounds import highest_ground
+import numpy as np
+
+from gcs.frames import Origin
+from gcs.scenario.environment.ground_bounds import Highest, from_heights, highest_ground
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
+
+Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
 
 # Share by which an autopilot's model may exceed a commanded speed: a vehicle behind its target catches up.
 OVERSPEED = 0.25
@@ -33,6 +38,32 @@ class FlightLimits:
     keep_in: tuple[KeepIn, ...] = ()
     planned_separation_m: float | None = None  # what the plan keeps, for display
     planned_clearance_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The local frame of all flights, and the ground if it is known.
+
+    `bounded` are upper bounds of the ground over rectangles. Without them it is nowhere steeper than `slope_max`.
+    """
+
+    origin: Origin
+    ground: Ground | None = None
+    bounded: Highest | None = None
+    slope_max: float = 1.0
+
+    @property
+    def highest(self) -> Highest | None:
+        """Upper bounds of the ground over rectangles; None if it is unknown."""
+        if self.bounded is not None or self.ground is None:
+            return self.bounded
+        return from_heights(self.ground, self.slope_max)
+
+    def height_of_ground_m(self, ned_m: Array, otherwise_m: float) -> Array:
+        """Heights of the ground under points (..., 3), above the origin's height; `otherwise_m` if it is unknown."""
+        if self.ground is None:
+            return np.full(ned_m.shape[:-1], otherwise_m)
+        return np.asarray(self.ground(ned_m[..., 0], ned_m[..., 1]))
 
 
 def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLimits:

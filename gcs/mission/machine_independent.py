@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 SAMPLE_GRID = 2.0**-13  # m: of positions from which waypoints are chosen; 0.12 mm
 ORDER_GRID = 2.0**-8  # m and s: of waypoints and due times for which speeds are searched; an item's own step is 11 mm

@@ -8,7 +8,7 @@ from enum import IntEnum, StrEnum
 import numpy as np
 
 from gcs.mavlink import MavCommand
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 
 class Frame(IntEnum):

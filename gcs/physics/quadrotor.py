@@ -15,15 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs.physics.wind import STILL, SteadyWind
+from gcs.types import Array
 
-Array = NDArray[np.float64]
-
-POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-STATE_NAMES = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
-CONTROL_NAMES = ("U1", "U2", "U3", "U4")
 _HALF_SQRT2 = np.sqrt(0.5)
 # Eq. 2: rows U1/K_T, U2/K_T, U3/K_T, U4/K_M; columns the squared rotor speeds 1..4.
 _MIXER = np.array(

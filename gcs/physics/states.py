@@ -1,4 +1,4 @@
-"""The columns of states and controls by name: of a plan, of true states, or of any array of the model of Eq. 1."""
+"""States and controls of Eq. 1: how many, their columns, and their names."""
 
 from __future__ import annotations
 
@@ -6,9 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array
+from gcs.types import Array
 
-_WIDTH = 12
+NX, NU = 12, 4  # components of state and control of one vehicle
+POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+STATE_NAMES = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
+CONTROL_NAMES = ("U1", "U2", "U3", "U4")
+# The same in messages.
+STATE_WORDS = (
+    *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
+    *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
+)
+CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
 
 
 @dataclass(frozen=True)
@@ -18,8 +27,8 @@ class NamedStates:
     values: Array  # (..., 12), SI and NED
 
     def __post_init__(self) -> None:
-        if self.values.shape[-1:] != (_WIDTH,):
-            raise ValueError(f"states must be (..., {_WIDTH}), not {self.values.shape}")
+        if self.values.shape[-1:] != (NX,):
+            raise ValueError(f"states must be (..., {NX}), not {self.values.shape}")
 
     @property
     def position_ned_m(self) -> Array:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.physics.states import VELOCITY
 from gcs.plan.ocp.objective_sum import quadrature
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, drag_power, heading_rate, height_rate
 from gcs.plan.ocp.problem import Problem, Rate, flight_problem
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 OTHER = "other"
 _SEEN = 1e-3  # share of the cost: less is the difference between two quadratures

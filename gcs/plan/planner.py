@@ -10,7 +10,6 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import SLACK_M
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
@@ -35,6 +34,7 @@ from gcs.scenario.values.si import (
     quadrotor,
     steady_wind,
 )
+from gcs.types import Array
 
 
 def make_plan(

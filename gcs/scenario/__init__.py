@@ -1,1 +1,4 @@
-"""From `scenario.toml` to a checked scenario in SI units."""
+"""Scenarios: from `scenario.toml` to checked values in SI units.
+
+It imports leaves only.
+"""

@@ -1,1 +1,4 @@
-"""Reading what others wrote: bounded files, JSON and archives."""
+"""Helpers without knowledge of flying: asyncio, caches, atomic writes, bounded reading of foreign files.
+
+It imports leaves only.
+"""

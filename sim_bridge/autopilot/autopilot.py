@@ -16,7 +16,7 @@ import numpy as np
 
 from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, MissionItem
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.arming import Arming, OffboardTimeout, Readiness
 from sim_bridge.autopilot.events import Event, EventQueue, ModeChanged
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.missions.fence import FenceShape
 from sim_bridge.personality import Intent, Note, Setting

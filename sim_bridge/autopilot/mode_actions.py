@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs.mavlink import LandedState
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.arming import Arming
 from sim_bridge.autopilot.events import EventQueue, Placed
 from sim_bridge.autopilot.guidance.flight_path import Flightpath, Passed

@@ -1,1 +1,4 @@
-"""The physics, control and estimation of the whole fleet, computed as one batch of arrays."""
+"""Physics, control and estimation of the whole fleet, computed as one batch of arrays.
+
+It may import gcs.scenario.
+"""

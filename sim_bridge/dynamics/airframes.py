@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.types import Array
 from sim_bridge.dynamics.battery import Battery, PowerTrain
 from sim_bridge.dynamics.controller import Controller
 from sim_bridge.dynamics.estimator import Estimator

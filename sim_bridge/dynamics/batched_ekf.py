@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.plant import Mask
 
 Residual = Callable[[Array, Array], Array]

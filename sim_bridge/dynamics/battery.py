@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor, induced_power_W
+from gcs.physics.quadrotor import Quadrotor, induced_power_W
 from gcs.scenario.schema.scenario import Power
+from gcs.types import Array
 from sim_bridge.dynamics.failures import ROTORS
 from sim_bridge.dynamics.plant import Mask
 

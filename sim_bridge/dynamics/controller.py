@@ -13,7 +13,8 @@ import math
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.types import Array
 from sim_bridge.dynamics.integrator import Turn
 from sim_bridge.dynamics.lqr_gains import ANGLE_SCALE_RAD, ControlLimits, lqr_gains, turn_authority_radps2
 from sim_bridge.dynamics.plant import Mask

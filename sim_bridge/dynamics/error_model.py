@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.integrator import Turn
 from sim_bridge.dynamics.plant import Mask
 from sim_bridge.dynamics.sensors import (

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.batched_ekf import BatchedEkf, Residual
 from sim_bridge.dynamics.error_model import (
     GNSS_ERROR,

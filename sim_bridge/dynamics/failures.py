@@ -17,7 +17,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.plant import Mask
 
 ROTORS = 4

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.types import Array
 
 FEEDBACK_SHARE = 0.3  # of each authority; a plan with a control margin of 0.3 leaves as much
 POSITION_SCALE_M = 0.1

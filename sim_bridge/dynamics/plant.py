@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, Quadrotor, control_from_rotors, rotors_from_control
+from gcs.physics.quadrotor import Quadrotor, control_from_rotors, rotors_from_control
+from gcs.physics.states import ATTITUDE, RATES, VELOCITY
+from gcs.types import Array
 from sim_bridge.dynamics.integrator import Stepper
 
 Ground = Callable[[Array, Array], Array]  # north_m (V,), east_m (V,) -> height_m (V,)

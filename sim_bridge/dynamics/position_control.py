@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.types import Array
 from sim_bridge.dynamics.lqr_gains import ControlLimits, lqr_gains, turn_authority_radps2
 from sim_bridge.dynamics.reference import Reference
 

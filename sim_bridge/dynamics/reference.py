@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.failures import Effects, Sensor
 from sim_bridge.dynamics.plant import Mask
 

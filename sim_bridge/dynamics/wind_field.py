@@ -17,8 +17,8 @@ from scipy.signal import bilinear, lfilter
 from scipy.spatial.distance import cdist
 
 from gcs.errors import UsageError
-from gcs.physics.quadrotor import Array
 from gcs.physics.wind import GUSTS_MPS, STILL, SteadyWind
+from gcs.types import Array
 
 GUST_PERIOD_S = 0.04
 PASSING_MPS = 3.0

@@ -1,1 +1,4 @@
-"""The missions, fences and rally points that one vehicle stores, and their transfers."""
+"""The missions, fences and rally points that one vehicle stores, and their transfers.
+
+It may import gcs.autopilots, gcs.mission and gcs.link.
+"""

@@ -11,7 +11,7 @@ import numpy as np
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mavlink import FenceCommand, Severity
 from gcs.mission.model import MissionItem
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 POLYGONS = frozenset({FenceCommand.POLYGON_INCLUSION, FenceCommand.POLYGON_EXCLUSION})
 CIRCLES = frozenset({FenceCommand.CIRCLE_INCLUSION, FenceCommand.CIRCLE_EXCLUSION})

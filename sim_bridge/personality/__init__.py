@@ -1,4 +1,7 @@
-"""Personalities: one table per autopilot, with its modes, replies, texts, parameters and failsafes, as recorded."""
+"""One table per autopilot, with its modes, replies, texts, parameters and failsafes, as recorded.
+
+It may import sim_bridge.missions, gcs.autopilots and gcs.mission.
+"""
 
 from sim_bridge.personality.ardupilot_behaviour import ARDUPILOT, ARDUPILOT_4_7
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage

@@ -12,7 +12,7 @@ from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.protocols.command import CommandMemory, command_ack
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag, WireFrame
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.personality import Intent, Note
 from sim_bridge.protocol.telemetry import Telemetry

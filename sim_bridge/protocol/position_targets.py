@@ -9,7 +9,7 @@ import numpy as np
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.wire.message import Message
 from gcs.mavlink import SetpointMask, WireFrame
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.protocol.telemetry import Instruments
 

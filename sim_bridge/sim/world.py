@@ -23,8 +23,8 @@ import numpy as np
 
 from gcs.errors import GcsError
 from gcs.link.wire.signing_keys import signing_ticks
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.piece import PieceBatch
 from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.wind_field import CALM, Wind

@@ -27,9 +27,10 @@ from gcs.mavlink import MavCommand
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.waypoints.mission_items import build_missions
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoint_address import call

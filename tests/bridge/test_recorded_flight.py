@@ -29,7 +29,7 @@ from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.session.linked_fleet import LinkedFleet as GroundFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify

@@ -15,8 +15,9 @@ from gcs.cli.main import run
 from gcs.flight.recording.flight_folder import read_events
 from gcs.flight.recording.flight_state import read_flight_state
 from gcs.flight.recording.tlog import load_tlog
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.sim.world import World
 from tests.fleets import EPOCH_UNIX_S

@@ -6,13 +6,14 @@ Every rule names folders; a folder that does not exist fails, so that a rename c
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
-from collections.abc import Iterator
-from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from tools.house import imports, imports_between_folders, modules, name_of, ours, parsed
 
 ROOT = Path(__file__).resolve().parents[2]
 LEAVES = (
@@ -22,6 +23,7 @@ LEAVES = (
     "gcs/mavlink_names.py",
     "gcs/physics",
     "gcs/util",
+    "gcs/types.py",
 )
 LAYERS = ("gcs/autopilots", "gcs/scenario", "gcs/plan", "gcs/mission", "gcs/link", "gcs/flight", "gcs/cli")
 # `plan` and `link` never meet, save in `flight`.
@@ -73,60 +75,8 @@ SAME_SENSE = {
 }
 
 
-def modules(*places: str) -> list[Path]:
-    """The Python files of folders, or single files. A place that is not there is a mistake of this test."""
-    found: list[Path] = []
-    for place in places:
-        path = ROOT / place
-        files = [path] if path.suffix == ".py" else sorted(path.rglob("*.py"))
-        assert files and all(file.is_file() for file in files), f"{place} does not exist: was it renamed?"
-        found += [file.relative_to(ROOT) for file in files]
-    return found
-
-
-def name_of(file: Path) -> str:
-    return ".".join(file.with_suffix("").parts).removesuffix(".__init__")
-
-
 def within(file: Path, *places: str) -> bool:
     return any(file == Path(place) or Path(place) in file.parents for place in places)
-
-
-@cache
-def parsed(file: Path) -> ast.Module:
-    return ast.parse((ROOT / file).read_text(encoding="utf-8"))
-
-
-@cache
-def imports(file: Path) -> frozenset[str]:
-    """Every module imported anywhere in the file; `from a import b` counts as a.b where that is a module."""
-    return frozenset(_imports(file))
-
-
-def _imports(file: Path) -> Iterator[str]:
-    for node in ast.walk(parsed(file)):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.module and not node.level, f"{file}: imports are absolute here"
-            for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                yield inner if path_of(inner) else node.module
-
-
-@cache
-def path_of(name: str) -> Path | None:
-    """The file, or the folder, of one of our modules."""
-    path = Path(*name.split("."))
-    for file in (path.with_suffix(".py"), path / "__init__.py"):
-        if (ROOT / file).is_file():
-            return file
-    return None
-
-
-def ours(file: Path) -> Iterator[Path]:
-    """The files of this project that a file imports."""
-    yield from (path for name in imports(file) if (path := path_of(name)) and path.parts[0] in ("gcs", "sim_bridge"))
 
 
 GCS, BRIDGE = modules("gcs"), modules("sim_bridge")
@@ -138,7 +88,7 @@ def test_every_file_and_folder_named_here_exists() -> None:
     modules(*LEAVES, *LAYERS, *BRIDGE_MAY, *ONLY_IN.values(), *SANS_IO)
     names = {file.name for file in ALL}
     assert set(SAME_SENSE) <= names
-    assert Path("gcs/physics/quadrotor.py") in set(ours(Path("gcs/scenario/environment/terrain.py")))
+    assert Path("gcs/types.py") in set(ours(Path("gcs/scenario/environment/terrain.py")))
 
 
 def layer_of(file: Path) -> str:
@@ -199,6 +149,47 @@ def test_a_module_opens_by_saying_what_it_is_and_stays_short() -> None:
         text = (ROOT / file).read_text(encoding="utf-8")
         assert ast.get_docstring(parsed(file)) or not text.strip(), f"{file} has no docstring"
         assert len(text.splitlines()) <= LONGEST, f"{file} is longer than {LONGEST} lines: two ideas?"
+
+
+def test_no_folder_imports_itself_through_others() -> None:
+    try:
+        TopologicalSorter(imports_between_folders()).prepare()
+    except CycleError as error:
+        pytest.fail("a circle of folders: " + " -> ".join(map(str, error.args[1])))
+
+
+def test_no_two_neighbouring_folders_import_each_other_with_all_that_is_in_them() -> None:
+    """A parent's own modules are a neighbour of its folders."""
+    between = set()
+    for folder, others in imports_between_folders().items():
+        for other in others:
+            mine, theirs = folder.split("."), other.split(".")
+            same = next(n for n in range(9) if n >= min(len(mine), len(theirs)) or mine[n] != theirs[n])
+            between.add((".".join(mine[: same + 1]) + "." * (len(mine) == same), ".".join(theirs[: same + 1])))
+    assert not [pair for pair in between if pair[::-1] in between]
+
+
+def named_in_docstring(room: Path) -> set[str]:
+    """The folders and layers that a folder says it may import."""
+    text = " ".join((ast.get_docstring(parsed(room / "__init__.py")) or "").split())
+    told = re.search(r"It may import (.*?)\.(?: |$)", text)
+    return set(re.split(r", | and ", told[1])) if told else set()
+
+
+def test_every_folder_says_what_it_may_import_and_imports_that() -> None:
+    """Leaves may be imported everywhere. Another layer is named as a whole, a folder of the same layer by itself."""
+    graph = imports_between_folders()
+    for room in ROOMS:
+        name = name_of(room / "__init__.py")
+        if name in ("gcs", "sim_bridge"):
+            continue
+        used = set()
+        for other in graph[name]:
+            mine, theirs = (".".join(x.split(".")[: 2 if x.startswith("gcs") else 1]) for x in (name, other))
+            short = (lambda x: x) if mine == "sim_bridge" else (lambda x: x.removeprefix("gcs."))
+            if other != "gcs" and not within(Path(*other.split(".")), *LEAVES):
+                used.add(short(other if mine == theirs else theirs))
+        assert named_in_docstring(room) == used, f"{room}/__init__.py"
 
 
 def test_a_folder_holds_three_or_more_and_lies_three_deep_at_most() -> None:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.ocp import margins, stage_functions
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from gcs.flight.plots.flight_plot import draw_formation, draw_map
 from gcs.flight.plots.tracks_view import draw_tracks
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tools.paper.track import ENDS_S, Track
 from tools.pictures.scenery import LIMIT, colour
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 from tools.paper.track import STEP_S, Track, turns
 
 Found = tuple[Any, ...]  # does it hold, and the numbers of `measured` in its order

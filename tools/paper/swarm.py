@@ -15,10 +15,10 @@ from pymoo.algorithms.soo.nonconvex.pso import PSO
 from pymoo.core.problem import Problem
 from scipy.interpolate import make_interp_spline
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import NED_FROM_UP, heading_ref_deg, offsets_ned_m
+from gcs.types import Array
 
 POINTS, SAMPLES, PARTICLES = 8, 401, 80  # of a path between its ends, along it; of a swarm
 INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction

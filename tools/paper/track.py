@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gcs
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.si import torque_limits
+from gcs.types import Array
 
 Mask = NDArray[np.bool_]
 STEP_S = 0.05

@@ -13,10 +13,10 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.figure import Figure
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.graph import information_graph
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from tools.pictures.scenery import ASIDE, LIMIT, colour
 
 _INSTANTS = 301

@@ -10,9 +10,9 @@ from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 from tools.pictures.measures import clearance_m, places_ned_m, size
 from tools.pictures.scenery import LIMIT, chain_lines, colour, draw_ground
 

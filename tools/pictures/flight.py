@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from tools.pictures.measures import clearance_m, nearest_m, places_ned_m, size
 from tools.pictures.scenery import ASIDE, LIMIT, chain_lines, colour, draw_ground
 

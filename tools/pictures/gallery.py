@@ -19,7 +19,7 @@ from gcs.flight.plots.overview_plot import draw_plan, draw_scenario
 from gcs.flight.plots.replay_plot import draw_recording
 from gcs.flight.plots.tracks_view import draw_tracks
 from gcs.flight.recording.load_recording import load_recording
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 
 _STEP_S = 0.25
 _SHADES = 240  # of a picture's palette: half of the file

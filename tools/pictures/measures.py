@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import nearest_pair_m
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 
 
 def places_ned_m(plan: Plan, t_s: Array) -> Array:

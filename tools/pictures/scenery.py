@@ -15,10 +15,10 @@ from matplotlib.patches import Polygon
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outline
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22")
 LIMIT = "#b00000"  # what a limit is drawn in

@@ -15,10 +15,11 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Terrain
+from gcs.types import Array
 from tools.pictures.scenery import colour
 
 WIDTH, HEIGHT = 960, 540  # of the picture, in pixels

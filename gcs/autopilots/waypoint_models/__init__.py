@@ -1,1 +1,4 @@
-"""Models of the autopilots' waypoint navigators: they predict the position of a vehicle over time."""
+"""Models of the autopilots' waypoint navigators, which predict the position of a vehicle over time.
+
+It imports leaves only.
+"""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from gcs.physics.quadrotor import Array
+    from gcs.types import Array
 
 Vector = tuple[float, float, float]
 _STILL = (0.0, 0.0, 0.0)

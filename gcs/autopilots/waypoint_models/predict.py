@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders
 from gcs.errors import VerificationError
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 NEAR_M = 2.0  # a vehicle that stops at a waypoint has arrived within this distance: the radius of both autopilots
 _TIMEOUT_FACTOR = 10.0  # of the time that the speeds require, with one second more for each waypoint

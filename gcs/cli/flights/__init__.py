@@ -1,1 +1,4 @@
-"""Commands about vehicles and flights."""
+"""The commands about vehicles and flights: fly, attach, replay, report, vehicles and tell.
+
+It may import cli.planning, cli.shared, autopilots, scenario, plan, mission, link and flight.
+"""

@@ -105,7 +105,7 @@ def _tracks(plan: Plan, record: pa.Table, truth: Truth | None, t0_unix_s: float)
     """The true track of every vehicle, or the reported one where no true states are known."""
     import numpy as np
 
-    from gcs.physics.quadrotor import POSITION
+    from gcs.physics.states import POSITION
 
     if truth is not None:
         at_s = truth.t_s(t0_unix_s)

@@ -1,1 +1,4 @@
-"""Commands about scenarios and plans."""
+"""The commands about scenarios and plans: new, schema, show, plan, verify and replan.
+
+It may import cli.shared, scenario, plan, mission and flight.
+"""

@@ -29,7 +29,7 @@ def route_data(plan: Plan) -> list[dict[str, Any]]:
     """The route points ahead, with time, place and speed of the leader at each."""
     import numpy as np
 
-    from gcs.physics.quadrotor import POSITION, VELOCITY
+    from gcs.physics.states import POSITION, VELOCITY
 
     rows = []
     for passage in plan.passages:

@@ -11,9 +11,9 @@ from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, PlanArgument, as_number, option, plan_file
 
 if TYPE_CHECKING:
-    from gcs.physics.quadrotor import Array
     from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import NoFlyZone
+    from gcs.types import Array
 
 _LATEST_S = 7200.0
 _LARGEST = 1e6  # m, m/s, degrees: larger numbers are a mistake

@@ -1,1 +1,4 @@
-"""TODO."""
+"""What all commands share: their output, their common options, and the MISSION argument.
+
+It may import scenario, plan and link.
+"""

@@ -1,1 +1,4 @@
-"""After the flight: verdict, comparison of plan, estimate and truth, pictures."""
+"""The verdict on a flight, and its deviations from the plan.
+
+It may import flight.monitoring, scenario, plan and mission.
+"""

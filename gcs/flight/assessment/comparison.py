@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitoring.monitor import lateness_s
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 _RESTS_MPS, _LOW_M = 0.25, 1.0  # slower than any descent
 _OVER_M = 10.0  # horizontally: over its landing point

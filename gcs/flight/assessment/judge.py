@@ -16,13 +16,13 @@ from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.route_passing import route_criterion
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.physics.states import NamedStates
+from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import nearest_zone_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
+from gcs.types import Array
 from gcs.util.archives import ArrayKind, read_arrays
 from gcs.util.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
 

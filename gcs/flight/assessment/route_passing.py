@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from gcs.flight.assessment.criterion import Criterion
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 ROUTE_POINTS = "route points"
 Track = tuple[Array, Array]  # plan times (N,) and positions (N, 3), NED, of one vehicle

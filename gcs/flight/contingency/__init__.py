@@ -1,1 +1,4 @@
-"""What goes wrong in flight, what is ordered then, and how orders are carried out."""
+"""Decisions when something goes wrong in flight: incidents, policy, ordered tracks. Time is an argument.
+
+It may import flight.monitoring, autopilots, scenario, plan, mission and link.
+"""

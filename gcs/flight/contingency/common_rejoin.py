@@ -16,10 +16,11 @@ import numpy as np
 
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import ACCEL_MPS2
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.margins import clearance, height, no_fly
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.types import Array
 
 NEAR_M = 3.0  # off the plan's present instant: T0 stays
 THERE_M = 0.5  # ... where the landing begins before a fade would end

@@ -17,8 +17,9 @@ import numpy as np
 
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.predicted.closest_approach import least_distance
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 HORIZON_S, STEP_S = 3.0, 0.25
 FADE_S = 0.5

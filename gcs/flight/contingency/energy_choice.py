@@ -19,10 +19,10 @@ import numpy as np
 from gcs.autopilots.columns import LandingProfile
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.types import Array
 
 WayLength = Callable[[int, Array, Array], float]  # row of the plan, from (3,), to (3,) -> metres by the route
 _PRIOR = 0.01  # of a full battery: the weight of the model against the measured discharge

@@ -15,7 +15,7 @@ from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory, Val
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import ACCEL_MPS2, PiecewiseMotion, routed_motion, stops
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 BRAKE_MPS2 = ACCEL_MPS2
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes

@@ -13,8 +13,8 @@ from gcs.flight.contingency.policy import SPREAD_M, Action, Order
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 HOVER_M = 1.0  # over the pad, before the landing
 NEAR_M, STILL_MPS = 0.5, 0.3  # a vehicle has arrived: horizontally, and in every direction

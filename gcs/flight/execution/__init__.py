@@ -1,1 +1,4 @@
-"""Orders that are repeated until a vehicle carries them out, and the landing of a fleet."""
+"""The flight itself: take-off, setpoint stream, the orders of the contingency policy, landing.
+
+It may import flight.contingency, flight.monitoring, flight.setup, autopilots, scenario, plan, mission and link.
+"""

@@ -40,10 +40,10 @@ from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.progress import Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _SLEEP_S = 0.005

@@ -26,10 +26,11 @@ import numpy as np
 
 from gcs.flight.contingency.reference_trajectory import PlanReference, Values
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.time_scaling import budget
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 RATE_RADPS = 3.0
 REPORT_MAX_S = 1.0  # the rate of an older report is not used

@@ -13,8 +13,9 @@ from gcs.flight.execution.fleet_landing import named
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.takeoff_landing import FlightVehicle, expected_landings, request_telemetry, until_ready
 from gcs.flight.monitoring.progress import Step
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from gcs.util.aio import alongside, each, until
 
 NEAR_M = 3.0

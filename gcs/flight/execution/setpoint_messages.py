@@ -17,7 +17,7 @@ from gcs.flight.execution.leader_follower import SentSetpoints
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import SetpointMask, WireFrame
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

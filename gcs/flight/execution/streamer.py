@@ -20,8 +20,8 @@ from gcs.flight.monitoring.monitor import VehicleView
 from gcs.link.protocols.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from gcs.util.aio import each, sleep_sharply
 from gcs.util.steady_loop import host_s, stalls_of
 

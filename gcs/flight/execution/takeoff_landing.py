@@ -18,8 +18,9 @@ from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand, MessageId
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from gcs.util.aio import LOOK_S, each, until
 
 # What another ground station shows of a vehicle, besides its heartbeat and what every flight requests.

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import traits_of
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 _DOWN, _DOWN_RATE = POSITION.start + 2, VELOCITY.start + 2
 

@@ -21,9 +21,10 @@ from gcs.flight.monitoring.progress import FlightPart, NearestPair
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 SLOW_MPS = 0.3  # a slower vehicle is neither late nor early
 _HEARD_S = 2.0  # an older report is no position

@@ -13,11 +13,11 @@ from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.progress import GROUND_REACH_M, FlightPart, VehicleNow
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import nearest_zone_m, zones
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 
 _BATTERY = "SYS_STATUS"
 

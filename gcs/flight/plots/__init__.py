@@ -1,1 +1,4 @@
-"""What pictures of flights are made of: the file, the layers of a map, labels, curves and panels."""
+"""The pictures of plans, flights and replays.
+
+It may import flight.monitoring, flight.recording, scenario and plan.
+"""

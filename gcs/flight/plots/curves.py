@@ -9,10 +9,10 @@ import numpy as np
 from gcs.flight.plots.figure_file import colours
 from gcs.flight.plots.flight_map import PLANNED
 from gcs.flight.recording.recording import nearest_m
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.distances import zone_distances_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 LIMIT: dict[str, Any] = {"color": "red", "lw": 0.8}
 _USUAL = 0.9  # share of instants that the panel of separations shows whole: landed vehicles are far apart

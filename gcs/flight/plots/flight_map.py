@@ -13,8 +13,8 @@ from matplotlib.transforms import Affine2D
 
 from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, colours
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 PLANNED: dict[str, Any] = {"color": "0.72", "lw": 3.5, "zorder": 1.9}
 _STEPS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)

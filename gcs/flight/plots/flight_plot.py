@@ -12,9 +12,10 @@ from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, save, set
 from gcs.flight.plots.flight_map import FlightMap
 from gcs.flight.plots.map_layers import map_size_in
 from gcs.flight.plots.tracks_view import draw_tracks
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 _SHOWN = 4  # formations at most
 _PANEL_IN, _SIDE_IN, _TOP_IN = 2.9, 0.8, 0.95

@@ -12,10 +12,10 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
 
 from gcs.flight.plots.figure_file import Labels
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, Scenario
+from gcs.types import Array
 
 DART = Shape([(0.0, 1.0), (0.6, -0.8), (0.0, -0.4), (-0.6, -0.8), (0.0, 1.0)])  # points north
 Area = tuple[Array, Array]  # the least and the greatest north and east (2,), m

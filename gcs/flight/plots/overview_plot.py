@@ -14,10 +14,11 @@ from gcs.flight.plots import map_layers
 from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import NED_FROM_UP, leader_index, offsets_ned_m, sysids
+from gcs.types import Array
 
 _STEP_S = 0.5
 _ARROW_PT = 34.0

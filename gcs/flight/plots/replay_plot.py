@@ -15,9 +15,9 @@ from gcs.flight.plots.figure_file import Labels, colours, head_figure, save, set
 from gcs.flight.plots.flight_map import PLANNED, FlightMap
 from gcs.flight.plots.map_layers import map_size_in
 from gcs.flight.recording.recording import Recording
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.types import Array
 
 _INSTANTS = 1500  # at most
 _STEP_S = 0.1

@@ -18,12 +18,12 @@ from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, settle
 from gcs.flight.plots.flight_map import FlightMap, vehicle_entries
 from gcs.flight.recording.recording import nearest_m
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.distances import zone_distances_m
 from gcs.scenario.environment.no_fly import zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, Scenario
+from gcs.types import Array
 
 _HIGH = 0.25  # height of the box over its longer side
 _TICKS = 4

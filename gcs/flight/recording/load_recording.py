@@ -27,8 +27,8 @@ from gcs.link.protocols.statustext import StatusTextJoiner
 from gcs.link.wire.local_motion import is_local_place, local_motion
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
-from gcs.physics.quadrotor import Array
 from gcs.plan.plan_file import read_plan
+from gcs.types import Array
 
 _FORMS = ("{}_m", "v_{}_mps")
 _ELSEWHERE_S = 1.0

@@ -25,8 +25,9 @@ from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from gcs.util.bounded_file import RECORD_FILE, read_file
 from gcs.util.bounded_parquet import open_parquet
 

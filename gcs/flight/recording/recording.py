@@ -12,8 +12,9 @@ from scipy.spatial.distance import pdist
 from gcs.autopilots.columns import LandingProfile
 from gcs.flight.monitoring.expected_motion import ExpectedMotion
 from gcs.flight.monitoring.progress import Event
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 SILENCE_S = 3.0  # after a longer silence the position of a vehicle is unknown
 

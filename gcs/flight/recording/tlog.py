@@ -21,7 +21,7 @@ from gcs.errors import FileFormatError
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.frame_scanner import frame_length
 from gcs.link.wire.message import GROUND, Message
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from gcs.util.bounded_file import MIB, TELEMETRY_LOG, open_regular, refuse_size
 
 _STAMP = 8

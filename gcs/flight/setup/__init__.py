@@ -1,1 +1,4 @@
-"""Before a flight: the missions to fly, pre-flight checks, loads, the simulator process."""
+"""Preparation of a flight: its missions, the load of each vehicle, pre-flight checks, the simulator.
+
+It may import flight.contingency, flight.monitoring, autopilots, scenario, plan, mission and link.
+"""

@@ -27,12 +27,12 @@ from gcs.link.session.status_report import VehicleReport, status_report
 from gcs.link.session.upload_fleet import ParameterChange, restore
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.schema.scenario import Power
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 from gcs.util.steady_loop import host_s
 
 _RTK_FIXED = 6

@@ -1,1 +1,4 @@
-"""Endpoints that send and receive bytes: UDP, TCP, serial lines."""
+"""Endpoints that send and receive bytes: UDP, TCP and serial lines.
+
+It imports leaves only.
+"""

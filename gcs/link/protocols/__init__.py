@@ -1,1 +1,4 @@
-"""The smaller MAVLink services: commands, parameters, time synchronisation, STATUSTEXT."""
+"""The smaller MAVLink services as state machines: commands, parameters, time synchronisation, STATUSTEXT.
+
+It may import link.wire and autopilots.
+"""

@@ -1,1 +1,4 @@
-"""Frames on the wire: codec and signing. Only the codec imports pymavlink."""
+"""MAVLink frames: codec and signing. Only the codec imports pymavlink.
+
+It imports leaves only.
+"""

@@ -1,1 +1,4 @@
-"""Checks of mission files of any program: items, flights, fences and rally points."""
+"""Checks of mission files of any program: items, predicted flights, fences and rally points.
+
+It may import mission.formats, mission.predicted, autopilots, scenario, plan and mission.
+"""

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_bounds import Highest
 from gcs.scenario.environment.no_fly import Zone, displacement_m, signed_distance_m
+from gcs.types import Array
 
 RESOLUTION_M, RESOLUTION_S = 1e-3, 1e-3
 _GAP_M, _FINE_M = 0.1, 5e-3  # at most, and at least, between the bound that is proved and the least value seen

@@ -16,10 +16,11 @@ from gcs.errors import counted
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.item_checks import found
+from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import GeoPoint, RallyPoint
-from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, home_of
-from gcs.physics.quadrotor import Array
+from gcs.mission.predicted.planned_flight import PredictedFlight, home_of
+from gcs.types import Array
 
 _ROUND = 64  # segments of a quarter circle: 1 cm of 140 m
 _TOUCH_M = 0.02  # rounding of degE7, and the corners of circles

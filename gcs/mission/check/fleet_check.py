@@ -22,14 +22,14 @@ from gcs.mission.check.flight_checks import (
     check_zones,
 )
 from gcs.mission.check.item_checks import check_items, check_places, found
-from gcs.mission.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.closest_approach import Closest
-from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, fly, together
-from gcs.physics.quadrotor import Array
+from gcs.mission.predicted.planned_flight import PredictedFlight, fly, together
 from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE
 from gcs.scenario.environment.ground_bounds import Highest
+from gcs.types import Array
 
 Fly = Callable[[MissionFile, Surroundings], PredictedFlight]
 _STEP = 1.05  # of height, from one part of a vertical way to the next

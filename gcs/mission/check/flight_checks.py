@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from gcs.mission.check.between_samples import clearance_along, outside_along, parts_beside
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.item_checks import found
-from gcs.mission.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
-from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
-from gcs.physics.quadrotor import Array
+from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.scenario.environment.no_fly import ZoneName, zone_names, zones
+from gcs.types import Array
 
 LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
 _BELOW_HOME_M = 0.5

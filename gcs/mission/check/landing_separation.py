@@ -17,8 +17,9 @@ from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import VerificationError
 from gcs.mission.predicted.closest_approach import Closest
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

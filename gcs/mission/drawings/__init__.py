@@ -1,1 +1,4 @@
-"""Routes that people drew in other programs: read into a `Drawing`, and written as a scenario."""
+"""Routes and areas that people drew in other programs.
+
+It may import mission.formats, autopilots and mission.
+"""

@@ -1,1 +1,5 @@
-"""One export folder: missions written, read back, verified; the folder replaced as a whole."""
+"""The setpoint stream of a plan, and the export folder, which is written, read back, verified and replaced whole.
+
+It may import mission.check, mission.formats, mission.formats.maps, mission.formats.tables, mission.predicted,
+mission.returns, mission.waypoints, autopilots, scenario, plan and mission.
+"""

@@ -22,12 +22,14 @@ from gcs.errors import UsageError, VerificationError
 from gcs.mission.check.between_samples import clearance_along, outside_along, parts_beside
 from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M
 from gcs.mission.machine_independent import on_grid
-from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
+from gcs.physics.quadrotor import thrust_and_tilt
+from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.ocp import margins
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.taylor import Taylor, stacked
 from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

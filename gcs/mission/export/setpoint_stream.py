@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.mission.model import SetpointStream
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array, derivative
+from gcs.physics.quadrotor import derivative
+from gcs.physics.states import POSITION, VELOCITY
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.mission.export.bspline_smoothing import SmoothPath

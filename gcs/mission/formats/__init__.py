@@ -1,1 +1,4 @@
-"""Export formats: one module for each, and the table of them (`registry`)."""
+"""Mission file formats, our own and those of other programs, with the table of export formats (`registry`).
+
+It may import autopilots and mission.
+"""

@@ -18,11 +18,12 @@ from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.navigator import UNLIMITED, Ability, NavigatorOrders, vector
 from gcs.autopilots.waypoint_models.predict import Prediction, predict
 from gcs.errors import VerificationError
+from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
-from gcs.mission.predicted.planned_flight import Flying, PredictedFlight, Surroundings
+from gcs.mission.predicted.planned_flight import Flying, PredictedFlight
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, fewest_indices
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 _STEP_S = 0.1  # between knots: an autopilot's acceleration bends a line by some millimetres in that time
 _BENT_M = 0.004  # a knot is left out if the flight without it differs by less

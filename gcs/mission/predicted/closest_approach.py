@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.predicted.planned_flight import PredictedFlight
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 Rows = NDArray[np.intp]
 

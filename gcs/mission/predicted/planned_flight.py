@@ -8,7 +8,7 @@ the legs instead.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,12 +16,10 @@ import numpy as np
 from gcs.autopilots.mission_commands import known_position
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mavlink import MavCommand, WireFrame
+from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Home, MissionItem
-from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.ground_bounds import Highest, from_heights
-
-Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
+from gcs.types import Array
 
 ITEMS_FLOWN_MAX = 20_000  # jumps can make a mission endless
 _TERRAIN_STEP_M, _TERRAIN_STEPS_MAX = 5.0, 2_000
@@ -81,32 +79,6 @@ class PredictedFlight:
         if self.top_mps is not None:
             return self.top_mps
         return np.abs(np.diff(self.ned_m, axis=0)) / np.where(np.diff(self.t_s) > 0, np.diff(self.t_s), np.inf)[:, None]
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """The local frame of all flights, and the ground if it is known.
-
-    `bounded` are upper bounds of the ground over rectangles. Without them it is nowhere steeper than `slope_max`.
-    """
-
-    origin: Origin
-    ground: Ground | None = None
-    bounded: Highest | None = None
-    slope_max: float = 1.0
-
-    @property
-    def highest(self) -> Highest | None:
-        """Upper bounds of the ground over rectangles; None if it is unknown."""
-        if self.bounded is not None or self.ground is None:
-            return self.bounded
-        return from_heights(self.ground, self.slope_max)
-
-    def height_of_ground_m(self, ned_m: Array, otherwise_m: float) -> Array:
-        """Heights of the ground under points (..., 3), above the origin's height; `otherwise_m` if it is unknown."""
-        if self.ground is None:
-            return np.full(ned_m.shape[:-1], otherwise_m)
-        return np.asarray(self.ground(ned_m[..., 0], ned_m[..., 1]))
 
 
 def surroundings(missions: Sequence[MissionFile]) -> Surroundings:

@@ -23,9 +23,10 @@ from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

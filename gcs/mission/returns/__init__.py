@@ -1,1 +1,4 @@
-"""Returns that the ground station flies round no-fly zones: their motion, and the check of a whole fleet's."""
+"""Returns of the whole fleet (RTL): fences, rally points, staggered altitudes, and the proof of their separation.
+
+It may import mission.predicted, autopilots, scenario, plan and mission.
+"""

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.scenario.environment.no_fly import Zone, displacement_m, nearest_zone_m, outline
 from gcs.scenario.schema.scenario import KeepIn
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

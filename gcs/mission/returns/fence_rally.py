@@ -20,9 +20,9 @@ from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.returns.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outline
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -13,10 +13,11 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.mission.returns.rtl_cases import ReturnEnds, ReturnSpeeds
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.verification.proof.polynomials import scaled_coefficients
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.vehicle_tree import Groups
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -16,7 +16,6 @@ import numpy as np
 from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.returns.rtl_cases import return_ends
 from gcs.mission.returns.start_cells import plan_intervals, start_cells
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import (
     Cells,
     Constraint,
@@ -30,6 +29,7 @@ from gcs.plan.verification.proof.subdivision import (
     settle,
 )
 from gcs.scenario.environment.ground_bounds import Highest, highest_ground
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

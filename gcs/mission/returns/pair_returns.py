@@ -17,7 +17,6 @@ import numpy as np
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.rtl_cases import Motion, ReturnEnds, Returning, ReturnSpeeds, places_at
 from gcs.mission.returns.start_cells import Starts, plan_intervals, start_cells
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import (
     Cells,
     Constraint,
@@ -29,6 +28,7 @@ from gcs.plan.verification.proof.subdivision import (
     plain_cells,
     settle,
 )
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -15,7 +15,6 @@ import numpy as np
 from gcs.mission.returns.fleet_cell import FleetCell, FleetReturn, least_level_m
 from gcs.mission.returns.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import (
     Cells,
     Constraint,
@@ -29,6 +28,7 @@ from gcs.plan.verification.proof.subdivision import (
     settle,
 )
 from gcs.plan.verification.proof.vehicle_tree import Groups
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

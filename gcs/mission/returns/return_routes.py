@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from gcs.mission.returns.fence_areas import inclusion_corners, outside_area, planned_places_m, swept_area
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import zones
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 ACCEL_MPS2 = 1.5  # a fifth of what a tilt of 60 degrees gives: any multicopter is able to
 CORNER_M = 0.5  # a corner is cut by this much or less

@@ -18,8 +18,9 @@ from gcs.mission.returns.ground_below import highest_along_m
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -50,8 +50,8 @@ from gcs.mission.returns.rtl_cases import (
     return_ends,
 )
 from gcs.mission.returns.zones_crossed import zones_crossed
-from gcs.physics.quadrotor import Array
 from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.types import Array
 from gcs.util.cache import once
 
 if TYPE_CHECKING:

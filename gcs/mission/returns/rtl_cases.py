@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.fence_areas import inclusion_corners, outside_area, planned_places_m, swept_area
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.scenario.environment.no_fly import ZoneName, displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -17,8 +17,8 @@ from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.returns.fence_areas import swept_area
 from gcs.mission.returns.rtl_cases import Crossing, return_ends
 from gcs.mission.returns.start_cells import StartCells, plan_intervals, start_cells
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import Zone, ZoneName, outline, zone_names, zones
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -1,1 +1,4 @@
-"""From a plan to waypoint missions: placement of waypoints, speeds of legs, mission items."""
+"""Waypoint missions of a plan: placement of waypoints, speeds of legs, mission items.
+
+It may import autopilots, scenario, plan and mission.
+"""

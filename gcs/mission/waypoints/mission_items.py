@@ -22,9 +22,10 @@ from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs, deviation, waypoint_indices
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs, with_drawn_points
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -17,10 +17,10 @@ from itertools import pairwise
 import numpy as np
 
 from gcs.mission.flight_limits import limits_of
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import steepness
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario, Terrain
+from gcs.types import Array
 
 _EVENING_STEPS = 6
 _STILL_MPS = 0.02  # a hovering vehicle needs no length

@@ -22,7 +22,7 @@ from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders
 from gcs.autopilots.waypoint_models.predict import NEAR_M, Prediction, predict
 from gcs.errors import VerificationError
 from gcs.mission.machine_independent import ORDER_GRID, on_grid
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 _LOGARITHM_GRID, _SPEED_GRID = 2.0**-16, 2.0**-20  # of speeds in m/s: every machine flies the same trials
 _EVERY = 4  # distance, in legs, of speeds varied in one flight

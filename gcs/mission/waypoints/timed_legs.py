@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.mission.waypoints.placement import Deviation
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -12,8 +12,8 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.separation import pairs_nearer_than
+from gcs.types import Array
 
 # Lanes are this much further apart than required, so that rounding decides nothing.
 _ROOM = 1.01

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 Places = NDArray[np.intp]
 

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.time_scaling import Budget, budget, shared
 from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.values.si import leader_index, offsets_ned_m, shape_offsets_ned_m
+from gcs.types import Array
 
 Name = Literal["scale", "heading", "blend"]
 ORDER = 4  # integrators from the control (a snap) to the coordinate

@@ -16,9 +16,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.follower_equations import Jet, follower_state_and_control, jerk
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
+from gcs.types import Array
 
 BEND_S = 0.5  # a corner of the thrust is spread over so much time before and after it
 # A corner of slope 1 spread over [-1, 1]: the second integral of the bump 15/16 (1 - x^2)^2, highest power first.

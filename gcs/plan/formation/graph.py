@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 # Thinner than this share of its length, a formation counts as flat in that direction.
 _FLAT = 1e-6

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.altitude_lanes import Deadlock, find_lanes
 from gcs.plan.formation.assignment import Places, bottleneck, least_squares
 from gcs.plan.formation.separation import least_distance, least_gap, near_point
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.transforms import straight
+from gcs.types import Array
 
 # Places written with two decimals should not fail for the last bit of their differences.
 SLACK_M = 1e-9

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.validation.spacing import nearest_pair
+from gcs.types import Array
 
 _CHUNK = 128  # rows of the table of pairs at a time: a thousand vehicles in a few megabytes
 _NO_PAIR = (np.inf, 0, 0)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.physics.wind import SteadyWind
+from gcs.types import Array
 
 Rows = NDArray[np.intp]
 EVERYONE = slice(None)

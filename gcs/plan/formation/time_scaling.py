@@ -7,10 +7,10 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import torque_limits
+from gcs.types import Array
 
 # Share of a vehicle's turning authority: the leader's own motion, which every vehicle flies too, uses the rest.
 SHARE = 0.2

@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import budget_of_each
 from gcs.plan.formation.reshape import SLACK_M, reshape
 from gcs.plan.formation.separation import least_gap
@@ -28,6 +27,7 @@ from gcs.plan.formation.transforms import (
 )
 from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.values.si import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
+from gcs.types import Array
 
 _SLACK_S = 1e-9
 _KEYS = "change_speed_mps or change_accel_mps2"

@@ -11,9 +11,9 @@ import math
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.time_scaling import smooth_step
+from gcs.types import Array
 
 # Derivatives, the value included, in which neighbouring polynomials agree at a joint.
 _MEET = 6

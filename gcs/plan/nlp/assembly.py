@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.mesh import HOLD
 from gcs.plan.ocp import stage_functions
+from gcs.types import Array
 
 
 def dm(matrix: sparse.spmatrix) -> ca.DM:

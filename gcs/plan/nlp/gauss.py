@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

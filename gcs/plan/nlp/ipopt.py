@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.transcription import Program
+from gcs.types import Array
 
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
 # would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.physics.states import VELOCITY
 from gcs.plan.nlp.mesh import HOLD, Mesh, end_refined
 from gcs.plan.ocp.problem import Problem
+from gcs.types import Array
 
 _LEG_S = 7.0  # longest interval of a leg
 _GROWTH = 1.5

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.ocp.problem import Problem
+from gcs.types import Array
 
 _SHORTER, _LONGER = 0.05, 20.0  # a leg's duration over that of its guess
 

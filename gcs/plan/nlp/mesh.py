@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 Numbers = NDArray[np.intp]
 

@@ -13,7 +13,8 @@ from operator import attrgetter
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.physics.quadrotor import RATES, VELOCITY, Array, hover_trim
+from gcs.physics.quadrotor import hover_trim
+from gcs.physics.states import RATES, VELOCITY
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.followers import formation_motion, rounded_thrust_polynomial
 from gcs.plan.formation.shape import Rows, Shape, stretched
@@ -29,6 +30,7 @@ from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_err
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
+from gcs.types import Array
 
 DEGREE = 5
 LONGEST_S, SHORTEST_S = 9.0, 1.0

@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.assembly import PointFunctions, dm
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp.problem import Problem
+from gcs.types import Array
 
 _MOTION = 6  # position and velocity
 

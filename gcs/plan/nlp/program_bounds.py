@@ -6,13 +6,15 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from gcs.physics.quadrotor import POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim, level_flight_thrust_N
+from gcs.physics.quadrotor import Quadrotor, hover_trim, level_flight_thrust_N
+from gcs.physics.states import NX, POSITION, RATES, VELOCITY
 from gcs.plan.nlp.assembly import dm
-from gcs.plan.nlp.variables import NX, ControlForm, VariableLayout
+from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.route_points import PassPoint
+from gcs.types import Array
 
 # Unit of each state in the program: its typical size in flight, so that IPOPT works with values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])

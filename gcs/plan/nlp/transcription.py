@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.assembly import Constants, LegConstants, assemble, dm
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.leg_rows import LegTimes, leg_times
@@ -36,6 +35,7 @@ from gcs.plan.ocp.objective_sum import cost_shares, duration_cost
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcs.physics.quadrotor import Array
+from gcs.physics.states import CONTROL_WORDS, NU, NX, STATE_WORDS
 from gcs.plan.nlp.gauss import barycentric_weights, gauss_rule, lagrange_matrix
 from gcs.plan.nlp.mesh import Mesh
+from gcs.types import Array
 
-NX, NU = 12, 4  # of the vehicle alone
-# Names in messages.
-STATE_WORDS = (
-    *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
-    *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
-)
-CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
 CHAIN_WORDS = ("", "'s rate", "'s acceleration", "'s jerk")
 
 

@@ -13,13 +13,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.physics.states import VELOCITY
 from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.ocp import margins
 from gcs.plan.ocp.margins import Margin
 from gcs.plan.ocp.problem import Problem, Tightening, control_bounds
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 
 Evaluate = Callable[[Array], list[tuple[Margin, float]]]
 

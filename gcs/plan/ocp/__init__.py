@@ -1,1 +1,4 @@
-"""The optimal control problem of the leader, with every follower's constraints folded in (Eqs. 15-35, 51)."""
+"""The leader's optimal control problem, with every follower's constraints folded in (Eqs. 15-35, 51).
+
+It may import plan.formation, plan.trajectory and scenario.
+"""

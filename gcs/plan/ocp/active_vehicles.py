@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.clearance_floor import FEET, coarse_floor_m, ground_feet_m, lift_m
@@ -21,6 +20,7 @@ from gcs.scenario.environment.convex_pieces import Disk, Piece
 from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.values.si import ground_needed
+from gcs.types import Array
 
 NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
 # Numbers of one active vehicle: base offset (3), its rate (3), its acceleration (3), offset that it blends to (3). Near

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.nlp.variables import CONTROL_WORDS, STATE_WORDS
+from gcs.physics.states import CONTROL_WORDS, POSITION, STATE_WORDS, VELOCITY
 from gcs.plan.ocp.problem import Problem
+from gcs.types import Array
 
 _TILT = slice(6, 8)
 _TILT_RATES = slice(9, 11)

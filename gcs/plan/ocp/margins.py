@@ -9,12 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, control_from_rotors, derivative, rotors_from_control
+from gcs.physics.quadrotor import control_from_rotors, derivative, rotors_from_control
+from gcs.physics.states import ATTITUDE, RATES, VELOCITY
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import outside_m, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import quadrotor, torque_limits
+from gcs.types import Array
 
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1

@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 
 from gcs.errors import UsageError
-from gcs.physics.quadrotor import Array
-from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS
 from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share
 from gcs.plan.ocp.representatives import NUMBERS
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 
 _BOUND_TOLERANCE = 1e-6
 _TIMES = 2000  # instants of a free time of flight; between each two the objective has a bound of its own
@@ -114,5 +113,5 @@ def refuse_false_bounds(problem: Problem, trajectory: Trajectory) -> None:
 
 def quadrature(joints: Array) -> tuple[Array, Array]:
     """Instants (N,) and the seconds (N,) that each stands for in an integral over polynomials between joints."""
-    rule, half = gauss_rule(_SAMPLES), 0.5 * np.diff(joints)[:, None]
-    return (joints[:-1, None] + half * (rule.nodes + 1.0)).ravel(), (half * rule.weights).ravel()
+    (nodes, weights), half = np.polynomial.legendre.leggauss(_SAMPLES), 0.5 * np.diff(joints)[:, None]
+    return (joints[:-1, None] + half * (nodes + 1.0)).ravel(), (half * weights).ravel()

@@ -13,12 +13,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.physics.states import NX
 from gcs.plan.formation.coordinates import Coordinate
-from gcs.plan.nlp.variables import NX
 from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share
 from gcs.plan.ocp.representatives import NUMBERS, motion
 from gcs.scenario.schema.scenario import TerminalWeight
+from gcs.types import Array
 
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),

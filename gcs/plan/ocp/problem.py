@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim
+from gcs.physics.quadrotor import Quadrotor, hover_trim
+from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.time_scaling import Budget, budget
@@ -26,6 +27,7 @@ from gcs.scenario.values.si import (
     quadrotor,
     torque_limits,
 )
+from gcs.types import Array
 
 _SAMPLES, _SAMPLED = 500, 1e-3  # instants of a change of the shape, and what is added for the path between them
 

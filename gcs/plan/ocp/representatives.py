@@ -16,9 +16,9 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import nnls
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Coordinate, bent
 from gcs.plan.formation.shape import Rows, Shape
+from gcs.types import Array
 
 NUMBERS = 6  # of one representative at an instant: base offset (3) and its rate (3)
 _MOST = 40  # moments, unless degree 2 has more

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, hover_trim
+from gcs.physics.quadrotor import hover_trim
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
 from gcs.scenario.values.si import NED_FROM_UP, quadrotor, route_points
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

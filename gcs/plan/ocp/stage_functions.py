@@ -14,10 +14,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array, equations_of_motion
+from gcs.physics.quadrotor import equations_of_motion
+from gcs.physics.states import NU, NX
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.formation.follower_equations import jerk
-from gcs.plan.nlp.variables import NU, NX
 from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
 from gcs.plan.ocp.margins import REST_SPEED_MPS
 from gcs.plan.ocp.objective_sum import cost_rate, share_rows
@@ -27,6 +27,7 @@ from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.convex_pieces import Disk, Piece
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.heightmap import Envelope
+from gcs.types import Array
 
 # Smooths the load factor at rest. At no speed does it let the optimiser exceed the verifier's limit by over 0.05 %.
 REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS

@@ -1,1 +1,4 @@
-"""Plans that change in flight: programs built once, solved again from any state."""
+"""Re-planning in flight: programs that are built once and solved again from any state.
+
+It may import plan.formation, plan.nlp, plan.ocp, plan.search, plan.trajectory and scenario.
+"""

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array, thrust_and_tilt
+from gcs.physics.quadrotor import thrust_and_tilt
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.formation_poses import floor_m
@@ -19,6 +20,7 @@ from gcs.plan.search.initial_guess import height_over_ground_m, piecewise_linear
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.no_fly import displacement_m, outside_m
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 _EVERY_S = 0.5
 _BACK_S, _BACK_MPS = 6.0, 1.0  # the return to the plan takes this time, and its distance over this speed

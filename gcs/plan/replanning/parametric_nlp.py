@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.nlp.mesh import Mesh
@@ -28,6 +27,7 @@ from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.types import Array
 
 # Distance from the edge of a new disk at the nodes: the path around it may not be smooth.
 NEW_RESERVE_M = 0.5

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.nlp.mesh_refinement import Optimum, optimise
@@ -26,6 +26,7 @@ from gcs.plan.trajectory.plan import MeshRound, Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.types import Array
 
 # A point that is this near in time is not flown to again: from a disturbed state it could only be passed by a turn.
 _TOO_NEAR_S = 4.0

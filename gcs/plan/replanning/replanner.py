@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError, UsageError
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.nlp.ipopt import Solution, run
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
@@ -41,6 +41,7 @@ from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.trajectory.zone_margin import kept_room, new_zone, without_room
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 SPARE_DISKS = 2
 LEAST_S = 5.0  # least remaining time of the mission for a re-plan

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.ipopt import Solution
 from gcs.plan.nlp.transcription import Program
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,4 @@
-"""What is searched before and around the optimisation: routes, initial guesses, shape schedules, final times."""
+"""The search around the optimisation: routes, initial guesses, changes of shape, free final times.
+
+It may import plan.formation, plan.nlp, plan.ocp, plan.trajectory and scenario.
+"""

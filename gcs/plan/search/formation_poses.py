@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
 from gcs.plan.formation.timeline import stops_ned_m
@@ -19,6 +18,7 @@ from gcs.plan.ocp.objectives import departure_cost
 from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
 from gcs.scenario.environment.no_fly import outside_m, zones
+from gcs.types import Array
 
 REPRESENTATIVES = 24
 _STEPS = {"scale": 5, "heading": 5, "blend": 3}

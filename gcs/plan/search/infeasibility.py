@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.coordinates import coordinates
 from gcs.plan.formation.schedule_fit import ScheduleMisfit, check_schedule
 from gcs.plan.formation.shape import rigid

@@ -10,7 +10,6 @@ from scipy.interpolate import PPoly
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.sparse.linalg import spsolve
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.ocp.active_vehicles import offsets_at
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem
@@ -18,6 +17,7 @@ from gcs.plan.search.formation_poses import floor_m, poses
 from gcs.plan.search.routes import Route
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
+from gcs.types import Array
 
 _POINTS = 201
 _FINE_S = 0.05

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.leg_schedule import first_times
 from gcs.plan.search.routes import MAX_ROUTES, Map, Route, is_clear, routes_between, survey
+from gcs.types import Array
 
 _BESIDE = 0.6  # of a leg's length: a leg's detours are first looked for no farther beside it
 _LEAST_CELLS = 12

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.physics.states import VELOCITY
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.routes import Route
+from gcs.types import Array
 
 _STOP_S = 2.0  # that a guess allows for each end at rest
 _SLACK_S = 1e-6

@@ -15,10 +15,10 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.formation_poses import Pose, floor_m, poses
+from gcs.types import Array
 
 CELLS = 120  # along the longer side of the map
 MAX_ROUTES = 4

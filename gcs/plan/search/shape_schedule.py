@@ -13,7 +13,6 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Coordinate, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
@@ -37,6 +36,7 @@ from gcs.plan.search.initial_guess import facing_along
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import ChangeTable
+from gcs.types import Array
 
 _LATE_S = 0.05  # tolerance between the crossing of a gate and the start of its change
 _TRIES = 8

@@ -1,1 +1,4 @@
-"""Plans as polynomials of time, on disk too, and the phases that join them to the ground."""
+"""Plans as polynomials of time, and the phases that join them to the ground.
+
+It may import plan.formation, autopilots and scenario.
+"""

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import nearest_zone_m, zones
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 
 def formation_errors_m(positions_ned_m: Array, offsets_ned_m: Array) -> Array:

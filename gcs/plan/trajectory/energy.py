@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array, air_density_kgpm3, drawn_power_W, induced_power_W
+from gcs.physics.quadrotor import air_density_kgpm3, drawn_power_W, induced_power_W
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 ENDURANCE_S = 900.0  # of hover on a full battery, without [vehicle.power]
 _STEP_S = 0.1

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import VELOCITY, Array, derivative
+from gcs.physics.quadrotor import derivative
+from gcs.physics.states import VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from gcs.util.cache import once
 
 _EVERY_S = 0.05

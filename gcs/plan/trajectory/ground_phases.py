@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array, Quadrotor, thrust_and_tilt
+from gcs.physics.quadrotor import Quadrotor, thrust_and_tilt
 from gcs.physics.wind import STILL, SteadyWind
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 
 # From rest to rest, highest power first: s(r) = 10 r^3 - 15 r^4 + 6 r^5 has no acceleration at its ends, and
 # 35 r^4 - 84 r^5 + 70 r^6 - 20 r^7 no jerk either, which is what attitude rates follow.

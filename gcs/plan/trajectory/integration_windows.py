@@ -10,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import POSITION, Array, Quadrotor, derivative
+from gcs.physics.quadrotor import Quadrotor, derivative
+from gcs.physics.states import POSITION
+from gcs.types import Array
 
 WINDOW_S = 5.0
 STEP_S = 0.05

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
 from gcs.scenario.values.si import NED_FROM_UP, route_points
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

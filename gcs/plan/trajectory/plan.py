@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from gcs.autopilots.traits import Autopilot
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor, derivative
-from gcs.physics.states import NamedStates
+from gcs.physics.quadrotor import Quadrotor, derivative
+from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
@@ -20,6 +20,7 @@ from gcs.plan.trajectory.passages import Passage, passages
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

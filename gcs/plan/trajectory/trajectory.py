@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,12 @@ from typing import TypeVar
 import numpy as np
 
 from gcs.errors import PlanningError
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import Zone, narrowed, outside_m, widened, zones
 from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from gcs.scenario.values.navigation_error import planned_margin_m
 from gcs.scenario.values.si import NED_FROM_UP, hover_start_ned_m, leader_index, offsets_ned_m
+from gcs.types import Array
 
 _SMALLER_SHARE = 0.5  # of the margin, where the whole margin leaves no way
 _KEPT_FREE_M = 0.05  # between a widened zone and the places that a flight cannot avoid

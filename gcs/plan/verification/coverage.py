@@ -14,10 +14,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.types import Array
 from gcs.util.cache import once
 
 _STEP_S = 0.1

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array, derivative
+from gcs.physics.quadrotor import derivative
+from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import assignments_m, landing_points, late_s
 from gcs.plan.verification.position_errors import climb_separation_m
@@ -18,6 +19,7 @@ from gcs.plan.verification.proof.verdict import (
 from gcs.plan.verification.route_checks import route_checks
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import boundary_state, torque_limits
+from gcs.types import Array
 
 START_TOLERANCE_S = 0.06
 _JERK_TOLERANCE_S = 0.01  # the largest jerk, so long, is the largest step of an acceleration

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import SIGMA
+from gcs.types import Array
 
 STEP_S = 0.25
 DEVIATIONS = 2.5  # estimates of 200 emulated fleets in missions/field lost less

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
+from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
@@ -23,6 +23,7 @@ from gcs.plan.verification.proof.verdict import (
     Check,
 )
 from gcs.scenario.values.si import route_points
+from gcs.types import Array
 
 TIME_TOLERANCE_S = 1e-3
 _PARTS = 16  # of a hold's polynomials, each bounded on its own

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
@@ -41,6 +40,7 @@ from gcs.plan.verification.proof.verdict import (
     refusal,
 )
 from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.types import Array
 from gcs.util.cache import once
 
 __all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "Check", "Report", "Verdict", "refusal", "verify"]

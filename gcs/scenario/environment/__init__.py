@@ -1,1 +1,4 @@
-"""The ground and the no-fly zones of a scenario."""
+"""The ground and the no-fly zones of a scenario.
+
+It may import scenario.schema.
+"""

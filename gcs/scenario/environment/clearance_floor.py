@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import trial_places
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Terrain
+from gcs.types import Array
 
 FEET = 2  # beside a cliff on each side, two
 _RINGS = 3

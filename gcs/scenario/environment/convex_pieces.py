@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 _CONVEX = 1.0 - 1e-9  # share of its hull's area that a convex polygon fills
 _SLIVER_M2 = 1e-9  # what rounding leaves between an area and its hull

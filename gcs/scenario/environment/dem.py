@@ -20,8 +20,8 @@ from rasterio.windows import Window
 
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.heightmap import PIXEL_LEAST_M, PIXEL_MOST_M, PIXELS_MAX, Region, Relief, packed, terms_of
+from gcs.types import Array
 from gcs.util.bounded_file import MIB, in_mib, open_regular
 
 HeightUnit = Literal["m", "ft"]

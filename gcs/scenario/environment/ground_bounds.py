@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ripple_height_m, ripple_peak_m
 from gcs.scenario.schema.heightmap import Relief, terms_of
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
+from gcs.types import Array
 
 # Highest ground, m, over N rectangles with corners low and high (N, 2), north and east.
 Highest = Callable[[Array, Array], Array]

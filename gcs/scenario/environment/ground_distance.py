@@ -11,10 +11,10 @@ from functools import partial
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.relief_distance import distance_to_relief_m
 from gcs.scenario.environment.terrain import ground_height_m, ripple_peak_m, ripple_wave_m
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
+from gcs.types import Array
 
 Highest = Callable[[Array, Array, Array], Array]  # north, east, distance
 Surface = Callable[[Array, Array], tuple[Array, Array, Array]]  # north, east -> height and its slopes north and east

@@ -15,9 +15,9 @@ from typing import Protocol
 import numpy as np
 import shapely
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.convex_pieces import Disk, Piece, pieces_inside, pieces_outside
 from gcs.scenario.schema.scenario import KeepIn, NoFlyZone
+from gcs.types import Array
 
 _CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m
 _CORNER_REACH = 1.2  # of the margin: a widened polygon's corners are cut off there

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.heightmap import Relief
+from gcs.types import Array
 
 Index = NDArray[np.intp]
 

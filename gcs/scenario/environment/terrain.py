@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
+from gcs.types import Array
 
 # Half width of the rounded corner where the envelope passes from ripple to mountain.
 ENVELOPE_ROUNDING_M = 0.25

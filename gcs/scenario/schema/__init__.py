@@ -1,1 +1,4 @@
-"""The tables of `scenario.toml`: keys, units, ranges, defaults."""
+"""The tables of `scenario.toml`: keys, units, ranges, defaults.
+
+It may import autopilots.
+"""

@@ -19,8 +19,8 @@ import numpy as np
 from pydantic import Field
 from scipy import ndimage
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import Findings, Number, Part
+from gcs.types import Array
 
 PIXELS_MAX = 4_000_000
 _PIXEL_BYTES = 4

@@ -1,1 +1,4 @@
-"""Positions and shapes from spreadsheets (CSV), and the scenario that they make."""
+"""Where scenarios come from: mission folders, templates, spreadsheets and survey areas.
+
+It may import scenario.environment, scenario.schema, scenario.validation and scenario.values.
+"""

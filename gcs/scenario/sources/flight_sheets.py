@@ -11,13 +11,13 @@ import numpy as np
 
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.formation_table import START_SHAPE
 from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.load import load_vehicle
 from gcs.scenario.sources.sheet_cells import EAST, LATITUDE, LONGITUDE, NORTH, SheetRow, read_sheet, refuse
 from gcs.scenario.validation.spacing import close_pairs, nearest_pair
 from gcs.scenario.values.navigation_error import vehicle_size_m
+from gcs.types import Array
 
 _TYPE = "quad500"  # of the template
 _FARTHEST_M = 20_000.0

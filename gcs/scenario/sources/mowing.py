@@ -19,8 +19,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.route_tables import ROUTE_MAX
+from gcs.types import Array
 
 _TURN_MPS2 = 1.0  # sideways in a turn: half of what a bank of 11 degrees gives
 _SAME_DEG = 0.2  # directions that differ by less are one

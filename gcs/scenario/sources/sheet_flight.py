@@ -10,11 +10,11 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from gcs.errors import counted
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.formation_table import START_SHAPE
 from gcs.scenario.sources.flight_sheets import Sheet
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.validation.spacing import nearest_pair
+from gcs.types import Array
 
 _SPEED_MPS, _ACCEL_MPS2 = 3.0, 0.8  # of a vehicle in a change
 _ROOM_FOR_LANES = 4.0  # times the least time of the longest path: vehicles that cross fly in altitude lanes

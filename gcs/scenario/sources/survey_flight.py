@@ -9,11 +9,11 @@ import numpy as np
 import shapely
 
 from gcs.errors import UsageError, counted
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.route_tables import ROUTE_MAX
 from gcs.scenario.sources.mowing import Mowing, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
+from gcs.types import Array
 
 COUNTS = (4, 5, 6)  # vehicles to choose from, where no number is given
 _ROOM_M = 50.0  # between the box and the tracks

@@ -16,7 +16,6 @@ from scipy.spatial import KDTree
 
 from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, place_up_m
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.scenario import OriginTable, Scenario
@@ -25,6 +24,7 @@ from gcs.scenario.validation.written_places import question
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.scenario.values.si import offsets_ned_m
+from gcs.types import Array
 
 FORMATION = "FORMATION"
 SHAPES: tuple[Generator, ...] = get_args(Generator)

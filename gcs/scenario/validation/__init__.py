@@ -1,1 +1,4 @@
-"""Rules that several tables must satisfy together, and the messages for scenarios that break them."""
+"""Rules between the tables of a scenario, and errors that suggest what was meant.
+
+It may import scenario.environment, scenario.schema and scenario.values.
+"""

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import counted
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
 from gcs.scenario.schema.fields import Place
 from gcs.scenario.schema.mistake import Mistake, dotted, plain
@@ -37,6 +36,7 @@ from gcs.scenario.values.si import (
     shape_offsets_ned_m,
     sysids,
 )
+from gcs.types import Array
 
 _RUN_UP_SAMPLE_M = 1.0
 _SAME_M = 0.01  # a place in degrees is known to a centimetre

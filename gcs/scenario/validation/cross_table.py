@@ -10,12 +10,12 @@ from collections.abc import Collection
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation import boundaries, formation_rules, route_rules, unit_guesses, vehicle_rules, zone_rules
 from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.types import Array
 
 RULES = Rules()
 

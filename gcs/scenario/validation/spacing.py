@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 # Positions with two decimals must not fail because of the last bit of their sums.
 SLACK = 1e-9

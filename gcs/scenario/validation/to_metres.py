@@ -16,13 +16,13 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic, place_up_m
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.degree_keys import DegreeKeys
 from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.mistake import Mistake, degrees, dotted, plain
 from gcs.scenario.schema.scenario import OriginTable, Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.written_places import place_mistakes
+from gcs.types import Array
 
 _SPOILT = ""  # no number: it makes a table invalid, and keeps rules about other tables away from it
 _DIGITS = 6  # of metres: a place that is given twice is the same place

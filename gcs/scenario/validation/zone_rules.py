@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import counted
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import Zone, ZoneName, outside_m, zone_names, zones
 from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import KeepIn, Scenario
@@ -16,6 +15,7 @@ from gcs.scenario.validation.boundaries import Stop, ends, last_places_up_m, las
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK
 from gcs.scenario.values.si import leader_index
+from gcs.types import Array
 
 RULES = Rules()
 

@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.formation_table import Generator
+from gcs.types import Array
 
 
 def places_up_m(generator: Generator, count: int, spacing_m: float) -> Array:

@@ -6,12 +6,13 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin
-from gcs.physics.quadrotor import Array, Quadrotor, hover_trim
+from gcs.physics.quadrotor import Quadrotor, hover_trim
 from gcs.physics.wind import STILL, SteadyWind
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.heightmap import Region
 from gcs.scenario.schema.scenario import START_SHAPE, Boundary, ChangeTable, Performance, RoutePoint, Scenario
 from gcs.scenario.values.formations import places_up_m, turned
+from gcs.types import Array
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])

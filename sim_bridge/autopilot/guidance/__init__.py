@@ -1,1 +1,4 @@
-"""Guidance: the reference trajectory of one vehicle, as polynomials in time, within its motion limits."""
+"""The reference trajectory of one vehicle, as polynomials in time within its motion limits.
+
+It may import sim_bridge.dynamics, gcs.autopilots, gcs.scenario and gcs.mission.
+"""

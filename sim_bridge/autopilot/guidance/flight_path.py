@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
 from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoint
 

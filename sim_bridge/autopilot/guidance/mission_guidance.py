@@ -18,7 +18,7 @@ from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders,
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
 from sim_bridge.autopilot.guidance.motion_primitives import brake, bridge
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator

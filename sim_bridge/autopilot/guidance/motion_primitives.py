@@ -14,9 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from gcs.autopilots.waypoint_models.navigator import UNLIMITED, Ability
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
 from gcs.scenario.schema.scenario import LimitsTable
 from gcs.scenario.values.vehicle_ability import ability_of, physical_limits
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.piece import TERMS, Piece, hold
 
 # Shares of the physical limits; the remainder is for feedback.

@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.frames import Origin
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.motion_primitives import (
     Descent,
     MotionLimits,

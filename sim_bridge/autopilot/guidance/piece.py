@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.reference import Reference
 
 TERMS = 8  # degree 7: position, velocity, acceleration and jerk given at both ends

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.guidance.piece import TERMS, Piece
 
 # Setpoints further apart than this are not interpolated.

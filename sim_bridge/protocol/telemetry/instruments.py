@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.failsafe import Failsafe, Readings
 from sim_bridge.dynamics.airframes import Airframes

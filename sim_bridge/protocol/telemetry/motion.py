@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.frames import to_degE7
 from gcs.mavlink import MessageId, SetpointMask, WireFrame
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.personality import Intent, Milestone
 from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources, on_earth
 

@@ -16,13 +16,13 @@ from gcs.errors import FileFormatError
 from gcs.frames import Origin
 from gcs.mission.check.findings import Rule
 from gcs.mission.check.fleet_check import check_fleet
-from gcs.mission.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.predicted.autopilot_flight import AutopilotFlight
-from gcs.mission.predicted.planned_flight import Surroundings, surroundings
+from gcs.mission.predicted.planned_flight import surroundings
 
 FOREIGN = Path(__file__).resolve().parents[2] / "unit" / "mission" / "foreign"
 WHOLE = {p.name: p.read_bytes() for p in sorted(FOREIGN.iterdir())}

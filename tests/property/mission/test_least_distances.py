@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gcs.mission.predicted.closest_approach import closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, pair_distances, places_at
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 untimed = settings(deadline=None)
 coordinates = st.floats(-30, 30)

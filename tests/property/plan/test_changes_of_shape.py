@@ -13,7 +13,6 @@ from numpy.random import Generator as Random
 from scipy.spatial.distance import pdist
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import Reshaped, reshape
 from gcs.plan.formation.separation import least_distance, least_gap
 from gcs.plan.formation.shape import Shape, joined, stretched
@@ -21,6 +20,7 @@ from gcs.plan.formation.time_scaling import Budget, least_duration
 from gcs.plan.formation.transforms import rotation, shrinking
 from gcs.scenario.schema.scenario import Generator
 from gcs.scenario.values.formations import places_up_m
+from gcs.types import Array
 
 SEPARATION_M = 1.2
 FLAT: list[Generator] = ["triangle", "line", "column", "vee", "grid", "circle"]

@@ -8,9 +8,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.polynomial import Legendre
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.mesh import Mesh, end_refined
+from gcs.types import Array
 
 degrees = st.integers(1, 12)
 coefficients = st.floats(-10, 10)

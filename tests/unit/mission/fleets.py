@@ -8,10 +8,10 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import NO_FENCE, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
-from gcs.mission.predicted.planned_flight import Surroundings
 
 ORIGIN = Origin(47.4, 8.5, 500.0)
 FLAT = Surroundings(ORIGIN, lambda north, east: 0.0 * north)  # type: ignore[operator]

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from gcs.physics.quadrotor import (
-    Array,
     Quadrotor,
     control_from_rotors,
     derivative,
@@ -20,6 +19,7 @@ from gcs.physics.quadrotor import (
     rotors_from_control,
     thrust_and_tilt,
 )
+from gcs.types import Array
 
 # Table 1 with three different inertias and drags, so that no index can be swapped unseen.
 Q = Quadrotor(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.transcription import Program
+from gcs.types import Array
 
 
 def assert_casadis_own(program: Program, at_y: Array) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import RoutePoint
 from gcs.scenario.values.si import NED_FROM_UP

@@ -13,13 +13,13 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m
+from gcs.types import Array
 from tests.unit.plan.formations import BEYOND, FLIGHTS, GATE, PASS, SHRINK, TURN, Planned, at, auto, fleet, gap
 from tests.unit.plan.problems import changed
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY
+from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.ocp.objectives import TERMS, yaw_rate
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan

@@ -14,12 +14,12 @@ from rasterio.warp import transform
 
 from gcs.mission.model import Command
 from gcs.mission.waypoints.mission_items import build_missions
-from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario, Terrain
 from gcs.scenario.sources.load import load_scenario
+from gcs.types import Array
 from tests.unit.plan.problems import changed, meadow
 
 WEST, EAST = "EPSG:32631", "EPSG:32632"  # UTM 31 and 32 north; between them the meridian 6 degrees east

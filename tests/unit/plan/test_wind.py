@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import root
 
 from gcs.errors import PlanningError, ScenarioError
-from gcs.physics.quadrotor import Array, derivative, hover_trim
+from gcs.physics.quadrotor import derivative, hover_trim
 from gcs.physics.wind import SteadyWind
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import active_vehicles
@@ -25,6 +25,7 @@ from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.values.si import quadrotor, steady_wind
+from gcs.types import Array
 from tests.unit.plan.problems import changed, meadow
 
 ROOM = {"north_m": [-20.0, 80.0], "east_m": [-40.0, 60.0]}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gcs.mission.returns.fence_rally import build_fence
-from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.problems import meadow
 
 WALL: dict[str, Any] = {

@@ -7,7 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.types import Array
 from sim_bridge.dynamics import presets
 from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.lqr_gains import ControlLimits

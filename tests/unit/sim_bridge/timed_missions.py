@@ -10,7 +10,7 @@ import numpy as np
 from gcs.autopilots.waypoint_models.navigator import Ability, Navigator, NavigatorOrders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.transcription import transcribe
@@ -14,6 +13,7 @@ from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import LIFT
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 from tools import bench_legs, bench_planner
 from tools.bench import describe, findings, race
 from tools.bench.findings import Findings

@@ -1,1 +1,4 @@
-"""MAVLink FTP, the ground station's side."""
+"""The ground station's side of MAVLink FTP as state machines.
+
+It may import link.protocols, link.wire and autopilots.
+"""

@@ -1,1 +1,4 @@
-"""Partial writes: single items of a mission on board are replaced."""
+"""The MAVLink mission protocol as state machines: upload, read-back, download, and single items replaced.
+
+It may import link.protocols, link.protocols.ftp, link.wire, autopilots and mission.
+"""

@@ -1,1 +1,4 @@
-"""A drawing as the scenario of a formation: its points in metres, its areas, its time, and the text."""
+"""The scenario of a drawn route or area.
+
+It may import mission.drawings and scenario.
+"""

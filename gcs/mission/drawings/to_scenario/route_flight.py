@@ -14,7 +14,6 @@ from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing, LeftOut, Place, sentences, tidy
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTable, AreaTables, area_tables
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
@@ -22,6 +21,7 @@ from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.load import load_vehicle
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.values.formations import places_up_m, turned
+from gcs.types import Array
 
 _TYPE = "quad500"  # of the template
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed

@@ -1,1 +1,4 @@
-"""Formats of maps: KML, KMZ, GeoJSON."""
+"""The map formats: KML, KMZ and GeoJSON.
+
+It may import scenario, plan and mission.
+"""

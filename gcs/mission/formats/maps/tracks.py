@@ -12,8 +12,9 @@ import numpy as np
 
 from gcs.frames import ned_to_geodetic
 from gcs.mission.geofence import NO_FENCE, Geofence
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -1,1 +1,4 @@
-"""Formats of tables: setpoints as CSV and Parquet, histories as CSV."""
+"""The table formats: setpoints as CSV and Parquet, histories as CSV.
+
+It may import plan and mission.
+"""

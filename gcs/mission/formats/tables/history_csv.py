@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from gcs.errors import FileFormatError
 from gcs.mission.formats.tables.csv_table import read_csv, with_units, write_csv
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

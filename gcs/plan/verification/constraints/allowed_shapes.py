@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import target_ned_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 
 _BEYOND = 0.05  # share of its range: an automatic change rests a little inside it
 _SLACK = 1e-3  # share of its size, as for every limit

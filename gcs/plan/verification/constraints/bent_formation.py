@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.physics.states import VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M
@@ -26,6 +26,7 @@ from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, arctan2, constant, stacked, total
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.types import Array
 
 # A formation that turns with its course must face where it flies above this speed.
 COURSE_SPEED_MPS = 1.0

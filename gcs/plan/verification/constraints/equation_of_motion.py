@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.follower_equations import follower_state_and_control
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
@@ -19,6 +18,7 @@ from gcs.plan.verification.constraints.reintegration import (
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, stacked
+from gcs.types import Array
 
 # Order of the Taylor polynomials, and the longest step: the next ones where the first leaves too much of Eq. 1.
 LOOKS = ((6, 0.1), (9, 0.1), (9, 0.03))

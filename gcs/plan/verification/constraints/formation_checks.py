@@ -14,7 +14,6 @@ from scipy.spatial.distance import cdist, pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.assignment import bottleneck
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.separation import least_distance
@@ -23,6 +22,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.scenario.schema.scenario import ChangeTable
 from gcs.scenario.values.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
+from gcs.types import Array
 
 _LONGER = 1.0 + 1e-6  # ways that differ by rounding are equally long
 _SLACK = 1e-3  # share of a gate's width, as for every limit

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import expected_places
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
@@ -21,6 +20,7 @@ from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constrain
 from gcs.plan.verification.proof.taylor import Taylor, total
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.values.si import NED_FROM_UP
+from gcs.types import Array
 
 _STILL_MPS = 1e-6  # the shape stands still between two legs
 

@@ -14,7 +14,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M, enclosed_places
 from gcs.plan.verification.proof.ground_patches import GroundPatches
@@ -23,6 +22,7 @@ from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 
 PAD_SHARE = 0.25  # of the height above the pad: the slope of the ground may be 75 degrees
 PAD_FREE_M = 0.25  # above the pad, up to which nothing is required: at the pad itself the distance is 0

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
 from gcs.plan.verification.proof.polynomials import enclosed
@@ -19,6 +18,7 @@ from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constrain
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_table
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.state_control_limits import divided
 from gcs.plan.verification.proof.ground_patches import GroundPatches
@@ -18,6 +17,7 @@ from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.convex_pieces import Convex, Disk
 from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 
 ORDER = 2
 RESOLUTION_M = 0.25e-3

@@ -15,10 +15,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import expm
 
-from gcs.physics.quadrotor import Array, Quadrotor, equations_of_motion
+from gcs.physics.quadrotor import Quadrotor, equations_of_motion
 from gcs.plan.verification.proof.power_series import motion_series
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
+from gcs.types import Array
 
 WINDOW_S = 5.0
 _FASTER_RADPS = 0.1  # rates of the exact solution differ by less from those of the plan

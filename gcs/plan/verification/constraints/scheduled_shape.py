@@ -12,7 +12,6 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import budget_of_each
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.time_scaling import least_duration, smooth_step
@@ -22,6 +21,7 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.taylor import Taylor, constant
 from gcs.scenario.schema.scenario import ChangeTable
 from gcs.scenario.values.si import NED_FROM_UP
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, equations_of_motion, squared_rotor_speeds
+from gcs.physics.quadrotor import equations_of_motion, squared_rotor_speeds
 from gcs.plan.formation.follower_equations import follower_state_and_control, jerk
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
@@ -21,6 +21,7 @@ from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, total
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
 from gcs.plan.verification.proof.verdict import LIMIT_TOLERANCE
 from gcs.scenario.values.si import torque_limits
+from gcs.types import Array
 
 ORDER = 2
 _RESOLUTION = 2.5e-4

@@ -1,1 +1,4 @@
-"""Bounds that hold at every instant of an interval, and the subdivision that makes them tight."""
+"""Bounds that hold at every instant of an interval, and the subdivision that makes them tight.
+
+It may import plan.formation and scenario.
+"""

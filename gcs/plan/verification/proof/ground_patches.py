@@ -12,11 +12,11 @@ from typing import Protocol
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.subdivision import Mask
 from gcs.scenario.environment.terrain import ground_height_m, mountain_height_m, ripple_peak_m
 from gcs.scenario.schema.heightmap import Relief, terms_of
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
+from gcs.types import Array
 
 
 class GroundPatches(Protocol):

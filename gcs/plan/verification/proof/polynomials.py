@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.taylor import Taylor
+from gcs.types import Array
 
 
 def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, derivative: int = 0) -> Taylor:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Quadrotor
+from gcs.types import Array
 
 _FLOOR_M = 1.0  # of `gcs.physics.wind`: below it the power law is smoothed
 

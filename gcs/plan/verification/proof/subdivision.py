@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 Rows = NDArray[np.intp]
 Mask = NDArray[np.bool_]

@@ -15,7 +15,7 @@ from functools import cached_property, reduce
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 ROUNDING = 1e-11  # share of the terms' sizes
 

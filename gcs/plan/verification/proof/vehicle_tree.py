@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.taylor import Taylor
+from gcs.types import Array
 
 
 @dataclass(frozen=True)

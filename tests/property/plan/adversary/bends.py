@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from tests.property.plan.adversary import humps
 from tests.property.plan.adversary.oracle import (
     AIRBORNE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Terrain
+from gcs.types import Array
 
 _SIDE = 17  # places along one side of the first square
 _ZOOMS, _ZOOM_SIDE = 8, 5

@@ -8,10 +8,10 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 
 
 def hump(start_s: float, width_s: float, smooth: int) -> PPoly:

@@ -13,10 +13,10 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import target_ned_m
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.types import Array
 from tests.property.plan.adversary.ground import distance_m, height_up_m
 
 GRID_S = 1e-4

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.heightmap import packed
+from gcs.types import Array
 from tests.property.plan.adversary.bends import DEPTH_M, LASTS_S, Bent, measured, samples_s
 from tests.property.plan.adversary.oracle import CLEARANCE, Oracle
 from tests.unit.plan.problems import changed

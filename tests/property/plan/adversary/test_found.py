@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import joined, rigid
 from gcs.plan.formation.timeline import Move
 from gcs.plan.planner import make_plan
@@ -17,6 +16,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Check, verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
+from gcs.types import Array
 from tests.property.plan.adversary import humps
 from tests.property.plan.adversary.missions import STAIRS, mission
 from tests.property.plan.adversary.oracle import CLEARANCE, HEADING, PAD, Oracle, window

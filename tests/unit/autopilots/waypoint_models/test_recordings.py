@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from tools.fit_navigator import MISSIONS, MODELS, RECORDINGS, Model, errors_s, fit, read_recording
 
 # What vehicles may have: lags of 0.05 to 0.2 s and drags of 0.1 to 0.5 1/s; integrals that give back up to three times,

@@ -10,9 +10,10 @@ from scipy.spatial.distance import pdist
 
 from gcs.flight.assessment.judge import GROUND_SEPARATION, Criterion, Truth, Verdict, judge
 from gcs.flight.monitoring.progress import FlightTimes
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 
 T0_UNIX_S = 1.7e9
 STEP_S = 0.1

@@ -19,7 +19,7 @@ from gcs.flight.plots.overview_plot import draw_plan, draw_scenario, seen, shape
 from gcs.flight.plots.replay_plot import draw_recording
 from gcs.flight.plots.tracks_view import close_ups, draw_tracks
 from gcs.flight.recording.recording import Recording, VehicleTrack
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.timeline import Move
 from gcs.plan.plan_file import load_plan
 from gcs.plan.trajectory.plan import Plan

@@ -9,9 +9,10 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.flight.assessment.route_passing import ROUTE_POINTS, points_passed
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 from tests.unit.flight.assessment.test_judge import judged, named
 from tests.unit.plan.routed import with_route
 

@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 NORTH_MPS, SPREAD_MPS, HOVER_DOWN_M, BEHIND_M = 2.0, 0.1, -8.0, 5.0
 

@@ -12,9 +12,10 @@ import pytest
 from gcs.flight.contingency.common_rejoin import FADE_S, Rejoin, Stranded, _checked, _Flown, common_rejoin, quintic
 from gcs.flight.contingency.manoeuvres import RejoinReference
 from gcs.mission.returns.return_routes import ReturnRoutes
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 AT_S = 60.0
 

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from tests.unit.flight.contingency.straight_plan import reported, straight_plan
 

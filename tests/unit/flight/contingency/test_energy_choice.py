@@ -23,10 +23,10 @@ from gcs.flight.contingency.energy_choice import (
     choose,
 )
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import battery_model, energy_Wh
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.types import Array
 from tests.real_flights import Flight, plan_of, unpacked
 
 RECORDED = "arducopter-4.5.6-mission"

@@ -23,9 +23,9 @@ from gcs.flight.contingency.manoeuvres import (
 from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 speeds = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-2, 2)).map(np.array)
 STEP_S = 0.02

@@ -15,7 +15,7 @@ from gcs.flight.contingency.policy import Action, Order
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.routed_motion import PiecewiseMotion
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from tests.unit.flight.contingency.straight_plan import straight_plan, yaw_rad
 
 T0_UNIX_S = 1000.0

@@ -16,9 +16,9 @@ from gcs.frames import geodetic_to_ned
 from gcs.mission.returns.fence_areas import inclusion_corners, planned_places_m
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import plan_returns
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 from tests.real_flights import Flight, unpacked
 
 CALLED_UNIX_S, CALLED_S = 1795332673.842, 55.205  # `gcs attach --return`: on the wall, and in plan time

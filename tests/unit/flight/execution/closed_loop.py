@@ -12,8 +12,9 @@ import numpy as np
 
 from gcs.flight.execution.leader_follower import FollowerState, FormationFollowing, SentSetpoints
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 STEP_S = 0.02
 SETPOINTS_HZ = 10.0

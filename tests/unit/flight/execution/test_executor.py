@@ -22,8 +22,9 @@ from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss, State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from tests.point_fleet import ARDUPILOT, EPOCH_S, PILOTS_MODE, PointFleet, flown
 
 GUIDED, LAND, RTL, AUTO = 4, 9, 6, 3

@@ -21,8 +21,9 @@ from gcs.flight.execution.leader_follower import (
 )
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.export.setpoint_stream import build_stream
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 from tests.unit.flight.execution.closed_loop import Followed, FollowerResponse, Link, follow
 
 T0 = 1_700_000_000.0

@@ -18,7 +18,7 @@ from gcs.flight.contingency.policy import OnLoss, State
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from tests.point_fleet import EPOCH_S, PILOTS_MODE, PointFleet, flown
 from tests.unit.flight.contingency.straight_plan import straight_plan, yaw_rad

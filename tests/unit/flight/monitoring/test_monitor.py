@@ -17,8 +17,8 @@ from gcs.flight.monitoring.monitor import Completion, Monitor, VehicleView
 from gcs.flight.monitoring.progress import FlightPart
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
 
 T0_UNIX_S = 1.7e9
 SLOW = LandingProfile((0.0,), (0.1,), 1.0)  # the landing lasts far longer than that of the plan

@@ -20,7 +20,7 @@ from gcs.flight.recording.record_table import FlightReports, build_record, load_
 from gcs.flight.recording.tlog import Gap, LoggedFrame, scan
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from tests.real_flights import Flight, unpacked
 from tests.unit.docs.test_readme import BLOCKS

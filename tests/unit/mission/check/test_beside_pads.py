@@ -10,10 +10,10 @@ import pytest
 from gcs.cli.main import run
 from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import check_pads
-from gcs.mission.flight_limits import FlightLimits
-from gcs.mission.predicted.planned_flight import Surroundings, fly
-from gcs.physics.quadrotor import Array
+from gcs.mission.flight_limits import FlightLimits, Surroundings
+from gcs.mission.predicted.planned_flight import fly
 from gcs.scenario.sources.template import scenario_text
+from gcs.types import Array
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, do, mission, out_and_land
 
 LIMITS = FlightLimits(clearance_m=5.0)

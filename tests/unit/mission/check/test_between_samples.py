@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from gcs.mission.check.between_samples import bound_along, clearance_along, outside_along, parts_beside
 from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation, check_zones
-from gcs.mission.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.predicted.closest_approach import closest_approach
-from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
-from gcs.physics.quadrotor import Array
+from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.scenario.environment.ground_bounds import from_heights, highest_ground
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.types import Array
 from tests.unit.mission.fleets import ORIGIN, mission, out_and_land
 
 FLEET = [mission(out_and_land(10.0), name=f"{name}.plan") for name in "ab"]

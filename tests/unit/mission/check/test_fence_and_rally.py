@@ -9,8 +9,9 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fence_and_rally import check_rally_apart, check_safety
 from gcs.mission.check.findings import Finding, Level, Rule
+from gcs.mission.flight_limits import Surroundings
 from gcs.mission.geofence import NO_FENCE, FenceCircle, FencePolygon, Geofence, RallyPoint
-from gcs.mission.predicted.planned_flight import Surroundings, fly
+from gcs.mission.predicted.planned_flight import fly
 from tests.unit.mission.fleets import FLAT, ORIGIN, mission, out_and_land, place
 
 

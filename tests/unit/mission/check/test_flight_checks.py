@@ -11,8 +11,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import as_on_the_wire, check_fleet
 from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation, check_zones
-from gcs.mission.flight_limits import FlightLimits, limits_of, surroundings_of
-from gcs.mission.predicted.planned_flight import Surroundings, fly
+from gcs.mission.flight_limits import FlightLimits, Surroundings, limits_of, surroundings_of
+from gcs.mission.predicted.planned_flight import fly
 from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, mission, out_and_land, speed
 

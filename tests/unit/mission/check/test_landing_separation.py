@@ -22,9 +22,9 @@ from gcs.mission.check.landing_separation import (
     refuse_close_landing,
 )
 from gcs.mission.export.export import export
-from gcs.mission.flight_limits import FlightLimits
+from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.mission.predicted.planned_flight import Surroundings, fly
+from gcs.mission.predicted.planned_flight import fly
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from tests.unit.mission.fleets import ORIGIN, at, mission, speed

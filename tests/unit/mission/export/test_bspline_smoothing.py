@@ -15,7 +15,7 @@ from gcs.mission.export.bspline_smoothing import SHORTEST_KNOT_S, SmoothPath, pa
 from gcs.mission.export.export import export
 from gcs.mission.export.setpoint_stream import build_stream, of_vehicle
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.schema.scenario import NoFlyZone

@@ -28,7 +28,7 @@ from gcs.mission.formats.tables.setpoint_table import read_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 

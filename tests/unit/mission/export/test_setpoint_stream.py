@@ -18,7 +18,7 @@ from gcs.mission.export.setpoint_stream import build_stream, of_vehicle
 from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile, read_setpoints, write_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.mission.model import SetpointStream
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 

@@ -8,16 +8,10 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.traits import Autopilot
+from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
-from gcs.mission.predicted.planned_flight import (
-    ITEMS_FLOWN_MAX,
-    PredictedFlight,
-    Surroundings,
-    fly,
-    surroundings,
-    together,
-)
+from gcs.mission.predicted.planned_flight import ITEMS_FLOWN_MAX, PredictedFlight, fly, surroundings, together
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, do, mission, out_and_land, speed
 
 DOWN_S = 0.75 + 10.0 / 0.5  # of ArduCopter from 10 m above home

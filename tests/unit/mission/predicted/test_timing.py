@@ -18,7 +18,7 @@ from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.predicted.timing import Timing, predicted
 from gcs.mission.waypoints.placement import Deviation
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.sources.load import load_scenario

@@ -15,9 +15,10 @@ from gcs.mission.geofence import GeoPoint
 from gcs.mission.returns.fence_areas import INCLUSION_MARGIN_M, inclusion_corners
 from gcs.mission.returns.fence_rally import EXCLUSION_SLACK_M, build_fence, build_rally
 from gcs.mission.returns.rtl_altitudes import plan_returns
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
+from gcs.types import Array
 
 
 def flat(places: tuple[GeoPoint, ...], plan: Plan) -> Array:

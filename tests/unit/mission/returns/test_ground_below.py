@@ -12,10 +12,10 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.returns.ground_below import GAP_M, highest_along_m, highest_below_returns_m
 from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.mission.returns.rtl_cases import ReturnSpeeds, highest_ground_m, return_cases
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.mission.returns.test_pair_returns import ENDS_S, flown, turning
 from tests.unit.plan.problems import changed
 

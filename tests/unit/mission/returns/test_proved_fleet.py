@@ -15,10 +15,10 @@ from gcs.mission.returns.pair_returns import StraightReturns
 from gcs.mission.returns.proved_fleet import proved_fleet
 from gcs.mission.returns.rtl_altitudes import plan_returns, return_warnings
 from gcs.mission.returns.rtl_cases import ReturnSpeeds, return_ends
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.mission.returns.test_pair_returns import ENDS_S, dip, flown, northwards
 
 SPEEDS = ReturnSpeeds(2.0, 5.0, 1.5, 5.0)

@@ -12,10 +12,11 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.returns.fence_areas import inclusion_corners, planned_places_m
 from gcs.mission.returns.rtl_altitudes import plan_returns, return_warnings
 from gcs.mission.returns.rtl_cases import rally_points_ned_m
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 
 
 @pytest.fixture(scope="module")

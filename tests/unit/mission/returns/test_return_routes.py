@@ -16,10 +16,11 @@ from scipy.sparse.csgraph import dijkstra
 
 from gcs.mission.returns.fence_areas import inclusion_corners, planned_places_m, swept_area
 from gcs.mission.returns.return_routes import CLEARANCES_M, ReturnRoutes
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 LEAST_M = min(CLEARANCES_M)
 

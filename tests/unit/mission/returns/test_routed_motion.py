@@ -15,9 +15,9 @@ from gcs.flight.contingency.manoeuvres import MotionReference
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import ACCEL_MPS2, CORNER_M, routed_motion, stops
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=0.0)
 STEP_S = 0.02

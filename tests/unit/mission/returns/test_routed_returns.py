@@ -13,11 +13,12 @@ from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.manoeuvres import MotionReference, return_reference
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.types import Array
 
 STEP_S = 0.1
 

@@ -17,10 +17,11 @@ from gcs.mission.returns.fence_rally import FENCE_ABOVE_M, build_rally, build_sa
 from gcs.mission.returns.rtl_altitudes import STEP_MIN_M, ReturnPlan, plan_returns
 from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, highest_ground_m, pair_distances, return_cases
 from gcs.mission.returns.zones_crossed import zones_crossed
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.types import Array
 from tests.unit.plan.problems import alone, changed
 
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=3.0)

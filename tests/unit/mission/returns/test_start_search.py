@@ -13,9 +13,9 @@ from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_returns import RoutedReturns, instants_s, nearest_pairs, nearest_return, routed_returns
 from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.mission.returns.test_pair_returns import ENDS_S, flown
 
 SPEEDS = ReturnSpeeds(2.0, 5.0, 1.5, 5.0)

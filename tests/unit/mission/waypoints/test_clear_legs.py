@@ -12,7 +12,7 @@ import pytest
 from gcs.mission.flight_limits import limits_of
 from gcs.mission.waypoints.mission_items import timed_legs
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs, waypoint_indices
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m

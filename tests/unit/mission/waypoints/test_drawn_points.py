@@ -13,7 +13,7 @@ from gcs.mission.model import Command
 from gcs.mission.waypoints.arrival_times import _gate_samples, corrected_legs
 from gcs.mission.waypoints.mission_items import ROUNDING_M, build_missions, timed_legs
 from gcs.mission.waypoints.timed_legs import with_drawn_points
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 from tests.unit.plan.routed import with_route

@@ -11,7 +11,7 @@ import pytest
 from gcs.autopilots.waypoint_models.predict import Prediction
 from gcs.mission.machine_independent import ORDER_GRID
 from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, leg_profile
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 THIRDS = np.array(SHARES)
 LIMITS: dict[str, Any] = {"slowest_mps": 0.5, "fastest_mps": 8.0, "airborne_s": 3.0}

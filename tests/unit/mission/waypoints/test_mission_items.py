@@ -20,7 +20,7 @@ from gcs.mission.waypoints.mission_items import (
 )
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.si import local_origin

@@ -15,11 +15,11 @@ from gcs.mission.waypoints import arrival_times
 from gcs.mission.waypoints.arrival_times import TerrainRaise
 from gcs.mission.waypoints.placement import short_of_m
 from gcs.mission.waypoints.speed_correction import Corrected, LegProfile
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.plan import Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario, Terrain
+from gcs.types import Array
 from tests.unit.plan.problems import alone, meadow
 
 WALL_M = 6.0  # of a ridge across the way at north = 50 m, which is gone a few metres beside it

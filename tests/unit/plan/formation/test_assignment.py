@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.assignment import bottleneck, least_squares
+from gcs.types import Array
 
 
 @st.composite

@@ -12,7 +12,6 @@ import pytest
 from scipy.interpolate import PPoly, make_interp_spline
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import (
     Coordinate,
     Name,
@@ -29,6 +28,7 @@ from gcs.plan.formation.transforms import rotation, straight
 from gcs.plan.search.shape_schedule import automatic_moves
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m, shape_offsets_ned_m
+from gcs.types import Array
 from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet
 
 NAMES: tuple[Name, ...] = get_args(Name)

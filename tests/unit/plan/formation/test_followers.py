@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, derivative
+from gcs.physics.quadrotor import Quadrotor, derivative
+from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.formation.followers import (
     BEND_S,
     follower_states_and_controls,
@@ -19,6 +20,7 @@ from gcs.plan.formation.followers import (
 )
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.transforms import rotation, shrinking
+from gcs.types import Array
 
 Q = Quadrotor(
     mass_kg=2.0,

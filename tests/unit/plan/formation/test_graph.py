@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.graph import InformationGraph, information_graph, leader_star, voronoi
 from gcs.scenario.schema.scenario import Generator
 from gcs.scenario.values.formations import places_up_m
+from gcs.types import Array
 
 TILT = Rotation.from_euler("xyz", [0.3, -0.7, 1.1])
 GENERATORS: tuple[Generator, ...] = ("triangle", "line", "column", "vee", "grid", "circle", "sphere")

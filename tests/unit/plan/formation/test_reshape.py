@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.altitude_lanes import Deadlock, Lanes, find_lanes
 from gcs.plan.formation.reshape import Reshaped, reshape
 from gcs.plan.formation.separation import least_distance
 from gcs.scenario.values.formations import places_up_m
+from gcs.types import Array
 
 LINE = places_up_m("line", 5, 2.0)
 COLUMN = places_up_m("column", 5, 2.0)

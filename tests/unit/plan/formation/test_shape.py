@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.physics.wind import SteadyWind
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.transforms import rotation, shrinking, straight
+from gcs.types import Array
 
 RANDOM = np.random.default_rng(11)
 PLACES = RANDOM.normal(size=(5, 3)) * 4.0

@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation import transforms
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.time_scaling import smooth_step
+from gcs.types import Array
 
 R = np.linspace(0.0, 1.0, 211)
 PLACES = np.concatenate([np.zeros((1, 3)), np.random.default_rng(3).normal(size=(7, 3)) * 6.0])

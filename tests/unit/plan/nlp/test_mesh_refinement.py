@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.errors import PlanningError
-from gcs.physics.quadrotor import Array, hover_trim
+from gcs.physics.quadrotor import hover_trim
 from gcs.plan.formation.coordinates import coordinates
 from gcs.plan.formation.shape import joined, rigid
 from gcs.plan.nlp import mesh_refinement
@@ -30,6 +30,7 @@ from gcs.plan.ocp.problem import Problem, Tightening, flight_problem
 from gcs.plan.trajectory.integration_windows import WindowErrors
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.formations import SHRINK, TURN, auto, fleet
 from tests.unit.plan.problems import alone, meadow
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through

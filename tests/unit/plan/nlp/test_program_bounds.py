@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array, hover_trim, level_flight_thrust_N
+from gcs.physics.quadrotor import hover_trim, level_flight_thrust_N
 from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program_bounds import STATE_UNIT, bounds, scales, thrust_steps
@@ -15,6 +15,7 @@ from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.formations import ROOMY, SHRINK, STRONG, auto, fleet
 from tests.unit.plan.problems import alone, changed, meadow
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through

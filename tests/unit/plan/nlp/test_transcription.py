@@ -7,18 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array, derivative
+from gcs.physics.quadrotor import derivative
+from gcs.physics.states import NX
 from gcs.plan.formation.timeline import lay
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.transcription import Program, transcribe
-from gcs.plan.nlp.variables import NX, ControlForm, VariableLayout
+from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.integration_windows import window_errors
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.casadis_own import assert_casadis_own
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet
 from tests.unit.plan.problems import changed, meadow, straight, vertical_move, with_bounds

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.mesh import HOLD, Mesh
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
+from gcs.types import Array
 
 # Two legs of unequal intervals, between them a hold without nodes.
 MESH = Mesh(np.array([2.0, 3.0, 6.0, 7.0, 11.0]), (2, 3, 0, 4), legs=(0, 0, HOLD, 1))

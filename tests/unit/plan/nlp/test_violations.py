@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.transforms import straight as straight_leg
 from gcs.plan.nlp.violations import (
@@ -25,6 +24,7 @@ from gcs.plan.ocp.bounds import leader_control_bounds
 from gcs.plan.ocp.problem import Problem, control_bounds, flight_problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.formations import SHRINK, auto, fleet
 from tests.unit.plan.problems import straight
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import VELOCITY, Array, derivative
+from gcs.physics.quadrotor import derivative
+from gcs.physics.states import VELOCITY
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.timeline import lay
 from gcs.plan.nlp.mesh import end_refined
@@ -24,6 +25,7 @@ from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.formations import SHAPES, SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap
 
 TIMES = np.linspace(0.0, 59.9, 41)

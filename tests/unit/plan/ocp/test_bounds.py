@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.followers import follower_states_and_controls
 from gcs.plan.formation.shape import rigid
 from gcs.plan.formation.timeline import lay

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.ocp import margins
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import control_bounds, flight_problem, run_up_problem
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m
+from gcs.types import Array
 from tests.unit.plan.problems import changed, meadow
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.timeline import lay
 from gcs.plan.ocp.objective_sum import cost_shares, term_cost
 from gcs.plan.ocp.objectives import TERMS
@@ -16,6 +15,7 @@ from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.ocp.representatives import representatives
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tests.unit.plan.formations import SHRINK, TURN, at, auto, fleet
 from tests.unit.plan.problems import meadow
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.planner import make_plan
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.trajectory.plan import Plan
@@ -14,6 +14,7 @@ from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.values.si import route_ned_m
+from gcs.types import Array
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through
 
 OFF = np.array([2.0, -3.0, -0.5, 0.3, -0.2, 0.0, *[0.0] * 6])

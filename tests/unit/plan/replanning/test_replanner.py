@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 
 import gcs
 from gcs.errors import Infeasible, UsageError
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.states import POSITION
 from gcs.plan.nlp.ipopt import run
 from gcs.plan.nlp.mesh import counted
 from gcs.plan.ocp.problem import flight_problem
@@ -28,6 +28,7 @@ from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.types import Array
 from tests.unit.plan.problems import meadow
 
 AT_S = 12.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.leg_routes import one_leg, routes_through
 from gcs.scenario.schema.scenario import Scenario

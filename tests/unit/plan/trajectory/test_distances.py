@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.distances import formation_error_m, formation_errors_m
 from gcs.scenario.values.formations import places_up_m
+from gcs.types import Array
 
 PLACES = places_up_m("triangle", 10, 4.0)
 RECORDED = Path(__file__).parents[3] / "recorded"

@@ -9,11 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array, Quadrotor, equations_of_motion
+from gcs.physics.quadrotor import Quadrotor, equations_of_motion
 from gcs.plan.trajectory.ground_phases import vertical
 from gcs.plan.trajectory.integration_windows import WindowErrors, window_errors
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.types import Array
 
 Q = Quadrotor(0.5, 0.075, (0.0219, 0.0219, 0.0366), 1.105e-5, 1.779e-7, (0.073,) * 3, (0.0055,) * 3, 400.0)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.passages import passages, passages_contradiction
 from gcs.plan.trajectory.plan import Plan
 from tests.unit.plan.routed import with_route

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gcs
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.distances import separations_m, zone_distances_m
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone

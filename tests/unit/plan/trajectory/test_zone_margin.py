@@ -13,7 +13,6 @@ from gcs.errors import ScenarioError
 from gcs.flight.assessment.judge import Truth, Verdict, judge
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.mission.returns.fence_rally import build_fence
-from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.trajectory.distances import zone_distances_m
@@ -23,6 +22,7 @@ from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.values.navigation_error import navigation_error
+from gcs.types import Array
 from tests.unit.plan.problems import alone, changed, meadow
 
 # Its corner is in the straight way from (2, 1) to (40, 14).

@@ -10,7 +10,6 @@ import pytest
 import shapely
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan, phases_of
@@ -21,6 +20,7 @@ from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.sources.survey_flight import SurveyOrder, survey_flight
 from gcs.scenario.sources.template import scenario_text
 from gcs.scenario.values.si import NED_FROM_UP, offsets_ned_m, quadrotor
+from gcs.types import Array
 
 POND = [(40.0, 90.0), (60.0, 90.0), (60.0, 120.0), (40.0, 120.0)]
 FIELD = shapely.Polygon([(0, 0), (100, 20), (110, 230), (-10, 200)], [POND])

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.exact_checks import exact_checks
 from gcs.plan.verification.proof.verdict import Check
+from gcs.types import Array
 from tests.unit.plan.problems import changed
 
 

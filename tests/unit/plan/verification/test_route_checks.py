@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import ATTITUDE, VELOCITY
+from gcs.physics.states import ATTITUDE, VELOCITY
 from gcs.plan.trajectory.plan import Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.route_checks import route_checks

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.heightmap import Relief, packed
 from gcs.scenario.schema.scenario import Mountains, Ripple, Scenario, Terrain
+from gcs.types import Array
 
 CELL_M = 4.0
 WAVES = Ripple(a=10.0, b=0.2, c=0.1, d=0.6, e=1.0, f=0.1, g=0.1)

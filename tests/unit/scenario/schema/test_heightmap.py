@@ -14,10 +14,10 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.physics.quadrotor import Array
 from gcs.plan.ocp.stage_functions import spline
 from gcs.scenario.environment.dem import FOOT_M, DemError, read_dem
 from gcs.scenario.schema.heightmap import ENVELOPE_RESERVE_M, Region, Relief, packed
+from gcs.types import Array
 
 REGION = Region((-150.0, 250.0), (-120.0, 180.0))
 PIXEL_M = 10.0

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.estimator import GATE_SIGMA
 from sim_bridge.dynamics.presets import PRESETS
 from sim_bridge.dynamics.sensors import BARO_PERIOD_S, GRADES, RTK, Sensors

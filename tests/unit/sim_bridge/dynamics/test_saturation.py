@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 from sim_bridge.dynamics.airframes import Airframes
 from sim_bridge.dynamics.presets import FIELD
 from sim_bridge.dynamics.reference import hold

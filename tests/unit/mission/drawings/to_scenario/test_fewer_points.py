@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gcs.mission.drawings.to_scenario.placed_route import airborne, thinned
-from gcs.physics.quadrotor import Array
+from gcs.types import Array
 
 points = arrays(float, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-500.0, 500.0))
 

@@ -7,7 +7,8 @@ import pytest
 
 from gcs.errors import FileFormatError
 from gcs.mission.formats.tables.history_csv import COLUMNS, build_histories, read_history, write_history
-from gcs.physics.quadrotor import CONTROL_NAMES, STATE_NAMES, derivative
+from gcs.physics.quadrotor import derivative
+from gcs.physics.states import CONTROL_NAMES, STATE_NAMES
 from gcs.plan.trajectory.plan import Plan
 
 

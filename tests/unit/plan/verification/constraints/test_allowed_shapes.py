@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m
+from gcs.types import Array
 from tests.unit.plan.formations import COURSE, SHRINK, TO_FILE, TURN, at, auto, fleet
 
 RICH: tuple[dict[str, Any], ...] = (auto(SHRINK), auto({**TURN, "angle_deg": 60.0}), auto(TO_FILE))

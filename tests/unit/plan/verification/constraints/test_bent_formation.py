@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Name, composed
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.timeline import lay
@@ -23,6 +22,7 @@ from gcs.plan.verification.proof.subdivision import Proof, prove
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m
+from gcs.types import Array
 from tests.unit.plan.formations import COURSE, SHAPES, SHRINK, TO_FILE, TO_ROW, TURN, Planned, at, auto, fleet
 from tests.unit.plan.problems import changed
 

@@ -10,10 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array, equations_of_motion
+from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.constraints.equation_of_motion import reintegrated
+from gcs.types import Array
 
 
 def flown_error_m(plan: Plan, begin_s: float) -> float:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.constraints.formation_law import Span, _off
 from gcs.plan.verification.proof.taylor import constant
+from gcs.types import Array
 
 ORDER = 4
 BEFORE = np.array([[0.0, 0.0, 0.0], [4.0, 1.0, 0.0], [-2.0, -3.0, -1.0], [1.0, -6.0, 2.0]])

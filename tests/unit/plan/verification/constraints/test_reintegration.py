@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array, Quadrotor, equations_of_motion
+from gcs.physics.quadrotor import Quadrotor, equations_of_motion
 from gcs.physics.wind import SteadyWind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.reintegration import IntegrationSteps, _growth, step_edges, window_errors
 from gcs.plan.verification.proof.taylor import Taylor, constant
+from gcs.types import Array
 
 ORDER = 6
 

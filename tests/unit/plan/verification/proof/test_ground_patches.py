@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.ground_patches import GroundPatches, ReliefGround, SmoothGround, ground_patches
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.heightmap import Relief, packed
 from gcs.scenario.schema.scenario import Terrain
+from gcs.types import Array
 
 RIPPLE = {"a": 10.0, "b": 0.2, "c": 0.1, "d": 0.6, "e": 1.0, "f": 0.1, "g": 0.1}
 MOUNTAINS = {

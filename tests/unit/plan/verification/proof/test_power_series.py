@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gcs.physics.quadrotor import Array, Quadrotor, equations_of_motion
+from gcs.physics.quadrotor import Quadrotor, equations_of_motion
 from gcs.physics.wind import SteadyWind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.power_series import motion_series
+from gcs.types import Array
 
 UNIT_S = 0.06
 CONTROLS = np.array([[4.9, 0.4, -0.2], [0.01, 0.02, 0.0], [-0.02, 0.0, 0.03], [0.002, -0.003, 0.0]])  # (4, powers)

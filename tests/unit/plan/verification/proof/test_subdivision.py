@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof import subdivision as module
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, prove
 from gcs.plan.verification.proof.verdict import Check
+from gcs.types import Array
 
 END_S = 8.0
 

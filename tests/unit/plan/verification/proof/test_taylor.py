@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, arctan2
+from gcs.types import Array
 
 S = np.linspace(-1.0, 1.0, 201)
 

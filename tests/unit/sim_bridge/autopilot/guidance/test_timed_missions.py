@@ -15,7 +15,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.navigator import NavigatorOrders
 from gcs.autopilots.waypoint_models.predict import passing_times
 from gcs.mission.waypoints.arrival_times import corrected_legs
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.personality import by_name
 from tests.unit.sim_bridge.timed_missions import Fleet, Flight
