@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from gcs.flight.contingency import common_rejoin as common_rejoin_module
 from gcs.flight.contingency.common_rejoin import FADE_S, Rejoin, Stranded, _checked, _Flown, common_rejoin, quintic
 from gcs.flight.contingency.manoeuvres import RejoinReference
 from gcs.mission.returns.return_routes import ReturnRoutes
@@ -226,3 +227,62 @@ def test_after_the_plan_there_is_no_way_back_to_it(hop: Plan) -> None:
 def test_a_rejoin_in_words() -> None:
     words = "they continue at t = 12.3 s, are on the plan 6 s later, and keep 5.0 m apart"
     assert str(Rejoin(12.34, 6.0, 4.96)) == words
+
+
+@pytest.mark.parametrize(
+    ("now_s", "off_m", "stays"),
+    [(25.9, 2.9, True), (26.1, 2.9, False), (26.1, 0.55, False), (26.1, 0.45, True), (60.0, 0.45, True)],
+)
+def test_t0_stays_near_the_end_only_for_vehicles_that_are_all_but_there(
+    hop: Plan, now_s: float, off_m: float, stays: bool
+) -> None:
+    """The landing begins at 34 s, and a fade that keeps T0 takes 8 s. After its end the plan stands on the ground."""
+    assert hop.phase("landing").start_s == 34.0
+    where, speed = place(hop, min(now_s, hop.t_end_s))
+    found = common_rejoin(hop, NO_FENCE, Stranded((0, 1, 2), where - [0.0, off_m, 0.0], speed), now_s, 20.0)
+    assert (isinstance(found, Rejoin) and (found.t_s, found.fade_s) == (now_s, 8.0)) is stays
+
+
+def tried(hop: Plan, here: Stranded, monkeypatch: pytest.MonkeyPatch, since_s: float) -> list[tuple[float, ...]]:
+    """Where in the plan a rejoin is tried, how long it takes, and what separation it keeps: 30 s after `since_s`."""
+    found: list[tuple[float, ...]] = []
+    monkeypatch.setattr(common_rejoin_module, "_checked", lambda *asked: found.append(asked[3:]) or "it cannot")
+    assert common_rejoin(hop, NO_FENCE, here, since_s + 30.0, since_s) == "it cannot"
+    return found
+
+
+@pytest.mark.parametrize("stood_s", [T_S - 1.9, T_S, T_S + 5.0, 33.9])
+def test_the_plan_is_taken_up_at_most_half_a_fade_before_the_vehicles_place_in_it(
+    hop: Plan, monkeypatch: pytest.MonkeyPatch, stood_s: float
+) -> None:
+    """A place up to 2 s before the last setpoint counts. All are on the plan when its landing begins at 34 s."""
+    since_s = T_S if stood_s < 30.0 else 28.0
+    found = tried(hop, standing(hop, stood_s), monkeypatch, since_s)
+    nearest_s = found[0][0] if stood_s < 30.0 else 30.0
+    assert nearest_s == pytest.approx(min(stood_s, 30.0), abs=0.06)
+    shares = (0.0, 0.125, 0.25, 0.375, 0.5)
+    expected = [(fade_s, nearest_s - share * fade_s) for fade_s in (4.0, 6.0, 8.0, 12.0, 16.0) for share in shares]
+    expected = [(fade_s, min(t_s, 34.0 - fade_s)) for fade_s, t_s in expected if t_s >= hop.airborne_s]
+    np.testing.assert_allclose([(fade_s, t_s) for t_s, fade_s, _ in found], expected, atol=0.06)
+
+
+@pytest.mark.parametrize(
+    ("apart_m", "judged_m", "least_m"),
+    [
+        (5.0, 1.0, 0.8 * 3.0 - 0.3),  # of the limit of 3 m in the plan, and noise
+        (1.8, 1.0, 1.8 - 0.3),  # as near as they are
+        (1.1, 1.0, 1.0),  # what the flight is judged by
+        (5.0, 2.5, 2.5),
+    ],
+)
+def test_a_way_back_keeps_most_of_the_planned_separation_or_what_there_is(
+    hop: Plan, monkeypatch: pytest.MonkeyPatch, apart_m: float, judged_m: float, least_m: float
+) -> None:
+    assert hop.scenario.limits.separation_min_m == 3.0
+    judge = hop.scenario.judge.model_copy(update={"separation_min_m": judged_m})
+    judged = replace(hop, scenario=hop.scenario.model_copy(update={"judge": judge}))
+    here = standing(hop, T_S)
+    places = here.position_ned_m.copy()
+    places[2] = places[1] + [0.0, apart_m, 0.0]
+    found = tried(judged, replace(here, position_ned_m=places), monkeypatch, T_S)
+    assert [least for _, _, least in found] == pytest.approx([least_m] * len(found))

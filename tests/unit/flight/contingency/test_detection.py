@@ -456,3 +456,13 @@ def test_a_sign_tells_whose_choice_a_mode_is_for_three_seconds(
     assert fresh in says_whose(0.0)
     assert fresh in says_whose(3.0)
     assert stale in says_whose(3.125)
+
+
+@pytest.mark.parametrize(("by_us", "pilots"), [(60, False), (-60, False), (61, True), (-61, True)])
+def test_a_stick_that_moves_by_more_than_60_us_is_a_pilots(by_us: int, pilots: bool) -> None:
+    ours = watch()
+    shows(ours, ARDUPILOT.guided, 100.0)
+    for unix_s, us in ((100.0, 1500), (101.0, 1500 + by_us)):
+        ours.receive(Message("RC_CHANNELS", {f"chan{n}_raw": us if n == 3 else 1100 for n in range(1, 9)}), unix_s)
+    shows(ours, ARDUPILOT.returning, 101.0, 5)
+    assert kinds(ours.look(101.0)) == [IncidentKind.MODE_LEFT if pilots else IncidentKind.FAILSAFE]

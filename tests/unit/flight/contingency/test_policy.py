@@ -436,6 +436,9 @@ def test_an_order_says_which_conflict_it_answers() -> None:
 
 
 def test_with_no_time_to_brake_the_upper_one_climbs() -> None:
+    """To brake takes 1.5 s."""
+    assert ordered(fleet().take(conflict(10.0, 1.5))) == {3: Action.HOLD}
+    assert ordered(fleet().take(conflict(10.0, 1.49))) == {3: Action.SPREAD}
     assert ordered(fleet().take(conflict(10.0, 0.5))) == {3: Action.SPREAD}
     assert ordered(fleet().take(conflict(10.0, 0.5, higher=False))) == {2: Action.SPREAD}
 

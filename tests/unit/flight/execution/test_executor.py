@@ -91,7 +91,7 @@ def test_a_vehicle_heard_again_in_its_place_rejoins(hop: Plan, hop_returns: Retu
     off_m = places - hop.states(np.clip(times_s, 0.0, 33.0))[1][:, :3]
     assert -1.1 < off_m[:, 1].min() < -0.8, "its setpoints begin where it is"
     (back,) = fleet.told("ordered to rejoin")
-    assert np.abs(off_m[times_s > back.t_s + 8.3]).max() < 0.3
+    assert np.abs(off_m[times_s > back.t_s + 8.3]).max() < 0.06
     assert np.abs(off_m[(times_s > back.t_s + 3.0) & (times_s < back.t_s + 5.0), 1]).min() > 0.15, "it takes 8 s"
 
 

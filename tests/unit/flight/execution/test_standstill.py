@@ -269,3 +269,38 @@ def test_vehicles_gather_until_all_are_slow_or_both_clocks_say_that_it_takes_too
     clock.now_s = local_s
     assert ours.step(fleet_s, lambda _: True) == (None if waits else "they go on")
     assert ours.gathers is waits
+
+
+def reading(lead_s: float, missing_s: float, *, is_read: bool) -> tuple[Any, SimpleNamespace]:
+    """A program that has just stood still, and its clock; `missing_s`: how long vehicles had no setpoints."""
+    ours: Any = object.__new__(Standstill)
+    clock = SimpleNamespace(now_s=50.0)
+    ours._stalls, ours._seen = SimpleNamespace(count=1), 0
+    ours._loop, ours._time = SimpleNamespace(time=lambda: clock.now_s), SimpleNamespace(sure_s=lambda: 0.0)
+    ours._streamer = SimpleNamespace(paused=False, hush=lambda: None, missing_s=lambda now_s: missing_s)
+    ours._options, ours._reads, ours._stranded, ours.gathers = FlightOptions(lead_s=lead_s), False, False, False
+    ours._heard, ours._is_read = lambda: [None], lambda vehicle: is_read
+    return ours, clock
+
+
+@pytest.mark.parametrize(("lead_s", "at_most_s"), [(0.0, 1.4), (0.3, 0.4)])
+def test_vehicles_that_say_nothing_new_are_waited_for_until_a_limit(lead_s: float, at_most_s: float) -> None:
+    """Emulated vehicles that wait for setpoints send nothing new before; others would in time."""
+    ours, clock = reading(lead_s, 9.0, is_read=False)
+    assert ours.reads(7.0)
+    clock.now_s = 50.0 + at_most_s - 0.01
+    assert ours.reads(7.0) and ours.open
+    clock.now_s = 50.0 + at_most_s + 0.01
+    assert not ours.reads(8.0)
+    assert ours._before_s == 7.0, "the last check before"
+    assert ours.end_reading(20.0) == 12.0
+    assert ours.ours(26.0) and not ours.ours(26.1)
+
+
+@pytest.mark.parametrize(("missing_s", "leads_back"), [(0.45, False), (0.55, True)])
+def test_without_setpoints_for_half_a_second_vehicles_are_led_back(missing_s: float, leads_back: bool) -> None:
+    ours, _ = reading(0.0, missing_s, is_read=True)
+    ours._streamer.paused = True
+    assert not ours.reads(7.0)
+    assert ours.open is leads_back
+    assert ours._streamer.paused is leads_back
