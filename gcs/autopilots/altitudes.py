@@ -1,4 +1,4 @@
-"""Altitudes of mission items: what an autopilot stores, and what to write so that it stores the altitude wanted.
+"""Altitudes of mission items as each autopilot stores them.
 
 ArduPilot multiplies by 100 in single precision and cuts towards zero. An altitude written with millimetres is stored
 up to 1 cm lower, and the legs at both of its ends change in length: by 25 ms for each 5 mm of a slow leg of 0.2 m/s,

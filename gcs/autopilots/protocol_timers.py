@@ -1,4 +1,4 @@
-"""Timers of the MAVLink services: how long the ground station waits for an answer, and how often it asks again.
+"""Timeouts and numbers of retries of the MAVLink services.
 
 `STANDARD` holds the values of the MAVLink guide, and of this project where the guide names none. Each autopilot has a
 table of its own in its row; both begin with `STANDARD`. All times are in seconds.

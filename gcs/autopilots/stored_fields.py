@@ -1,4 +1,4 @@
-"""What an autopilot makes of each field of a stored mission item: the types of the tables in this folder.
+"""The types of the tables that say how an autopilot stores each field of a mission item.
 
 A table has one row per command, and in a row one rule per field. A rule tells how the field reads back when the item
 is on board as it was meant, and how that is known.

@@ -1,4 +1,4 @@
-"""The `gcs` command: its list of commands, its exit codes, and how an error is printed.
+"""The `gcs` command: its commands, exit codes and error output.
 
 A command is a function; its docstring is its help. Its folder is its panel in `gcs --help`.
 Heavy imports stand inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test

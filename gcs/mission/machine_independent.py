@@ -1,4 +1,4 @@
-"""Numbers on which all machines agree, so that one plan gives the same files everywhere.
+"""Rounding that gives the same files on all machines.
 
 The last bits of a sum or of a sine depend on the processor and its libraries. Searches therefore take their inputs from
 a grid that is far coarser than round-off, and of equal candidates the first one. What is written is rounded.

@@ -1,4 +1,4 @@
-"""An event loop whose clock does not count the time in which this program itself stood still.
+"""An event loop whose clock skips the pauses of its own process.
 
 A program that was stopped (SIGSTOP), swapped out, suspended with its computer, or busy for seconds wakes up with all
 its timers due and all messages unread. By the clock of this loop nothing has become old meanwhile: a standstill counts

@@ -1,4 +1,4 @@
-"""What an autopilot reports to the ground, and the queue that words it for STATUSTEXT."""
+"""Events of an autopilot, and their STATUSTEXT queue."""
 
 from __future__ import annotations
 

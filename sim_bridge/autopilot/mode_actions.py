@@ -1,4 +1,4 @@
-"""What a vehicle flies when a mode begins: take-off, mission, return, landing, hold, and setpoints."""
+"""Actions at mode changes: take-off, mission, return, landing, hold, setpoints."""
 
 from __future__ import annotations
 

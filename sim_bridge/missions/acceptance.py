@@ -1,4 +1,4 @@
-"""Which mission items a vehicle accepts, and how it stores and reads them back."""
+"""Acceptance and storage of mission items."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What differs between autopilots in the transfer and storage of missions, fences and rally points.
+"""Traits of mission transfer and storage that differ between autopilots.
 
 Which parameters of an item are stored, and as what, is recorded; the rest is from the published sources.
 """

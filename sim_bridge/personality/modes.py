@@ -1,4 +1,4 @@
-"""What the rows of all autopilots are made of: flight modes, stages of the start-up, occasions for texts."""
+"""The parts of a personality: flight modes, start-up stages, occasions for texts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The navigators as they were recorded.
+"""Navigator parameters, identified from recordings.
 
 Every value is a parameter that the autopilot reported, or its default, except two for each autopilot, which are fitted.
 ArduPilot: the vehicle's lag and drag. PX4 (the drag of its simulator is known): the part of the integral that it gives

@@ -122,7 +122,7 @@ async def _say_progress(screen: Screen, flight: InFlight) -> None:
 
 
 def _waiting(snapshot: Snapshot) -> str:
-    """What the vehicles are not ready for want of: ": vehicles 1, 3: no position estimate"; empty if all are ready."""
+    """Missing readiness conditions: ": vehicles 1, 3: no position estimate"; empty if all are ready."""
     by_lack: dict[str, list[str]] = {}
     for sysid, lack in sorted(snapshot.lacks.items()):
         by_lack.setdefault(lack, []).append(str(sysid))

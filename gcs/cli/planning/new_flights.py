@@ -1,4 +1,4 @@
-"""The flights of `gcs new` from sheets, a drawn route or a drawn area, and what is said about them."""
+"""The scenarios of `gcs new` from sheets, a drawn route or a drawn area, and their summaries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard output that may fail: a closed terminal or pipe, a full disk, an encoding without a character.
+"""Writes to a standard output that may fail: a closed terminal or pipe, a full disk, a missing character.
 
 What cannot be written is dropped, and the command goes on: six vehicles may be in the air.
 """

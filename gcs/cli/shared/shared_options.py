@@ -210,7 +210,7 @@ TransferOption = Annotated[
     option(
         "How ArduPilot receives its mission: items (one by one), file (over MAVLink FTP), or auto (a file where the "
         "vehicle offers MAVLink FTP, else items).",
-        words=("items", "file", "auto"),
+        words=("auto", "items", "file"),
     ),
 ]
 

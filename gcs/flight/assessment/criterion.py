@@ -1,4 +1,4 @@
-"""One criterion of a flight: what was measured, against its limit."""
+"""One criterion of a flight: the measured value against its limit."""
 
 from __future__ import annotations
 

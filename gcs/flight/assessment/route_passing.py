@@ -1,4 +1,4 @@
-"""How vehicles passed the points of the route: how far from their places there, and how late, at each point."""
+"""Position and time errors at each point of the route."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a formation that had no setpoints for a while gets back to its plan: all vehicles at once, or none.
+"""Common rejoin: a formation without setpoints returns to its plan as a whole, or not at all.
 
 Near the plan the vehicles fade to it and keep T0. Else the plan waits for them: T0 moves, so that the plan continues
 where they are and no vehicle has to catch up. While a vehicle fades, its setpoint is the plan's plus its deviation, a

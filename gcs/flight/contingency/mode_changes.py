@@ -64,7 +64,7 @@ class ModeSigns:
         )
 
     def settle(self) -> None:
-        """The mode is an ordered one, or about to be: the next change is a new one."""
+        """Resets mode-change detection: the mode is an ordered one, or about to be."""
         self._reported = None
         self._unclear_s = math.nan
 

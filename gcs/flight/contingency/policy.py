@@ -1,4 +1,4 @@
-"""What the contingency policy is written in: states, orders, triggers, conditions, and the form of a row.
+"""The vocabulary of the contingency policy: states, orders, triggers, conditions, and the form of a row.
 
 `gcs.flight.contingency.policy_rows` holds the rows. Named functions compute what depends on several vehicles, as which
 of two yields.

@@ -1,4 +1,4 @@
-"""When each setpoint is due, and its message in the vehicle's own local frame and boot clock. Time is an argument.
+"""Deadlines of setpoints, and their messages in the vehicle's local frame and boot clock. Time is an argument.
 
 There is one grid of plan times for all vehicles, and a deadline is the k-th time of it, never "the last one plus a
 period", so nothing drifts. After a delay only the newest setpoint is sent: a stale setpoint is worse than none, and a

@@ -1,4 +1,4 @@
-"""What a flight does after this program stood still: read first, judge then, and lead all vehicles back together.
+"""Recovery after a process pause: all vehicles are led back together.
 
 Messages that waited are read before anything is judged by them or sent. Vehicles that still follow setpoints go back to
 the plan at once. If an autopilot has left its mode for want of setpoints, all stop where they are until all follow

@@ -1,4 +1,4 @@
-"""What reports a flight: steps, times, snapshots, events, the watcher that receives them, and the hooks it calls."""
+"""Progress of a flight: steps, times, snapshots, events, and the watchers and hooks that receive them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Snapshot:
     unix_s: float | None = None  # the vehicles' common GNSS time
     nearest: NearestPair | None = None  # the pair of `separation_m`
     separation_min_m: float = math.nan  # the limit of `[judge]`
-    lacks: Mapping[int, str] = field(default_factory=dict)  # what a vehicle is not ready for want of; empty: ready
+    lacks: Mapping[int, str] = field(default_factory=dict)  # missing readiness condition; empty: ready
 
 
 @dataclass(frozen=True)

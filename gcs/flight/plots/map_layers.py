@@ -1,4 +1,4 @@
-"""What every map shows beside tracks: its area, the ground, zones, and the wind as an entry of the legend."""
+"""Common layers of all maps: area, ground, zones, and the wind in the legend."""
 
 from __future__ import annotations
 

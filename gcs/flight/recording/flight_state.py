@@ -1,4 +1,4 @@
-"""`flight.json`: what another process needs to continue a flight whose process has ended."""
+"""`flight.json`: the state from which another process continues a flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What cannot be written: before the flight it is refused, in flight it becomes a gap of the record.
+"""Write failures: refused before the flight, recorded as gaps in flight.
 
 A gap is reported once, and again at the flight's end.
 """

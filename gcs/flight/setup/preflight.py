@@ -1,4 +1,4 @@
-"""The pre-flight checks: the report of every vehicle against what the plan requires. What is not reported is a no-go.
+"""Pre-flight checks: every vehicle's report against the plan. A missing report is a no-go.
 
 Every vehicle has every check of `_KINDS`, so that the table of a fleet has no holes.
 

@@ -1,4 +1,4 @@
-"""How to reach the vehicles, before any link is open: link names, system ids, signing key, backend."""
+"""Connection settings: link names, system ids, signing key, backend."""
 
 from __future__ import annotations
 

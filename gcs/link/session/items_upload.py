@@ -1,4 +1,4 @@
-"""The upload of items to one vehicle: as a file or item by item, read back and compared, and which way it went."""
+"""Uploads items to one vehicle, as a file or item by item, reads them back and compares them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes from outside of a flight: counted, told once, and bounded in what it may cost. Time is an argument.
+"""Unknown systems on a link: counted, reported once, and bounded in what they cost. Time is an argument.
 
 The budget is for addresses where no vehicle of the flight is. What exceeds it is dropped unread, so that a flood from
 there costs the price of receiving it.

@@ -1,4 +1,4 @@
-"""A folder that is replaced as a whole: it is filled beside the old one and swapped in when complete.
+"""Atomic folder replacement: the new folder is filled beside the old one and swapped in when complete.
 
 A folder that holds any file which no export wrote is not replaced.
 """

@@ -1,4 +1,4 @@
-"""Oddities: what is read although a file should not have it. Each is a warning, none is silent.
+"""Vendor quirks: what is read although the format forbids it. Each is a warning.
 
 The lines of a text file that count have no byte order mark, comments and blank lines.
 """

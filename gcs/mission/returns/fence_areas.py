@@ -1,4 +1,4 @@
-"""Where a fleet may fly when its plan ends early: the fence's inclusion, and the area in the plane that returns avoid.
+"""The inclusion fence, and the area that returns avoid.
 
 Areas are shapely polygons with (north, east) as coordinates, m.
 """

@@ -1,4 +1,4 @@
-"""The fence, the rally points and the returns of a plan: what a fleet needs when its plan ends early.
+"""The fence, rally points and returns of a plan.
 
 All vehicles have the same fence. Its inclusion is a convex hull, so every straight return track stays inside it.
 Keep-in areas cut the hull; straight return tracks may leave a concave one.

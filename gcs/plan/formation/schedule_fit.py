@@ -1,4 +1,4 @@
-"""Whether scheduled changes fit into the flight, answered before anything is optimised, with each key that would help.
+"""Checks whether scheduled changes fit into the flight, before anything is optimised.
 
 Every value that is proposed was tried: with it, and all else as it is, the changes fit.
 """

@@ -1,4 +1,4 @@
-"""Multipliers of a solution whose legs became longer or shorter: its rows are named by the times they have now."""
+"""Renames the rows of multipliers to the new node times."""
 
 from __future__ import annotations
 

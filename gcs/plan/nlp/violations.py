@@ -1,4 +1,4 @@
-"""Violations between the nodes, of all vehicles on a fine grid: which constraint, by how much, and when most.
+"""Violations between the nodes, of all vehicles on a fine grid: constraint, size and time.
 
 Only vehicles near a limit are checked on the fine grid. The verifier later checks everything.
 """

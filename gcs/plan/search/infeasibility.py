@@ -1,4 +1,4 @@
-"""Why a scenario has no plan, with the values that would make it feasible; what needs no optimiser is said at once."""
+"""Diagnoses why a scenario has no plan, with the values that would make it feasible."""
 
 from __future__ import annotations
 

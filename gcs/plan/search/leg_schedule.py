@@ -1,4 +1,4 @@
-"""When the leader passes the points of a route: what the speed limits need, and a first guess of the times."""
+"""First guess of the times at which the leader passes the points of a route, and their bounds."""
 
 from __future__ import annotations
 

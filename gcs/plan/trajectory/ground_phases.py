@@ -1,4 +1,4 @@
-"""The phases that the paper leaves out and that need no optimiser: vertical climb, hover, vertical descent.
+"""Take-off and landing phases: vertical climb, hover, vertical descent.
 
 Their polynomials solve Eq. 1: exactly for a level vehicle, to a nanoradian for one that leans against the wind.
 """

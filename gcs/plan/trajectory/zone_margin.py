@@ -1,6 +1,6 @@
-"""Room beside zones: a plan keeps a margin to them, because planner and re-planner avoid larger ones.
+"""Inflates no-fly zones by the safety margin.
 
-They avoid larger no-fly zones, and stay in smaller keep-in areas.
+Planner and re-planner avoid larger no-fly zones, and stay in smaller keep-in areas.
 
 `limits.zone_margin_m` is a limit, which the verifier proves. Without it the planner aims for the navigation error: less
 beside a zone that is near the ends of the flight, and none where no route keeps it.

@@ -1,4 +1,4 @@
-"""How much of a survey's area the vehicles of a plan see, proved from their planned tracks.
+"""Proved coverage of a survey's area by the planned tracks.
 
 A vehicle sees all places within half the swath of its track between T0 and the arrival. The proof takes less than that:
 the track is a chain of chords, and the radius is smaller by as much as the true track may be away from them. Between

@@ -1,4 +1,4 @@
-"""What is checked at instants, exactly: ends, joints, pads, route points, begin of changes, assignment of places."""
+"""Exact checks at instants: ends, joints, pads, route points, begin of changes, assignment of places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the position errors of two vehicles leave of their planned separation.
+"""Worst-case separation under navigation error.
 
 A vehicle is where its estimate has the planned place. So two true positions are nearer or farther than planned by the
 difference of two errors: with standard deviation sigma of one vehicle and one axis, sqrt(2) sigma along their line.

@@ -1,4 +1,4 @@
-"""What the JSON Schema of a model says about a key, in words, and the mistakes that pydantic finds against it."""
+"""Describes a key by its JSON Schema, and words pydantic's errors."""
 
 from __future__ import annotations
 

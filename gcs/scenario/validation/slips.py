@@ -1,4 +1,4 @@
-"""A file's tables as they were meant: known keys, plain numbers. One slip is one mistake, and hides no other."""
+"""Corrects slips in a file's tables, so that each is reported once and hides no other mistake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What reading and writing a file have in common: the states, the opening, and how a transfer ends."""
+"""The common part of reading and writing a file: states, opening, end."""
 
 from __future__ import annotations
 
