@@ -44,7 +44,7 @@ FAILURES: dict[str, Callable[[], BaseException]] = {
     "KeyboardInterrupt": KeyboardInterrupt,
 }
 
-CONTINGENCY, LANDING = "flight/contingency/executor.py", "flight/orders/fleet_landing.py"
+CONTINGENCY, LANDING = "flight/execution/executor.py", "flight/execution/fleet_landing.py"
 EXPECTED = {
     "RuntimeError": RuntimeError,
     "MemoryError": MemoryError,
