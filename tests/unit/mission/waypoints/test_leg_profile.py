@@ -173,3 +173,14 @@ def test_a_leg_begins_when_the_hold_before_it_has_ended(hold_s: float) -> None:
     passed_s = made.passed_s(flight(t_s, places, [9.5, leaves_s + 10.0], [leaves_s, leaves_s + 10.0]))
     assert passed_s[0, -1] == pytest.approx(10.3)
     np.testing.assert_allclose(passed_s[1], leaves_s + 10.0 * THIRDS, atol=0.02)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 5.0])
+def test_the_time_of_passing_is_refined_within_one_step(begin_s: float) -> None:
+    """The autopilot goes on to the next leg 1 m or 10 cm before the point that it would pass, and 0.5 s after it."""
+    t_s = begin_s + np.arange(0.0, 20.15, 0.1)
+    places = northwards(t_s, [begin_s, begin_s + 20.05], [0.0, 40.1])
+    made = profile([[0, 0, -10], [20.1, 0, -10], [40.1, 0, -10]], [0.0, 0.0])
+    for goes_on_s, passed_s in ((9.5, 9.6), (10.0, 10.05), (10.5, 10.4)):
+        times_s = [begin_s + goes_on_s, begin_s + 20.05]
+        assert made.passed_s(flight(t_s, places, times_s, times_s))[0, -1] == pytest.approx(begin_s + passed_s)
