@@ -22,8 +22,7 @@ from gcs.scenario.validation.slips import UNIT, Meant, as_meant, type_mistake
 from gcs.scenario.validation.to_metres import in_degree_keys, in_metres
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.values.si import ground_needed, local_origin, with_changes_of_route
-from gcs.util.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file, read_json
 
 FILE_NAME = "scenario.toml"
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
