@@ -22,11 +22,10 @@ from gcs.mission.formats.vendor_quirks import Odd
 from gcs.plan.plan_file import ARRAYS
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.heightmap import PIXELS_MAX
-from gcs.scenario.schema.json_schema import scenario_schema
+from gcs.scenario.schema.vehicle_types import scenario_schema
 from gcs.scenario.values.formations import places_up_m
 from gcs.util.atomic_write import atomic_write
-from gcs.util.bounded_file import FILE_KINDS, in_mib
-from gcs.util.bounded_json import JSON_VALUES_MAX
+from gcs.util.bounded_file import FILE_KINDS, JSON_VALUES_MAX, in_mib
 from gcs.util.bounded_parquet import ROWS_MAX
 from gcs.util.bounded_xml import XML_ELEMENTS_MAX
 from tools.api_reference import api_reference

@@ -58,8 +58,7 @@ from gcs.physics.states import POSITION
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
-from gcs.scenario.schema.preflight_table import PreflightTable
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, insisted
 from gcs.util.steady_loop import host_s

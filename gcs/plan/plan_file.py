@@ -31,8 +31,7 @@ from gcs.plan.verification.verify import Check, Report, verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.util.archives import ArrayKind, BadArchive, read_arrays
 from gcs.util.atomic_write import atomic_write
-from gcs.util.bounded_file import MIB, PLAN_FILE, SHEETS, open_regular, refuse_size
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import MIB, PLAN_FILE, SHEETS, open_regular, read_json, refuse_size
 
 SUFFIX = ".skein"
 _FORMAT = 2

@@ -1,18 +1,21 @@
 """Files of others, with bounds: every kind of file has a largest size, and only regular files are read.
 
-No pipe makes a command wait, and no device fills the memory.
+No pipe makes a command wait, and no device fills the memory. JSON has a largest number of values and a deepest nesting.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NoReturn
 
 from gcs.errors import FileFormatError, GcsError
 
 MIB = 1024 * 1024
+JSON_VALUES_MAX = 1_000_000
 SHEETS = (".csv", ".xlsx", ".xls", ".ods")  # suffixes of spreadsheets, which people give in place of other files
 
 
@@ -104,3 +107,29 @@ def _refuse_place(path: Path, mode: int, error: type[GcsError], pipes: bool) -> 
     for is_it, words in _KINDS_OF_PLACES:
         if is_it(mode) and not (pipes and is_it is stat.S_ISFIFO):
             raise error(f"{path}: is {words}, not a file.", hint="name a regular file")
+
+
+def read_json(data: bytes | str, *, not_finite: bool = False) -> Any:
+    """The value of a JSON text. Raises ValueError, also for too many values, deep nesting and numbers without end.
+
+    `not_finite` accepts NaN and Infinity, which are not JSON and which Python writes.
+    """
+    refuse_crowded_json(data)
+    try:
+        return json.loads(data, parse_constant=None if not_finite else _not_json)
+    except RecursionError:
+        raise ValueError("values are nested too deeply") from None
+
+
+def refuse_crowded_json(data: bytes | str, most: int = JSON_VALUES_MAX) -> None:
+    """Raise ValueError for a text of more values than any file has: each takes many times its length in memory."""
+    if isinstance(data, str):
+        count = sum(data.count(mark) for mark in ",[{")
+    else:
+        count = sum(data.count(mark) for mark in (b",", b"[", b"{"))
+    if count > most:
+        raise ValueError(f"about {count:,} values; the limit is {most:,}")
+
+
+def _not_json(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is not JSON")

@@ -194,8 +194,7 @@ def read_record(path: Path) -> tuple[ParameterChange, ...]:
     from gcs.errors import FileFormatError
     from gcs.link.protocols.parameter import Parameter
     from gcs.link.session.upload_fleet import ParameterChange
-    from gcs.util.bounded_file import UPLOAD_RECORD, read_file
-    from gcs.util.bounded_json import read_json
+    from gcs.util.bounded_file import UPLOAD_RECORD, read_file, read_json
 
     hint = "name a file that `gcs upload` wrote"
     try:

@@ -231,6 +231,6 @@ def schema(debug: DebugOption = False) -> None:
 
     Example: gcs schema > scenario.schema.json
     """
-    from gcs.scenario.schema.json_schema import scenario_schema
+    from gcs.scenario.schema.vehicle_types import scenario_schema
 
     print(json.dumps(scenario_schema(), indent=2))

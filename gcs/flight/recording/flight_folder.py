@@ -14,8 +14,7 @@ from pydantic import TypeAdapter
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
-from gcs.util.bounded_file import EVENT_FILE, read_file
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import EVENT_FILE, read_file, read_json
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:

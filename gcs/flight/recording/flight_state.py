@@ -18,8 +18,7 @@ from gcs.flight.contingency.options import FlightMode
 from gcs.flight.monitoring.progress import Step
 from gcs.flight.recording.record_gaps import RecordGap
 from gcs.util.atomic_write import atomic_write
-from gcs.util.bounded_file import FLIGHT_STATE, read_file
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import FLIGHT_STATE, read_file, read_json
 
 NAME = "flight.json"
 _FORMAT = "skein-flight-1"

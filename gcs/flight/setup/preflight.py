@@ -29,8 +29,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.schema.preflight_table import PreflightTable
-from gcs.scenario.schema.scenario import Power
+from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 from gcs.util.steady_loop import host_s

@@ -22,7 +22,7 @@ from gcs.mission.drawings.drawing import (
     ring,
     tidy,
 )
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import read_json
 
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")

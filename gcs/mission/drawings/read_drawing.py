@@ -28,8 +28,7 @@ from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.formats.vendor_quirks import first_line
 from gcs.mission.geofence import Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home
-from gcs.util.bounded_file import DRAWING_FILE, read_file
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import DRAWING_FILE, read_file, read_json
 
 SUFFIXES = (".plan", ".waypoints", ".mission", ".kml", ".kmz", ".gpx", ".geojson")
 _HINT = f"give a drawing: {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"

@@ -10,6 +10,7 @@ import io
 import math
 import re
 from collections.abc import Iterable, Iterator
+from xml.etree.ElementTree import Element
 
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import (
@@ -28,7 +29,7 @@ from gcs.mission.drawings.drawing import (
 )
 from gcs.util.archives import BadArchive, member_names, read_member
 from gcs.util.bounded_file import MIB
-from gcs.util.bounded_xml import XmlElement, read_xml
+from gcs.util.bounded_xml import read_xml, said
 
 _IN_KMZ = "doc.kml"
 UNPACKED_MAX_BYTES = 64 * MIB
@@ -57,55 +58,55 @@ def draw_kml(data: bytes, source: str) -> Drawing:
     found = MapSketch(source)
     try:
         root = _root(data, "kml")
-        for number, placemark in enumerate(root.below("Placemark"), start=1):
+        for number, placemark in enumerate(root.iter("Placemark"), start=1):
             _placemark(placemark, number, found)
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as KML") from error
     for kind in _ELSEWHERE:
-        for number, one in enumerate(root.below(kind), start=1):
-            found.leave_out(labelled(kind, number, tidy(one.said("name"))), "not carried over: it draws no line")
+        for number, one in enumerate(root.iter(kind), start=1):
+            found.leave_out(labelled(kind, number, tidy(said(one, "name"))), "not carried over: it draws no line")
     return drawing_of(found)
 
 
-def _root(data: bytes, name: str) -> XmlElement:
+def _root(data: bytes, name: str) -> Element:
     root = read_xml(data)
-    if root.name != name:
-        raise ValueError(f"its root is <{tidy(root.name)}>, not <{name}>")
+    if root.tag != name:
+        raise ValueError(f"its root is <{tidy(root.tag)}>, not <{name}>")
     return root
 
 
-def _placemark(placemark: XmlElement, number: int, found: MapSketch) -> None:
-    name = tidy(placemark.said("name"))
+def _placemark(placemark: Element, number: int, found: MapSketch) -> None:
+    name = tidy(said(placemark, "name"))
     label = labelled("Placemark", number, name)
-    marks = {data.attributes.get("name", ""): data.said("value") for data in placemark.below("Data")}
+    marks = {data.get("name", ""): said(data, "value") for data in placemark.iter("Data")}
     for shape in _shapes(placemark):
-        modes = shape.below("altitudeMode") if shape.name == "MultiTrack" else shape.all("altitudeMode")
-        datum = next((_DATUMS.get(mode.text, Datum.NONE) for mode in modes), Datum.NONE)
-        if shape.name == "Polygon":
+        modes = shape.iter("altitudeMode") if shape.tag == "MultiTrack" else shape.findall("altitudeMode")
+        datum = next((_DATUMS.get(said(mode), Datum.NONE) for mode in modes), Datum.NONE)
+        if shape.tag == "Polygon":
             _polygon(shape, label, _INSIDE.get(marks.get("inclusion", "")), found)
-        elif shape.name == "Point":
+        elif shape.tag == "Point":
             found.spots += _points(_coordinates(shape), datum, label, name)
-        elif shape.name in ("LineString", "LinearRing"):
+        elif shape.tag in ("LineString", "LinearRing"):
             found.lines.append(DrawnLine(label, tuple(_points(_coordinates(shape), datum, label))))
-        elif shape.name in ("Track", "MultiTrack"):
-            rows = [coord.text.split() for coord in shape.below("coord")]
+        elif shape.tag in ("Track", "MultiTrack"):
+            rows = [said(coord).split() for coord in shape.iter("coord")]
             track = tuple(_points(map(_numbers, rows), datum, label))
             found.lines.append(DrawnLine(label, track, recorded=True))
         else:
             found.leave_out(label, "not carried over: a model is no line")
 
 
-def _shapes(placemark: XmlElement) -> Iterator[XmlElement]:
+def _shapes(placemark: Element) -> Iterator[Element]:
     """The geometries of a Placemark, also those in a MultiGeometry."""
-    for child in placemark.children:
-        if child.name == "MultiGeometry":
+    for child in placemark:
+        if child.tag == "MultiGeometry":
             yield from _shapes(child)
-        elif child.name in _GEOMETRIES:
+        elif child.tag in _GEOMETRIES:
             yield child
 
 
-def _coordinates(shape: XmlElement) -> Iterator[list[float]]:
-    for corner in _COMMA.sub(",", shape.said("coordinates")).split():
+def _coordinates(shape: Element) -> Iterator[list[float]]:
+    for corner in _COMMA.sub(",", said(shape, "coordinates")).split():
         yield _numbers(corner.split(","))
 
 
@@ -129,16 +130,16 @@ def _points(
         yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
 
 
-def _polygon(shape: XmlElement, label: str, inside: bool | None, found: MapSketch) -> None:
-    outer = shape.first("outerBoundaryIs", "LinearRing")
+def _polygon(shape: Element, label: str, inside: bool | None, found: MapSketch) -> None:
+    outer = shape.find("outerBoundaryIs/LinearRing")
     if outer is None:
         raise ValueError(f"{label} is a polygon without an edge")
-    holes = [inner.first("LinearRing") for inner in shape.all("innerBoundaryIs")]
+    holes = [inner.find("LinearRing") for inner in shape.findall("innerBoundaryIs")]
     inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
     found.areas.append(DrawnArea(_ring(outer, label), label, inside, inner))
 
 
-def _ring(edge: XmlElement, label: str) -> tuple[Place, ...]:
+def _ring(edge: Element, label: str) -> tuple[Place, ...]:
     return ring([on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in _coordinates(edge)], label)
 
 
@@ -147,29 +148,29 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
     sketch = MapSketch(source)
     try:
         root = _root(data, "gpx")
-        for number, route in enumerate(root.all("rte"), start=1):
-            label = labelled("route", number, tidy(route.said("name")))
-            sketch.lines.append(DrawnLine(label, _gpx_points(route.all("rtept"), label)))
-        for number, track in enumerate(root.all("trk"), start=1):
-            label = labelled("track", number, tidy(track.said("name")))
-            points = (point for segment in track.all("trkseg") for point in segment.all("trkpt"))
+        for number, route in enumerate(root.findall("rte"), start=1):
+            label = labelled("route", number, tidy(said(route, "name")))
+            sketch.lines.append(DrawnLine(label, _gpx_points(route.findall("rtept"), label)))
+        for number, track in enumerate(root.findall("trk"), start=1):
+            label = labelled("track", number, tidy(said(track, "name")))
+            points = (point for segment in track.findall("trkseg") for point in segment.findall("trkpt"))
             sketch.lines.append(DrawnLine(label, _gpx_points(points, label), recorded=True))
-        sketch.spots += _gpx_points(root.all("wpt"), "")
+        sketch.spots += _gpx_points(root.findall("wpt"), "")
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as GPX") from error
     sketch.lines = [line for line in sketch.lines if line.points]
     return drawing_of(sketch)
 
 
-def _gpx_points(elements: Iterable[XmlElement], of: str) -> tuple[DrawnPoint, ...]:
+def _gpx_points(elements: Iterable[Element], of: str) -> tuple[DrawnPoint, ...]:
     return tuple(_gpx_point(element, number, of) for number, element in enumerate(elements, start=1))
 
 
-def _gpx_point(element: XmlElement, number: int, of: str) -> DrawnPoint:
-    name = tidy(element.said("name"))
+def _gpx_point(element: Element, number: int, of: str) -> DrawnPoint:
+    name = tidy(said(element, "name"))
     label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
-    lat_deg, lon_deg = (_number(element.attributes.get(key, ""), label, key) for key in ("lat", "lon"))
-    height = element.said("ele")
+    lat_deg, lon_deg = (_number(element.get(key, ""), label, key) for key in ("lat", "lon"))
+    height = said(element, "ele")
     height_m = _number(height, label, "ele") if height else 0.0
     return DrawnPoint(on_earth(lat_deg, lon_deg), height_m, Datum.SEA if height else Datum.NONE, label, name)
 

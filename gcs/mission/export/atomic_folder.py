@@ -18,8 +18,7 @@ from typing import Any
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.util.bounded_file import EXPORT_INDEX, MISSION_FILE, read_file
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import EXPORT_INDEX, MISSION_FILE, read_file, read_json
 
 INDEX = "index.json"
 FORMAT = "skein-export"

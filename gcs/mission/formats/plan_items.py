@@ -15,7 +15,7 @@ from gcs.mission.formats.item_place import place_on_wire
 from gcs.mission.formats.mission_file import Key, line_of, refused
 from gcs.mission.formats.vendor_quirks import Odd, OddityList, decoded, without_mark
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.util.bounded_json import refuse_crowded_json
+from gcs.util.bounded_file import refuse_crowded_json
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _ITEM = ("SimpleItem", "missionItem")  # the second in `.mission` files of version 1.0

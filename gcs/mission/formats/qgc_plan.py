@@ -30,7 +30,7 @@ from gcs.mission.formats.plan_items import (
 from gcs.mission.formats.vendor_quirks import MARK, Odd
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Frame, Home, MissionItem
-from gcs.util.bounded_json import refuse_crowded_json
+from gcs.util.bounded_file import refuse_crowded_json
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
 # QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 if items differ.

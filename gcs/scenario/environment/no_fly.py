@@ -107,8 +107,7 @@ def widened(zone: NoFlyZone, margin_m: float) -> NoFlyZone:
     if zone.radius_m is not None:
         return zone.model_copy(update={"radius_m": zone.radius_m + margin_m})
     grown = outline(zone).buffer(margin_m, join_style="mitre", mitre_limit=_CORNER_REACH)
-    corners = np.array(grown.exterior.coords)[:-1]
-    return zone.model_copy(update={"polygon_m": tuple((float(n), float(e)) for n, e in corners)})
+    return zone.model_copy(update={"polygon_m": tuple(grown.exterior.coords)[:-1]})
 
 
 @lru_cache(maxsize=256)
@@ -124,8 +123,7 @@ def narrowed(area: KeepIn, margin_m: float, place_m: tuple[float, float]) -> Kee
     if not parts:
         return area
     nearest = min(parts, key=lambda part: (float(part.distance(shapely.Point(place_m))), -part.area))
-    corners = np.array(nearest.exterior.coords)[:-1]
-    return area.model_copy(update={"polygon_m": tuple((float(n), float(e)) for n, e in corners)})
+    return area.model_copy(update={"polygon_m": tuple(nearest.exterior.coords)[:-1]})
 
 
 def displacement_m(zone: Zone, t_s: Array) -> Array:

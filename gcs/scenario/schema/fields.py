@@ -37,11 +37,8 @@ Weight = Annotated[Number, Field(ge=0, le=1e6)]  # of a term of the objective
 
 Point = tuple[Coordinate, Coordinate]
 Place = tuple[Coordinate, Coordinate, Height]
-Direction = tuple[
-    Annotated[Number, Field(ge=-1000, le=1000)],
-    Annotated[Number, Field(ge=-1000, le=1000)],
-    Annotated[Number, Field(ge=-1000, le=1000)],
-]
+_Component = Annotated[Number, Field(ge=-1000, le=1000)]
+Direction = tuple[_Component, _Component, _Component]
 
 
 def left_out(text: str) -> Any:

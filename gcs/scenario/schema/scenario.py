@@ -6,36 +6,51 @@ degrees); `gcs.scenario.values.si` converts them to SI, NED and radians.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, Strict
+from pydantic import AfterValidator, Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
-from gcs.scenario.schema.degree_keys import POSITION
+from gcs.mavlink_names import SENSORS
+from gcs.scenario.schema.degree_keys import BOX, POSITION
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
+    Acceleration,
+    Coordinate,
+    Distance,
     Findings,
+    Force,
     Height,
+    Jerk,
     Length,
     Number,
     Part,
     Place,
     Seconds,
+    Share,
+    Speed,
+    Torque,
     Truth,
     Turn,
+    TurnRate,
     Weight,
     left_out,
 )
 from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Formation, Generator
-from gcs.scenario.schema.ground_tables import Mountains, NoFlyZone, Ripple, Terrain
 from gcs.scenario.schema.heightmap import Relief
-from gcs.scenario.schema.limits_table import ROLL_PITCH_KEYS, LimitsTable, Performance
-from gcs.scenario.schema.preflight_table import PreflightTable
-from gcs.scenario.schema.route_tables import ROUTE_MAX, KeepIn, RoutePoint, SurveyTable
+from gcs.scenario.schema.place_tables import (
+    ROUTE_MAX,
+    KeepIn,
+    Mountains,
+    NoFlyZone,
+    Ripple,
+    RoutePoint,
+    SurveyTable,
+    Terrain,
+)
 
 __all__ = ["START_SHAPE", "ChangeTable", "Formation", "Generator"]  # of the tables beside these, for all users
-__all__ += ["ROLL_PITCH_KEYS", "KeepIn", "LimitsTable", "Performance", "PreflightTable", "RoutePoint", "SurveyTable"]
-__all__ += ["Mountains", "NoFlyZone", "Relief", "Ripple", "Terrain"]
+__all__ += ["KeepIn", "Mountains", "NoFlyZone", "Relief", "Ripple", "RoutePoint", "SurveyTable", "Terrain"]
 
 AT_START = "start"  # as the end: a file may say so instead of a table
 
@@ -46,6 +61,103 @@ Inertia = Annotated[Number, Field(ge=1e-9, le=10_000)]
 RotorCoefficient = Annotated[Number, Field(ge=1e-15, le=1)]
 Drag = Annotated[Number, Field(ge=0, le=1000)]
 Velocity = Annotated[Number, Field(ge=-340, le=340)]
+TorquePair = tuple[Torque, Torque]
+ROLL_PITCH_KEYS = ("roll_pitch_force_N", "roll_pitch_moment_Nm", "torque")
+
+if TYPE_CHECKING:
+    SensorName = str
+else:
+    SensorName = Literal[SENSORS]  # a name, as a type of data models
+
+
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    low, high = pair
+    if low >= high:
+        step = f". Write [{high:g}, {low:g}]" if low > high else ""
+        raise ValueError(f"must be [low, high] with low < high{step}")
+    return pair
+
+
+def _upwards(pair: tuple[float, float]) -> tuple[float, float]:
+    low, high = pair
+    if high < low <= 0.0:
+        raise ValueError(
+            f"must be [low, high] with low < high; heights are positive upwards. Write [{0.0 - low:g}, {0.0 - high:g}]"
+        )
+    return _ordered(pair)
+
+
+Range = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ordered)]
+HeightRange = Annotated[tuple[Height, Height], AfterValidator(_upwards)]
+
+
+class Performance(Part):
+    """The limits that a type of vehicle has by itself."""
+
+    speed_ned_mps: tuple[Speed, Speed, Speed] = Field(description="largest speed along north, east, vertical, m/s")
+    roll_pitch_yaw_deg: tuple[
+        Annotated[Number, Field(ge=0.01, le=180)],
+        Annotated[Number, Field(ge=0.01, lt=90)],
+        Annotated[Number, Field(ge=0.01, le=360)],
+    ] = Field(description="largest |roll|, |pitch|, |yaw|, degrees")
+    rates_degps: tuple[TurnRate, TurnRate, TurnRate] = Field(
+        description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s"
+    )
+    thrust_N: Annotated[tuple[Force, Force], AfterValidator(_ordered)] = Field(description="U_1, [low, high], N")
+    roll_pitch_force_N: TorquePair | None = left_out(
+        "largest |U_2|, |U_3| as Eqs. 1 and 2 have them: forces on the arm, N"
+    )
+    roll_pitch_moment_Nm: TorquePair | None = left_out(
+        "instead of roll_pitch_force_N: the moments arm_m |U_2|, arm_m |U_3|, the unit of Eq. 51, N m"
+    )
+    yaw_moment_Nm: Torque | None = left_out(
+        "largest |U_4|, N m; needed beside roll_pitch_force_N and roll_pitch_moment_Nm"
+    )
+    torque: tuple[Torque, Torque, Torque] | None = Field(
+        default=None,
+        description="deprecated: [roll_pitch_force_N, yaw_moment_Nm] in one list, N, N, N m",
+        exclude_if=lambda torque: torque is None,
+        json_schema_extra={"deprecated": True},
+    )
+    load_factor_max: Number = Field(
+        ge=0.001, le=100, description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
+    )
+    accel_max_mps2: Acceleration | None = Field(
+        default=None, description="a_max, largest acceleration of a vehicle, m/s^2"
+    )
+    jerk_max_mps3: Jerk | None = left_out(
+        "j_max, largest jerk of a vehicle: the rate at which its acceleration changes, m/s^3"
+    )
+    control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
+
+    def _disagreements(self) -> Findings:
+        given = [key for key in ROLL_PITCH_KEYS if getattr(self, key) is not None]
+        if not given:
+            yield (), f"lacks the limits of U_2 and U_3. Give one of {', '.join(ROLL_PITCH_KEYS[:2])}"
+        for key in given[1:]:
+            yield (key,), f"stands beside {given[0]}; both limit U_2 and U_3. Keep one"
+        if self.torque is not None and self.yaw_moment_Nm is not None:
+            yield ("yaw_moment_Nm",), "stands beside torque, whose third number is the same limit. Keep one"
+        if given and self.torque is None and self.yaw_moment_Nm is None:
+            yield ("yaw_moment_Nm",), "missing; it must be a number > 0 (largest |U_4|, N m)"
+
+
+class LimitsTable(Performance):
+    """The limits of every vehicle: Eq. 51, and those that the paper names without a value."""
+
+    degree_keys = (BOX,)
+
+    north_m: Range = Field(description="[low, high], m north of the origin")
+    east_m: Range = Field(description="[low, high], m east of the origin")
+    height_m: HeightRange = Field(description="[low, high], m above height 0")
+    clearance_min_m: Distance = Field(
+        description="h_min, least distance to the ground in any direction between take-off and landing, m"
+    )
+    separation_min_m: Length = Field(description="least distance between two planned vehicles, m")
+    zone_margin_m: Distance | None = left_out(
+        "least distance of every vehicle to every no-fly zone, m; left out: the plan keeps the navigation "
+        "error of [sensors] where there is room"
+    )
 
 
 class OriginTable(Part):
@@ -199,6 +311,41 @@ class Judge(Part):
     )
     arrival_position_m: Length = Field(default=5.0, description="largest position error at arrival, m")
     position_rms_m: Length = Field(default=3.5, description="largest RMS position error of a vehicle, m")
+
+
+class PreflightTable(Part):
+    """What a vehicle on a link must report before it is armed. A failed check is a no-go."""
+
+    required_sensors: tuple[SensorName, ...] = Field(
+        default=(), description="sensors that must be enabled and healthy, also those that the autopilot flies without"
+    )
+    mentioned_sensors: tuple[SensorName, ...] = Field(
+        default=(),
+        description="sensors that are only mentioned where not healthy, beside those that the autopilot flies without "
+        "(radio control on both); every other enabled sensor must be healthy",
+    )
+    pad_m: Length = Field(default=3.0, description="largest horizontal distance of a vehicle from its own pad, m")
+    height_m: Length = Field(default=10.0, description="largest difference of its height from its pad's, m")
+    home_m: Length = Field(default=3.0, description="largest horizontal distance of its home from its position, m")
+    origin_m: Length = Field(
+        default=5.0, description="largest horizontal distance of its local frame's origin from its pad, m"
+    )
+    round_trip_s: Number = Field(default=1.0, ge=0.001, le=60, description="longest round trip of TIMESYNC, s")
+    reserve: Share = Field(default=0.25, description="charge left after the flight, share of a full battery")
+    endurance_s: Number = Field(
+        default=900.0, ge=1, le=86_400, description="hover time of a full battery, used without [vehicle.power], s"
+    )
+    effort: Annotated[Number, Field(ge=1, le=100)] = Field(
+        default=1.15, description="energy for climbs and wind over that of hover, used without [vehicle.power]"
+    )
+    capacity_tolerance: Share = Field(
+        default=0.1,
+        description="largest difference of the capacity that a vehicle is set to from that of [vehicle.power], share",
+    )
+
+    def _disagreements(self) -> Findings:
+        for name in sorted({*self.required_sensors} & {*self.mentioned_sensors}):
+            yield ("mentioned_sensors",), f'has "{name}", which required_sensors has too. Name it in one of them'
 
 
 class Scenario(Part):

@@ -14,9 +14,10 @@ from pydantic import Field
 
 from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.schema.fields import Part
-from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, VehicleTable
+from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, Scenario, VehicleTable
 
 KEY = "vehicle_type"
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PRESETS = files("gcs.scenario.schema") / "presets"
 
 
@@ -68,3 +69,14 @@ def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
     if kind.autopilot is not None and isinstance(mission, dict):
         found["mission"] = {"autopilot": kind.autopilot, **mission}
     return found
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The JSON Schema of every table and key. It does not require those that a vehicle type may give; loading does."""
+    tables = Scenario.model_json_schema()
+    kinds = f"type of vehicle: {', '.join(presets())}, or the path of a vehicle file"
+    tables["properties"][KEY] = {"type": "string", "description": kinds}
+    tables["required"].remove("vehicle")
+    for name in ("VehicleTable", "LimitsTable"):
+        tables["$defs"][name].pop("required")
+    return {"$schema": DIALECT, **tables}

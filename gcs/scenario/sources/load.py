@@ -22,8 +22,7 @@ from gcs.scenario.validation.slips import UNIT, Meant, as_meant, type_mistake
 from gcs.scenario.validation.to_metres import in_degree_keys, in_metres
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.values.si import ground_needed, local_origin, with_changes_of_route
-from gcs.util.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file
-from gcs.util.bounded_json import read_json
+from gcs.util.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file, read_json
 
 FILE_NAME = "scenario.toml"
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
@@ -106,27 +105,28 @@ def _possible_types(data: dict[str, Any], folder: Path, mistakes: list[Mistake])
 
     Raises ScenarioError with the mistakes of the vehicle's file.
     """
-    known = presets()
+    known, wanted = presets(), data.get(KEY)
+    if KEY not in data and "vehicle" in data:
+        return [None]
     if KEY not in data:
-        if "vehicle" in data:
-            return [None]
         names = ", ".join(f'"{name}"' for name in known)
         text = f"missing, and there is no table [vehicle]; it must be one of {names}, or the path of a vehicle file"
-        mistakes.append(Mistake((KEY,), text, remedy=f'add vehicle_type = "{known[-1]}" above the first table'))
-        return _stand_ins()
-    wanted = data[KEY]
-    if not isinstance(wanted, str):
-        mistakes.append(type_mistake(wanted, known, "must be text: the name of a vehicle type"))
-        return _stand_ins()
-    file = vehicle_file(wanted, folder)
+        mistake = Mistake((KEY,), text, remedy=f'add vehicle_type = "{known[-1]}" above the first table')
+    elif not isinstance(wanted, str):
+        mistake = type_mistake(wanted, known, "must be text: the name of a vehicle type")
+    elif _is_file(file := vehicle_file(wanted, folder)):
+        return [load_vehicle(file)]
+    else:
+        mistake = type_mistake(wanted, known, "is neither a vehicle type nor a file")
+    mistakes.append(mistake)
+    return _stand_ins()
+
+
+def _is_file(file: Path) -> bool:
     try:
-        is_there = file.is_file()
+        return file.is_file()
     except (OSError, ValueError):  # a name that is too long; a NUL byte
-        is_there = False
-    if not is_there:
-        mistakes.append(type_mistake(wanted, known, "is neither a vehicle type nor a file"))
-        return _stand_ins()
-    return [load_vehicle(file)]
+        return False
 
 
 def _stand_ins() -> list[VehicleFile | None]:

@@ -7,9 +7,7 @@ others.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,11 +57,6 @@ class Stop:
     places_up_m: Array  # (K, 3) north, east, height
     radius_m: float = 0.0  # the leader may be so far from the place
 
-    @property
-    def table(self) -> str:
-        """The table as text."""
-        return dotted(self.key)
-
 
 @RULES.needs("start", "formation")
 def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
@@ -105,7 +98,7 @@ def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
                 f"puts {counted(outside, 'place')} of the last shape, {name}, outside limits.{key}, {plain(low)} to "
                 f"{plain(high)}; the shape would reach from {plain(along.min())} to {plain(along.max())}"
             )
-            step = _into_the_box("end", axis, key, own, along, (low, high))
+            step = _into_the_box(scenario, "end", axis, own, along)
             yield Mistake(("end", "position_m", axis), text, own, remedy=step)
 
 
@@ -124,12 +117,11 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
     start = _at_start(scenario)
     shares = np.linspace(0.0, 1.0, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1)[:-1]  # end: rule above
     for share in shares:
-        worst, missing = _lowest(scenario, begin + share * (start.places_up_m - begin))
-        if missing > SLACK:
-            text = (
-                f"vehicle {start.sysids[worst]} would be {_below(missing, scenario)}, {share * length:.0f} m into the "
-                "run-up. Shorten it, or raise [start]"
-            )
+        missing = _missing_m(scenario, begin + share * (start.places_up_m - begin))
+        if missing.max() > SLACK:
+            sysid, below = start.sysids[int(missing.argmax())], _below(float(missing.max()), scenario)
+            text = f"vehicle {sysid} would be {below}, {share * length:.0f} m into the run-up. "
+            text += "Shorten it, or raise [start]"
             yield Mistake(("ground_phases", "run_up_m"), text, length)
             return
 
@@ -210,8 +202,7 @@ def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
             f"vehicle {stop.sysids[worst]} would be at {plain(along[worst])}"
         )
         own = stop.position_m[axis]
-        moves_with = partial(_vehicles_move_with, scenario, axis) if stop.key == _START else (lambda _: "")
-        step = _into_the_box(stop.table, axis, key, own, along, (low, high), moves_with)
+        step = _into_the_box(scenario, dotted(stop.key), axis, own, along)
         yield Mistake((*stop.key, "position_m", axis), text, own, remedy=step)
 
 
@@ -256,7 +247,7 @@ def _stray_vehicle(scenario: Scenario, axis: int) -> Mistake:
     own, others = float(along[worst]), np.delete(along, worst)
     table: Key = ("formation", "vehicle", worst, "position_m", axis)
     text = f"puts vehicle {start.sysids[worst]} outside limits.{key}, {plain(low)} to {plain(high)}"
-    wider = f"limits.{key} to [{plain(min(low, np.floor(along.min())))}, {plain(max(high, np.ceil(along.max())))}]"
+    wider = _wider(scenario, axis, along)
     if len(rows) > 1:
         text += f"; in all, {_vehicles(start, np.isin(np.arange(len(along)), rows))} are outside"
         return Mistake(table, text, own, remedy=f"set {wider}, or move these vehicles")
@@ -284,26 +275,25 @@ def _way(north_east_up_m: Array) -> str:
     return ", ".join(f"{plain(abs(size))} m {words[int(size < 0)]}" for size, words in along if abs(size) > _SAME_M)
 
 
-def _into_the_box(
-    table: str,
-    axis: int,
-    key: str,
-    own: float,
-    along_m: Array,
-    box_m: tuple[float, float],
-    moves_with: Callable[[float], str] = lambda _: "",
-) -> str:
+def _into_the_box(scenario: Scenario, table: str, axis: int, own: float, along_m: Array) -> str:
     """How to bring vehicles into the box along one axis: by another position, and else by a wider box."""
-    (low, high), least, most = box_m, float(along_m.min()), float(along_m.max())
-    wider = f"set limits.{key} to [{plain(min(low, np.floor(least)))}, {plain(max(high, np.ceil(most)))}]"
+    (low, high), least, most = getattr(scenario.limits, BOX[axis]), float(along_m.min()), float(along_m.max())
     if most - least > high - low:
-        return wider
+        return f"set {_wider(scenario, axis, along_m)}"
     moved = own + (low - least if least < low else high - most)
-    step = f"set {table}.position_m[{axis}] to {plain(moved)}{moves_with(moved)}, or {wider.removeprefix('set ')}"
+    others = _vehicles_move_with(scenario, axis, moved) if table == "start" else ""
+    step = f"set {table}.position_m[{axis}] to {plain(moved)}{others}, or {_wider(scenario, axis, along_m)}"
     feet_m = _FOOT_M * own
     if axis == _HEIGHT and most > high and low <= feet_m <= high:
         step += f"; is it in feet? {plain(own)} ft are {plain(feet_m)} m"
     return step
+
+
+def _wider(scenario: Scenario, axis: int, along_m: Array) -> str:
+    """The box along an axis that holds these places too."""
+    low, high = getattr(scenario.limits, BOX[axis])
+    ends_m = min(low, np.floor(along_m.min())), max(high, np.ceil(along_m.max()))
+    return f"limits.{BOX[axis]} to [{', '.join(map(plain, ends_m))}]"
 
 
 def up(value: float, step: float) -> float:
@@ -362,13 +352,6 @@ def _missing_m(scenario: Scenario, places_up_m: Array) -> Array:
     """The height that each vehicle lacks above the ground, negative where it has more than that, m."""
     least_m = clearance_floor_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1], scenario.limits.clearance_min_m)
     return np.asarray(least_m - places_up_m[:, 2])
-
-
-def _lowest(scenario: Scenario, places_up_m: Array) -> tuple[int, float]:
-    """The row of the vehicle with the least clearance, and the height in m that it lacks."""
-    missing = _missing_m(scenario, places_up_m)
-    worst = int(missing.argmax())
-    return worst, float(missing[worst])
 
 
 def _below(missing_m: float, scenario: Scenario) -> str:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
 from gcs.frames import Origin, geodetic_to_ned
-from gcs.scenario.schema.degree_keys import CENTRE, DegreeKeys, adapter
+from gcs.scenario.schema.degree_keys import CENTRE, DegreeKeys
 from gcs.scenario.schema.fields import FARTHEST_M
-from gcs.scenario.schema.mistake import DEGE7, DEGE7_LEAST, Mistake, degrees, plain
-from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.schema.toml_lines import Key
-from gcs.scenario.validation.schema_words import from_pydantic
+from gcs.scenario.schema.mistake import DEGE7, DEGE7_LEAST, degrees, plain
 
 Pair = Sequence[float]  # as written: latitude, longitude, or north, east
 
@@ -93,62 +89,6 @@ def written(keys: DegreeKeys, places: Sequence[Pair], height: str = "", *, metre
     columns = [", ".join(column[:_LISTED]) + rest for column in zip(*rows, strict=True)]
     marks = "{} = {}" if keys is CENTRE else "{} = [{}]"
     return " and ".join(map(marks.format, names, columns))
-
-
-def place_mistakes(
-    keys: DegreeKeys, values: dict[str, Any], in_metres: list[str], origin: Origin | None, key: Key
-) -> Iterator[Mistake]:
-    """The mistakes of one place in degrees: of its keys, of where it is, and of each number."""
-    names, heights = list(keys.degrees), [name for name in keys.heights or () if name in values]
-    lacking, first = [name for name in names if name not in values], next(iter(values))
-    third = numbers(values.get(names[0]), 3) if keys.form == "position" else None
-    if in_metres:
-        text = f"stands beside {' and '.join(in_metres)}; a place is in metres or in degrees"
-        text += ", with its height" if keys.heights else ""
-        yield Mistake((*key, first), text, values[first], remedy="keep one of the two")
-    elif lacking:
-        step = f"add {lacking[0]}" + (" = [latitude, longitude]" if keys.heights else ", in degrees")
-        yield Mistake((*key, lacking[0]), f"missing; {first} needs it", remedy=step)
-    if in_metres or lacking:
-        return
-    if keys.heights and not heights and not third:
-        text = f"missing; {first} needs a height: height_m above the origin, or alt_amsl_m above the sea"
-        yield Mistake((*key, "height_m"), text, remedy="add height_m, in m")
-    if heights[1:]:
-        text = f"stands beside {heights[0]}; both are the height. Keep one of the two"
-        yield Mistake((*key, heights[1]), text, values[heights[1]])
-    found = list(_misplaced(keys, values, third, origin, key))
-    yield from found
-    for name in heights if found else values:
-        try:
-            adapter(keys.every[name]).validate_python(values[name])
-        except ValidationError as error:
-            yield from from_pydantic(error, Scenario, (*key, name))
-
-
-def _misplaced(
-    keys: DegreeKeys, values: dict[str, Any], third: Pair | None, origin: Origin | None, key: Key
-) -> Iterator[Mistake]:
-    """Places that are not near the origin, and lists that are none of places."""
-    name, *_ = keys.degrees
-    value, height = values[name], plain(third[2]) if third and len(values) == 1 else ""
-    places, where = pairs_of(keys, [values[one] for one in keys.degrees]), (*key, name)
-    asked = [question(place, origin) if origin else None for place in places]
-    wrong = [one for one in asked if one]
-    if wrong and all(one.degrees for one in wrong):
-        meant = [one.degrees if one and one.degrees else place for one, place in zip(asked, places, strict=True)]
-        yield Mistake(where, wrong[0].text, value, remedy=f"write {written(keys, meant, height)}")
-    elif wrong and all(one and one.is_metres for one in asked):
-        height = plain(values["height_m"]) if is_number(values.get("height_m")) else height
-        yield Mistake(where, wrong[0].text, value, remedy=f"write {written(keys, places, height, metres=True)}")
-    elif wrong:
-        for row, (one, place) in enumerate(zip(asked, places, strict=True)):
-            at, shown = ((*where, row), place) if keys.form == "points" else (where, value)
-            if one:
-                yield Mistake(at, one.text, shown, remedy="correct the place, or [origin]")
-    elif third:
-        text = "has three numbers; it is latitude and longitude, and the height has its own key"
-        yield Mistake(where, text, value, remedy=f"write {written(keys, places, height)}")
 
 
 def _away_m(place: Pair, origin: Origin) -> float:

@@ -57,7 +57,7 @@ def _in_a_zone(scenario: Scenario, name: ZoneName, zone: Zone, stop: Stop, t_s: 
     margin_m = scenario.limits.zone_margin_m or 0.0
     outside = _outside_m(zone, t_s, stop.places_up_m) + stop.radius_m
     worst = int(outside.argmin())
-    at = f"its {stop.table}" if len(stop.key) == 1 else stop.table
+    at = f"its {dotted(stop.key)}" if len(stop.key) == 1 else dotted(stop.key)
     if -SLACK <= outside[worst] < margin_m - SLACK:
         text = f"too much: vehicle {stop.sysids[worst]} is {plain(float(outside[worst]))} m from {name.edge} at {at}"
         step = f"set limits.zone_margin_m to {plain(np.floor(100.0 * float(outside[worst])) / 100.0)} or less"

@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 from gcs.util import bounded_xml
-from gcs.util.bounded_xml import read_xml
+from gcs.util.bounded_xml import read_xml, said
 
 
 def test_elements_have_names_without_prefixes_text_and_order() -> None:
     root = read_xml(b'<?xml version="1.0"?><k:a x:id="7"> one <gx:b>two</gx:b><c><b>three</b></c> </k:a>')
-    assert (root.name, root.attributes, root.text) == ("a", {"id": "7"}, "one")
-    assert [one.text for one in root.below("b")] == ["two", "three"]
-    assert [one.text for one in root.all("b")] == ["two"]
-    assert root.said("c", "b") == "three"
-    assert root.first("b", "c") is None
-    assert root.said("d") == ""
+    assert (root.tag, root.attrib, said(root)) == ("a", {"id": "7"}, "one")
+    assert [one.text for one in root.iter("b")] == ["two", "three"]
+    assert [one.text for one in root.findall("b")] == ["two"]
+    assert said(root, "c/b") == "three"
+    assert root.find("b/c") is None
+    assert said(root, "d") == ""
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
@@ -43,6 +43,6 @@ def test_what_is_no_plain_xml_is_refused(data: bytes, reason: str) -> None:
 
 def test_the_number_of_elements_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounded_xml, "XML_ELEMENTS_MAX", 10)
-    assert len(read_xml(b"<a>" + b"<b/>" * 9 + b"</a>").children) == 9
+    assert len(read_xml(b"<a>" + b"<b/>" * 9 + b"</a>")) == 9
     with pytest.raises(ValueError, match="more than 10 elements"):
         read_xml(b"<a>" + b"<b/>" * 10 + b"</a>")

@@ -18,7 +18,7 @@ from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.maps.tracks import MapFile, MapPoint, Track, checked
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint
-from gcs.util.bounded_json import refuse_crowded_json
+from gcs.util.bounded_file import refuse_crowded_json
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]

@@ -16,8 +16,7 @@ from gcs.link.protocols.timesync import TimeSample
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
-from gcs.scenario.schema.preflight_table import PreflightTable
-from gcs.scenario.schema.scenario import Power
+from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
 
 

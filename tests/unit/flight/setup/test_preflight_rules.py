@@ -16,8 +16,7 @@ from gcs.flight.setup.preflight import compare_capacity, nominal_V, preflight
 from gcs.link.session.status_report import VehicleReport
 from gcs.mavlink_names import SENSORS, sensor_names
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.schema.preflight_table import PreflightTable
-from gcs.scenario.schema.scenario import Power
+from gcs.scenario.schema.scenario import Power, PreflightTable
 from tests.unit.flight.setup.test_preflight_missing import full
 
 RC = "radio control"
