@@ -12,6 +12,7 @@ from scipy.interpolate import PPoly
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.verification import exact_checks as exact_checks_module
 from gcs.plan.verification.exact_checks import exact_checks
 from gcs.plan.verification.proof.verdict import Check
 from gcs.types import Array
@@ -172,3 +173,12 @@ def test_a_plan_that_begins_in_the_air_is_compared_with_its_own_begin(meadow_pla
     assert "landing point" in checks
     elsewhere = replace(begun, begin_state=(float(begin[0]) + 0.5, *begin.tolist()[1:]))
     assert found(elsewhere)["start position"].worst == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize(("late_s", "passes"), [(0.059, True), (0.061, False)])
+def test_a_change_may_begin_60_ms_late(
+    meadow_plan: Plan, monkeypatch: pytest.MonkeyPatch, late_s: float, passes: bool
+) -> None:
+    monkeypatch.setattr(exact_checks_module, "late_s", lambda plan: [(0.01, 3.0), (late_s, 8.0), (0.02, 12.0)])
+    check = found(meadow_plan)["changes begin when they should"]
+    assert (check.ok, check.worst, check.t_s, check.unit) == (passes, -late_s, 8.0, "s")

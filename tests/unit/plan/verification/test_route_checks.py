@@ -69,6 +69,28 @@ def test_a_point_that_is_not_met_is_named(routed: Plan, metres: float, keys: dic
     assert failed(aside(routed, metres, **keys)) == [f'route point 2 ("gate"): {kind}' for kind in said]
 
 
+@pytest.mark.parametrize("share", [0.9, 1.1])
+@pytest.mark.parametrize(
+    ("key", "tolerance", "kind"),
+    [
+        ("at_s", 1e-3, "time"),
+        ("at_s", -1e-3, "time"),
+        ("after_s", 1e-3, "time"),
+        ("by_s", -1e-3, "time"),
+        ("speed_mps", 1e-3, "speed"),
+        ("speed_mps", -1e-3, "speed"),
+        ("heading_deg", 0.01, "heading"),
+        ("heading_deg", -0.01, "heading"),
+    ],
+)
+def test_a_point_may_be_missed_by_its_tolerance_and_no_more(
+    routed: Plan, key: str, tolerance: float, kind: str, share: float
+) -> None:
+    met = routed.scenario.route[1].model_dump() | {"after_s": 10.0, "by_s": 10.0}
+    found = failed(aside(routed, 0.0, **({"at_s": None} | {key: met[key] + share * tolerance})))
+    assert found == ([] if share < 1.0 else [f'route point 2 ("gate"): {kind}'])
+
+
 def test_the_margin_of_a_missed_point_is_its_distance(routed: Plan) -> None:
     check = next(c for c in route_checks(aside(routed, 3.0, radius_m=1.0)) if c.name.endswith("distance"))
     assert (check.worst, check.t_s, check.sysid) == (pytest.approx(-2.0), 10.0, routed.sysids[routed.leader])
