@@ -193,6 +193,7 @@ def test_the_heading_worked_by_hand(
     facing = scenario.start.roll_pitch_yaw_deg[2]
     plan = still(planned, scenario, scale * turned(offsets_ned_m(scenario), 30.0))
     course = np.radians(facing + 33.0)
+    assert family(plan).constraints[1].tolerance == pytest.approx(0.05), "1 % of 5 degrees"
     state = np.zeros((2, 1, 12))
     state[1, 0, 3:5] = speed_mps * np.cos(course), speed_mps * np.sin(course)
     found = proof(led(plan, state, np.array([plan.t_start_s, plan.t_end_s])))

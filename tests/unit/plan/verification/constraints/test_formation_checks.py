@@ -16,7 +16,8 @@ from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation.transforms import rotation, shrinking, straight
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.formation_checks import nearest_pair_m
+from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.verification.constraints.formation_checks import crossing_s, nearest_pair_m
 from gcs.plan.verification.verify import verify
 from gcs.scenario.values.si import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, TO_FILE, TURN, Planned, at, auto
@@ -321,3 +322,27 @@ def test_changes_are_worked_out_anew(planned: Planned) -> None:
     starts = tuple(move.start_s for move in plan.moves)
     again = lay(plan.scenario, starts, 0.0, plan.flight_s)
     assert failing(in_shape(plan, again.shape)) == set()
+
+
+@pytest.mark.parametrize(
+    ("west_m", "east_m", "crosses"),
+    [
+        (0.009, 10.009, True),
+        (0.011, 10.011, False),
+        (-10.009, -0.009, True),
+        (-10.011, -0.011, False),
+        (-5.0, 5.0, True),
+    ],
+)
+def test_a_gate_ends_a_thousandth_of_its_width_beyond_its_posts(
+    meadow_plan: Plan, west_m: float, east_m: float, crosses: bool
+) -> None:
+    """North at 2 m/s from T0 on: the line of the gate, 12 m ahead, is crossed after 6 s."""
+    state = np.zeros((2, 1, 12))
+    state[0, 0, 0] = 2.0
+    joints = np.array([0.0, 20.0])
+    plan = replace(meadow_plan, leader_trajectory=Trajectory(PPoly(state, joints), PPoly(np.zeros((1, 1, 4)), joints)))
+    for posts in (((12.0, west_m), (12.0, east_m)), ((12.0, east_m), (12.0, west_m))):
+        found = crossing_s(plan, posts)
+        assert found == (pytest.approx(6.0) if crosses else None)
+    assert crossing_s(plan, ((-2.0, -5.0), (-2.0, 5.0))) is None, "behind it"
