@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -304,3 +305,23 @@ def test_without_setpoints_for_half_a_second_vehicles_are_led_back(missing_s: fl
     assert not ours.reads(7.0)
     assert ours.open is leads_back
     assert ours._streamer.paused is leads_back
+
+
+@pytest.mark.parametrize("flies", [True, False])
+def test_a_vehicle_that_is_taken_back_gets_setpoints_again(flies: bool) -> None:
+    """In the air it holds where it is; before T0 it only changes its mode."""
+    ours: Any = object.__new__(Standstill)
+    done: list[object] = []
+
+    async def take(vehicle: object, *reference: object) -> None:
+        done.append((*reference, ours._streamer.paused))
+
+    ours._streamer = SimpleNamespace(paused=True, obey=take, take_over=take)
+    ours._monitor = SimpleNamespace(t0_unix_s=EPOCH_S if flies else None)
+    ours._time, ours._held = SimpleNamespace(sure_s=lambda: 7.0), set()
+    ours._hold_at = lambda vehicle, now_s: ("hold", now_s)
+    vehicle: Any = SimpleNamespace(sysid=2)
+    with patch("gcs.flight.execution.standstill.hurried", lambda vehicle: vehicle):
+        asyncio.run(ours.take_back(vehicle))
+    assert done == ([(("hold", 7.0), False)] if flies else [(True,)])
+    assert ours._held == ({2} if flies else set())

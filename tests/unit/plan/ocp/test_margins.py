@@ -9,7 +9,7 @@ from gcs.plan.ocp import margins
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import control_bounds, flight_problem, run_up_problem
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.values.si import offsets_ned_m
+from gcs.scenario.values.si import offsets_ned_m, quadrotor
 from gcs.types import Array
 from tests.unit.plan.problems import changed, meadow
 
@@ -141,6 +141,18 @@ def test_turning_is_the_normal_acceleration(simulation1: Scenario) -> None:
     thrust = np.array([[[4.9 / np.cos(bank), 0, 0, 0]]])
     found = margins.turning(simulation1, states(vx=speed, roll=bank), thrust)
     assert found.value[0, 0] == pytest.approx(0.3 - speed**2 / (radius * 9.8))
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 0.02, 0.099, 0.101, 0.15, 3.0])
+def test_below_a_tenth_of_a_metre_a_second_turning_fades_with_the_speed(
+    simulation1: Scenario, speed_mps: float
+) -> None:
+    """The bank pushes to the side with tan(0.05) g; of that, the share counts that the speed has of 0.1 m/s."""
+    weight_N = quadrotor(simulation1).weight_N
+    thrust = np.array([[[weight_N / np.cos(0.05), 0.0, 0.0, 0.0]]])
+    found = margins.turning(simulation1, states(vx=speed_mps, roll=0.05), thrust)
+    most = simulation1.limits.load_factor_max
+    assert found.value[0, 0] == pytest.approx(most - np.tan(0.05) * min(speed_mps / 0.1, 1.0), abs=1e-9)
 
 
 def test_no_fly_disks_are_circles_of_their_radius(simulation1: Scenario) -> None:
