@@ -243,6 +243,14 @@ def test_t0_stays_near_the_end_only_for_vehicles_that_are_all_but_there(
     assert (isinstance(found, Rejoin) and (found.t_s, found.fade_s) == (now_s, 8.0)) is stays
 
 
+def test_t0_stays_for_vehicles_that_still_wait_in_their_hover(hop: Plan) -> None:
+    """6.5 s before the plan's take-off is over it is 4.6 m below the hover in which they are."""
+    now_s = hop.airborne_s - 6.5
+    found = common_rejoin(hop, NO_FENCE, standing(hop, hop.airborne_s), now_s, now_s - 5.0)
+    assert isinstance(found, Rejoin), found
+    assert (found.t_s, found.fade_s) == (now_s, FADE_S)
+
+
 def tried(hop: Plan, here: Stranded, monkeypatch: pytest.MonkeyPatch, since_s: float) -> list[tuple[float, ...]]:
     """Where in the plan a rejoin is tried, how long it takes, and what separation it keeps: 30 s after `since_s`."""
     found: list[tuple[float, ...]] = []
