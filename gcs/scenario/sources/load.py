@@ -12,13 +12,13 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
-from gcs.scenario.schema.mistake import Mistake, dotted, value_at
+from gcs.scenario.schema.mistake import Mistake, dotted, nearest, value_at
 from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.schema.toml_lines import Key, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.schema_words import from_pydantic
-from gcs.scenario.validation.slips import UNIT, Meant, as_meant, type_mistake
+from gcs.scenario.validation.slips import UNIT, Meant, as_meant
 from gcs.scenario.validation.to_metres import in_degree_keys, in_metres
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.values.si import ground_needed, local_origin, with_changes_of_route
@@ -108,17 +108,19 @@ def _possible_types(data: dict[str, Any], folder: Path, mistakes: list[Mistake])
     known, wanted = presets(), data.get(KEY)
     if KEY not in data and "vehicle" in data:
         return [None]
+    if isinstance(wanted, str) and _is_file(file := vehicle_file(wanted, folder)):
+        return [load_vehicle(file)]
     if KEY not in data:
         names = ", ".join(f'"{name}"' for name in known)
         text = f"missing, and there is no table [vehicle]; it must be one of {names}, or the path of a vehicle file"
-        mistake = Mistake((KEY,), text, remedy=f'add vehicle_type = "{known[-1]}" above the first table')
-    elif not isinstance(wanted, str):
-        mistake = type_mistake(wanted, known, "must be text: the name of a vehicle type")
-    elif _is_file(file := vehicle_file(wanted, folder)):
-        return [load_vehicle(file)]
+        step = f'add {KEY} = "{known[-1]}" above the first table'
     else:
-        mistake = type_mistake(wanted, known, "is neither a vehicle type nor a file")
-    mistakes.append(mistake)
+        text, near = "must be text: the name of a vehicle type", None
+        if isinstance(wanted, str):
+            text, near = "is neither a vehicle type nor a file", nearest(wanted, known)
+        step = f'write {KEY} = "{near}"' if near else f"name a preset ({', '.join(known)}), or a file"
+        step += "; a path is relative to the scenario's folder"
+    mistakes.append(Mistake((KEY,), text, wanted, remedy=step))
     return _stand_ins()
 
 

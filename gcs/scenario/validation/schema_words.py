@@ -30,8 +30,9 @@ Schema = dict[str, Any]
 
 @lru_cache
 def json_schema(model: type[BaseModel]) -> Schema:
-    """The JSON Schema of a model."""
-    return model.model_json_schema()
+    """The JSON Schema of a model, with what it refers to in place, and without the null of optional values."""
+    root = model.model_json_schema()
+    return dict(_in_place(root, root.get("$defs", {})))
 
 
 def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario, within: Key = ()) -> list[Mistake]:
@@ -39,16 +40,20 @@ def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario, wit
     return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, model, within)]
 
 
-def follow(node: Schema, root: Schema) -> Schema:
-    """The schema behind a reference or an optional value."""
-    if "anyOf" in node:
-        node = next(choice for choice in node["anyOf"] if choice.get("type") != "null")
-    return dict(root["$defs"][node["$ref"].rsplit("/", 1)[-1]]) if "$ref" in node else node
+def _in_place(node: Any, known: Schema) -> Any:
+    if isinstance(node, list):
+        return [_in_place(one, known) for one in node]
+    if not isinstance(node, dict):
+        return node
+    own = {name: _in_place(one, known) for name, one in node.items() if name not in ("$defs", "$ref", "anyOf")}
+    for meant in [known[node["$ref"].rsplit("/", 1)[-1]]] if "$ref" in node else node.get("anyOf", ()):
+        if meant.get("type") != "null":
+            return _in_place(meant, known) | own
+    return own
 
 
-def inside(node: Schema, part: str | int, root: Schema) -> Schema:
+def inside(node: Schema, part: str | int) -> Schema:
     """The part of a schema for a key of a table, or for a place in a list; empty without one."""
-    node = follow(node, root)
     if isinstance(part, str):
         return dict(node.get("properties", {}).get(part, {}))
     slots = node.get("prefixItems", ())
@@ -57,32 +62,32 @@ def inside(node: Schema, part: str | int, root: Schema) -> Schema:
 
 def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Iterator[Mistake]:
     key, value, error = (*within, *found["loc"]), found["input"], found.get("ctx", {}).get("error")
-    root = node = above = json_schema(model)
+    node = above = json_schema(model)
     for part in key:
-        above, node = node, inside(node, part, root)
+        above, node = node, inside(node, part)
     if isinstance(error, Disagreement):
         for inner, text in error.found:
             given = value_at(value, inner)
             yield Mistake((*key, *inner), text, None if isinstance(given, dict) else given)
     elif found["type"] == "extra_forbidden":
-        yield _unknown_key(key, follow(above, root), root)
+        yield _unknown_key(key, above, json_schema(model))
     elif found["type"] == "missing" and isinstance(key[-1], int):
-        yield Mistake(key[:-1], f"has too few values; it must be {_wanted(above, root)}", value)
+        yield Mistake(key[:-1], f"has too few values; it must be {_wanted(above)}", value)
     elif found["type"] == "missing":
-        forms = [form["required"] for form in follow(above, root).get("oneOf", ())]
+        forms = [form["required"] for form in above.get("oneOf", ())]
         if [key[-1]] in forms:  # a place, which the file may also give in degrees
             step = f"add {dotted(key)} = [north, east, height], in m, or {forms[-1][0]}"
             yield Mistake(key, f"missing; give {' or '.join(form[0] for form in forms)}", remedy=step)
         else:
-            step = f"add a table [{dotted(key)}]" if "properties" in follow(node, root) else f"add {dotted(key)}"
-            yield Mistake(key, f"missing; it must be {_wanted(node, root)}", remedy=step)
-    elif isinstance(value, dict) and "properties" in follow(inside(node, 0, root), root):
+            step = f"add a table [{dotted(key)}]" if "properties" in node else f"add {dotted(key)}"
+            yield Mistake(key, f"missing; it must be {_wanted(node)}", remedy=step)
+    elif isinstance(value, dict) and "properties" in inside(node, 0):
         yield Mistake(key, f"must be an array of tables. Write [[{dotted(key)}]]")
     elif found["type"] == "value_error":
         yield Mistake(key, str(error), value)
     else:
-        text, step = _guess(key, value, follow(node, root))
-        yield Mistake(key, f"must be {_wanted(node, root)}{text}", value, remedy=step)
+        text, step = _guess(key, value, node)
+        yield Mistake(key, f"must be {_wanted(node)}{text}", value, remedy=step)
 
 
 def _guess(key: Key, value: Any, node: Schema) -> tuple[str, str]:
@@ -107,31 +112,30 @@ def _guess(key: Key, value: Any, node: Schema) -> tuple[str, str]:
 def _unknown_key(key: Key, table: Schema, root: Schema) -> Mistake:
     """The mistake of a key that its table does not have."""
     name, known = str(key[-1]), table.get("properties", {})
-    if homes := [(path, header) for path, header, other in _tables(root, root) if name in other["properties"]]:
+    if homes := [(path, header) for path, header, other in _tables(root) if name in other["properties"]]:
         _, home = max(homes, key=lambda one: sum(a == b for a, b in zip(one[0], key, strict=False)))
         return Mistake(key, f"unknown key here; it belongs to {home}", remedy=f"move it to {home}")
     step = f"remove {dotted(key)}; `gcs schema` prints every key with its unit and range"
     return Mistake(key, f"unknown key; known ones are {', '.join(known)}", remedy=step)
 
 
-def _tables(node: Schema, root: Schema, path: Key = ()) -> Iterator[tuple[Key, str, Schema]]:
+def _tables(node: Schema, path: Key = ()) -> Iterator[tuple[Key, str, Schema]]:
     """Every table with its key and its header, the outer ones first."""
     for name, part in node.get("properties", {}).items():
-        for depth, table in enumerate((follow(part, root), follow(inside(part, 0, root), root)), start=1):
+        for depth, table in enumerate((part, inside(part, 0)), start=1):
             if "properties" in table:
                 yield (*path, name), "[" * depth + dotted((*path, name)) + "]" * depth, table
-                yield from _tables(table, root, (*path, name))
+                yield from _tables(table, (*path, name))
 
 
-def _wanted(node: Schema, root: Schema) -> str:
+def _wanted(node: Schema) -> str:
     """What a value must be, and what the key means."""
-    said = node.get("description") or follow(node, root).get("description")
-    return _shape(node, root) + (f" ({said.rstrip('.')})" if said else "")
+    said = node.get("description")
+    return _shape(node) + (f" ({said.rstrip('.')})" if said else "")
 
 
-def _shape(node: Schema, root: Schema) -> str:
-    node = follow(node, root)
-    kind, slots = node.get("type"), [_shape(slot, root) for slot in node.get("prefixItems", ())]
+def _shape(node: Schema) -> str:
+    kind, slots = node.get("type"), [_shape(slot) for slot in node.get("prefixItems", ())]
     if "const" in node or "enum" in node:
         choices = node.get("enum", [node.get("const")])
         return ("one of " if len(choices) > 1 else "") + ", ".join(map(toml, choices))
@@ -147,7 +151,7 @@ def _shape(node: Schema, root: Schema) -> str:
     if kind == "array":
         sizes = ((" of at least ", node.get("minItems")), (" of at most ", node.get("maxItems")))
         size = "".join(f"{words}{number}" for words, number in sizes if number)
-        return f"a list{size}, each {_shape(node.get('items', {}), root)}"
+        return f"a list{size}, each {_shape(node.get('items', {}))}"
     if kind == "object":
         forms = " or ".join(", ".join(form["required"]) for form in node.get("oneOf", ()))
         needed = [*node.get("required", ()), *([forms] if forms else ())]

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from gcs.scenario.schema.degree_keys import CENTRE, POSITION
 from gcs.scenario.schema.mistake import EXACT, Mistake, name_of, nearest, plain, toml
 from gcs.scenario.schema.toml_lines import Key
-from gcs.scenario.validation.schema_words import Schema, follow, inside, json_schema
+from gcs.scenario.validation.schema_words import Schema, inside, json_schema
 from gcs.scenario.validation.written_places import is_number, numbers, written
 
 _ALIKE = 0.75  # below, the key may mean something else, whose value fits nothing
@@ -73,28 +73,13 @@ class Meant:
         """Whether a mistake only follows from a guess."""
         return any(mistake.key[: len(key)] == key for key in self.guessed)
 
-
-def as_meant(data: dict[str, Any], model: type[BaseModel], also: tuple[str, ...] = ()) -> Meant:
-    """The tables of a file as they were meant, and the slips in them.
-
-    `also` are keys of the outermost table that the model does not have.
-    """
-    meant, root = Meant({}), json_schema(model)
-    meant.data = _Reader(root, meant).table(data, root, (), also)
-    return meant if len(meant.mistakes) <= _KEPT_MAX else Meant(data)  # no slips, but something else than a scenario
-
-
-@dataclass
-class _Reader:
-    root: Schema
-    meant: Meant
-
     def table(self, table: dict[str, Any], node: Schema, key: Key, also: tuple[str, ...] = ()) -> dict[str, Any]:
+        """One table of the file as it was meant, with its slips told."""
         known, read = (*node["properties"], *also), dict[str, Any]()
         for name, value in self._with_place(table, known, key).items():
             free = [one for one in known if one not in table and one not in read]
             target, own = (name, value) if name in known else self._renamed(name, value, node, free, key)
-            read[target] = self._value(own, inside(node, target, self.root), (*key, target))
+            read[target] = self._value(own, inside(node, target), (*key, target))
         return read
 
     def _renamed(self, name: str, value: Any, node: Schema, free: list[str], key: Key) -> tuple[str, Any]:
@@ -115,9 +100,9 @@ class _Reader:
                 f"write {target} = {plain(own, EXACT)}",
             )
         elif not target.startswith(f"{name}_") and SequenceMatcher(None, name.lower(), target).ratio() < _ALIKE:
-            self.meant.guessed.add((*key, target))
-            text += f" ({inside(node, target, self.root).get('description')})"
-        self.meant.written[(*key, target)] = (*key, name)
+            self.guessed.add((*key, target))
+            text += f" ({inside(node, target).get('description')})"
+        self.written[(*key, target)] = (*key, name)
         self._told((*key, name), text, step)
         return target, own
 
@@ -138,17 +123,16 @@ class _Reader:
         rest = {name: value for name, value in table.items() if name not in names.values()}
         if keys is CENTRE:
             return rest | dict(zip(keys.degrees if is_in_degrees else keys.metres, pair, strict=False))
-        self.meant.guessed |= {(*key, name) for name in (*keys.metres, *keys.every)}
+        self.guessed |= {(*key, name) for name in (*keys.metres, *keys.every)}
         return rest
 
     def _value(self, value: Any, node: Schema, key: Key) -> Any:
-        node = follow(node, self.root)
         if isinstance(value, dict) and "properties" in node:
             return self.table(value, node, key)
         is_list = isinstance(value, list) and node.get("type") == "array"
         given = value if is_list else [value]
-        parts = [inside(node, row, self.root) for row in range(len(value))] if is_list else [node]
-        kinds = [follow(part, self.root).get("type") for part in parts]
+        parts = [inside(node, row) for row in range(len(value))] if is_list else [node]
+        kinds = [part.get("type") for part in parts]
         found = [
             reading(one, name_of(key)) if isinstance(one, str) and kind in ("number", "integer") else None
             for one, kind in zip(given, kinds, strict=True)
@@ -166,7 +150,17 @@ class _Reader:
         return value
 
     def _told(self, key: Key, text: str, step: str, value: Any = None) -> None:
-        self.meant.mistakes.append(Mistake(key, text, value, remedy=step))
+        self.mistakes.append(Mistake(key, text, value, remedy=step))
+
+
+def as_meant(data: dict[str, Any], model: type[BaseModel], also: tuple[str, ...] = ()) -> Meant:
+    """The tables of a file as they were meant, and the slips in them.
+
+    `also` are keys of the outermost table that the model does not have.
+    """
+    meant = Meant({})
+    meant.data = meant.table(data, json_schema(model), (), also)
+    return meant if len(meant.mistakes) <= _KEPT_MAX else Meant(data)  # no slips, but something else than a scenario
 
 
 def _stem(name: str) -> str:
@@ -178,13 +172,6 @@ def _has_degrees(value: Any) -> bool:
     if numbers(value):
         return any(round(one, _METRES_DIGITS) != one for one in value[:2])
     return isinstance(value, list) and any(numbers(one) and _has_degrees(one) for one in value)
-
-
-def type_mistake(value: Any, presets: tuple[str, ...], why: str) -> Mistake:
-    """The mistake of a vehicle type that is neither a preset nor a file."""
-    near = nearest(value, presets) if isinstance(value, str) else None
-    step = f'write vehicle_type = "{near}"' if near else f"name a preset ({', '.join(presets)}), or a file"
-    return Mistake(("vehicle_type",), why, value, remedy=f"{step}; a path is relative to the scenario's folder")
 
 
 def reading(text: str, key: str) -> tuple[float, str] | None:
