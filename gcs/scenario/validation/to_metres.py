@@ -19,7 +19,7 @@ from pydantic import BaseModel, ValidationError
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic, place_up_m
 from gcs.scenario.schema.degree_keys import DegreeKeys, adapter
 from gcs.scenario.schema.fields import Part
-from gcs.scenario.schema.mistake import Mistake, degrees, dotted, plain
+from gcs.scenario.schema.mistake import Mistake, degrees, dotted, plain, value_at
 from gcs.scenario.schema.scenario import OriginTable, Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.schema_words import from_pydantic
@@ -51,6 +51,7 @@ class InMetres:
     """The tables in metres, the mistakes in their degrees, the places that were converted, and those with mistakes."""
 
     data: dict[str, Any]
+    origin: Origin | None  # None where it has mistakes of its own
     mistakes: list[Mistake] = field(default_factory=list)
     places: list[InDegrees] = field(default_factory=list)
     spoilt: set[Key] = field(default_factory=set)
@@ -60,40 +61,18 @@ class InMetres:
         """The keys in metres whose places were in degrees: nothing needs to be asked about their numbers."""
         return {(*place.table, name) for place in self.places for name in place.keys.metres}
 
-
-def in_metres(data: dict[str, Any]) -> InMetres:
-    """The tables of a scenario with known keys, each place in metres from [origin]."""
-    found = InMetres({})
-    found.data = _Converter(_origin(data), found).table(Scenario, data, ())
-    return found
-
-
-def _origin(data: dict[str, Any]) -> Origin | None:
-    try:
-        return Origin(**OriginTable.model_validate(data.get("origin")).model_dump())
-    except ValidationError:
-        return None
-
-
-@dataclass
-class _Converter:
-    origin: Origin | None  # None where it has mistakes of its own
-    found: InMetres
-
     def table(self, model: type[Part], table: dict[str, Any], key: Key) -> dict[str, Any]:
-        read: dict[str, Any] = {}
-        inner = _inner_tables(model)
-        for name, value in table.items():
-            part, path = inner.get(name), (*key, name)
-            if part is not None and isinstance(value, dict):
+        """One table with its places in metres."""
+        read = dict(table)
+        for name, part in _inner_tables(model).items():
+            value, path = table.get(name), (*key, name)
+            if isinstance(value, dict):
                 read[name] = self.table(part, value, path)
-            elif part is not None and isinstance(value, list):
+            elif isinstance(value, list):
                 read[name] = [
                     self.table(part, one, (*path, row)) if isinstance(one, dict) else one
                     for row, one in enumerate(value)
                 ]
-            else:
-                read[name] = value
         for keys in model.degree_keys:
             self._place(keys, read, key)
         return read
@@ -106,14 +85,25 @@ class _Converter:
             return
         in_metres = [name for name in keys.metres if table.get(name) is not None]
         mistakes = list(_place_mistakes(keys, values, in_metres, self.origin, key))
-        self.found.mistakes += mistakes
+        self.mistakes += mistakes
         if not mistakes and self.origin is not None:
             metres = _converted(keys, values, self.origin)
             table |= metres
-            self.found.places.append(InDegrees(key, keys, values, self.origin, metres))
+            self.places.append(InDegrees(key, keys, values, self.origin, metres))
         elif len(in_metres) < len(keys.metres):
             table |= dict.fromkeys(keys.metres, _SPOILT)
-            self.found.spoilt |= {(*key, name) for name in keys.metres}
+            self.spoilt |= {(*key, name) for name in keys.metres}
+
+
+def in_metres(data: dict[str, Any]) -> InMetres:
+    """The tables of a scenario with known keys, each place in metres from [origin]."""
+    try:
+        origin = Origin(**OriginTable.model_validate(data.get("origin")).model_dump())
+    except ValidationError:
+        origin = None
+    found = InMetres({}, origin)
+    found.data = found.table(Scenario, data, ())
+    return found
 
 
 def _place_mistakes(
@@ -232,10 +222,7 @@ def in_degree_keys(mistake: Mistake, found: InMetres) -> Mistake:
         depth = len(place.table)
         if mistake.key[:depth] == place.table and mistake.key[depth : depth + 1] in [(n,) for n in place.keys.metres]:
             path = _path(mistake.key[depth:], place)
-            value: Any = place.values
-            for part in path:
-                value = value[part]
-            mistake = dataclasses.replace(mistake, key=(*place.table, *path), value=value)
+            mistake = dataclasses.replace(mistake, key=(*place.table, *path), value=value_at(place.values, path))
     return mistake
 
 
