@@ -94,8 +94,7 @@ def check(
     else:
         from gcs.plan.plan_file import is_plan_file, read_plan
         from gcs.scenario.sources.load import load_scenario
-        from gcs.scenario.values.si import quadrotor
-        from gcs.scenario.values.vehicle_ability import ability_of
+        from gcs.scenario.values.si import ability_of, quadrotor
 
         scenario = read_plan(terrain)[0].scenario if is_plan_file(terrain) else load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)

@@ -24,8 +24,7 @@ from gcs.mission.waypoints.arrival_times import climb_s, corrected_legs
 from gcs.mission.waypoints.mission_items import build_missions, starting_at, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.scenario.values.navigation_error import judged_separation_m
-from gcs.scenario.values.si import local_origin
-from gcs.scenario.values.vehicle_ability import ability_of
+from gcs.scenario.values.si import ability_of, local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

@@ -26,7 +26,7 @@ from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correc
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
 from gcs.scenario.environment.no_fly import outside_m, zones
-from gcs.scenario.values.vehicle_ability import ability_of
+from gcs.scenario.values.si import ability_of
 from gcs.types import Array
 
 if TYPE_CHECKING:

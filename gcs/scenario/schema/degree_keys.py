@@ -6,7 +6,7 @@ Models have the keys in metres only. `gcs.scenario.validation.to_metres` replace
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
@@ -61,57 +61,43 @@ def adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def _said(kind: Any, text: str, most: int | None = None) -> Any:
-    return Annotated[kind, Field(description=text, max_length=most)]
+def _keys(form: Form, metres: str, **degrees: tuple[Any, str]) -> DegreeKeys:
+    """The keys in degrees, each with its type and what it says instead of the one in metres."""
+    names = tuple(metres.split())
+    said = zip(names, degrees.items(), strict=True)
+    types = {key: _said(kind, f"instead of {name}: {text}") for name, (key, (kind, text)) in said}
+    return DegreeKeys(form, names, types)
 
 
-POSITION = DegreeKeys(
-    "position",
-    ("position_m",),
-    {"position_deg": _said(_Place, "instead of position_m: latitude, longitude, degrees; height_m or alt_amsl_m too")},
-    {
-        "height_m": _said(_Height, "with position_deg: height, m above height 0"),
-        "alt_amsl_m": _said(_Altitude, "with position_deg, instead of height_m: m above mean sea level"),
-    },
-)
-POLYGON = DegreeKeys(
-    "points",
-    ("polygon_m",),
-    {
-        "polygon_deg": _said(
-            tuple[_Place, ...], "instead of polygon_m: its corners in order, [latitude, longitude], degrees", 500
-        )
-    },
-)
-GATE = DegreeKeys(
-    "points",
-    ("gate_m",),
-    {"gate_deg": _said(tuple[_Place, _Place], "instead of gate_m: its two points, [latitude, longitude], degrees")},
-)
-CENTRE = DegreeKeys(
+def _said(kind: Any, text: str) -> Any:
+    return Annotated[kind, Field(description=text)]
+
+
+_HEIGHTS = {
+    "height_m": _said(_Height, "with position_deg: height, m above height 0"),
+    "alt_amsl_m": _said(_Altitude, "with position_deg, instead of height_m: m above mean sea level"),
+}
+_POSITION = "latitude, longitude, degrees; height_m or alt_amsl_m too"
+POSITION = replace(_keys("position", "position_m", position_deg=(_Place, _POSITION)), heights=_HEIGHTS)
+_CORNERS = Annotated[tuple[_Place, ...], Field(max_length=500)]
+POLYGON = _keys("points", "polygon_m", polygon_deg=(_CORNERS, "its corners in order, [latitude, longitude], degrees"))
+GATE = _keys("points", "gate_m", gate_deg=(tuple[_Place, _Place], "its two points, [latitude, longitude], degrees"))
+CENTRE = _keys(
     "axes",
-    ("north_m", "east_m"),
-    {
-        "lat_deg": _said(_Latitude, "instead of north_m: latitude of the centre, degrees"),
-        "lon_deg": _said(_Longitude, "instead of east_m: longitude of the centre, degrees"),
-    },
+    "north_m east_m",
+    lat_deg=(_Latitude, "latitude of the centre, degrees"),
+    lon_deg=(_Longitude, "longitude of the centre, degrees"),
 )
-SUMMITS = DegreeKeys(
+SUMMITS = _keys(
     "axes",
-    ("north_m", "east_m"),
-    {
-        "lat_deg": _said(tuple[_Latitude, ...], "instead of north_m: latitudes of the summits, degrees", 500),
-        "lon_deg": _said(tuple[_Longitude, ...], "instead of east_m: longitudes of the summits, degrees", 500),
-    },
+    "north_m east_m",
+    lat_deg=(Annotated[tuple[_Latitude, ...], Field(max_length=500)], "latitudes of the summits, degrees"),
+    lon_deg=(Annotated[tuple[_Longitude, ...], Field(max_length=500)], "longitudes of the summits, degrees"),
 )
-BOX = DegreeKeys(
+_WITHIN = "longitudes [west, east], degrees; the limits are the largest box in metres inside"
+BOX = _keys(
     "box",
-    ("north_m", "east_m"),
-    {
-        "lat_deg": _said(tuple[_Latitude, _Latitude], "instead of north_m: latitudes [south, north], degrees"),
-        "lon_deg": _said(
-            tuple[_Longitude, _Longitude],
-            "instead of east_m: longitudes [west, east], degrees; the limits are the largest box in metres inside",
-        ),
-    },
+    "north_m east_m",
+    lat_deg=(tuple[_Latitude, _Latitude], "latitudes [south, north], degrees"),
+    lon_deg=(tuple[_Longitude, _Longitude], _WITHIN),
 )

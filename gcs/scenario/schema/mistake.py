@@ -16,7 +16,7 @@ _NO_WORD = re.compile(r"[-+]?\d[\d.]*(?:[,:]\d+|\s*[A-Za-z/²^°]{1,7}2?)")  # 5
 _SHOWN_INT = 10**100
 _SHOWN_DEPTH = 10
 _SMALL = 0.1
-DEGE7, DEGE7_LEAST = 10_000_000, 1_000_000  # degrees as MAVLink has them; smaller numbers may be metres
+_E7, _E7_LEAST = 10_000_000, 1_000_000  # degrees as MAVLink has them; smaller numbers may be metres
 _DIGITS = 3
 EXACT = 7  # digits of what is written into a file
 
@@ -90,6 +90,11 @@ def plain(value: float, digits: int = _DIGITS) -> str:
     if digits == _DIGITS and 0.0 < abs(value) < _SMALL:
         return f"{value:.3g}"
     return f"{round(value, digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")
+
+
+def from_e7(value: Any) -> float | None:
+    """The degrees in an integer as MAVLink has them; None for what may be metres."""
+    return value / _E7 if isinstance(value, int) and _E7_LEAST < abs(value) <= 180 * _E7 else None
 
 
 def degrees(value: float) -> str:

@@ -38,16 +38,7 @@ from gcs.scenario.schema.fields import (
 )
 from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Formation, Generator
 from gcs.scenario.schema.heightmap import Relief
-from gcs.scenario.schema.place_tables import (
-    ROUTE_MAX,
-    KeepIn,
-    Mountains,
-    NoFlyZone,
-    Ripple,
-    RoutePoint,
-    SurveyTable,
-    Terrain,
-)
+from gcs.scenario.schema.places import ROUTE_MAX, KeepIn, Mountains, NoFlyZone, Ripple, RoutePoint, SurveyTable, Terrain
 
 __all__ = ["START_SHAPE", "ChangeTable", "Formation", "Generator"]  # of the tables beside these, for all users
 __all__ += ["KeepIn", "Mountains", "NoFlyZone", "Relief", "Ripple", "RoutePoint", "SurveyTable", "Terrain"]

@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from gcs.scenario.schema.place_tables import ROUTE_MAX
+from gcs.scenario.schema.places import ROUTE_MAX
 from gcs.types import Array
 
 _TURN_MPS2 = 1.0  # sideways in a turn: half of what a bank of 11 degrees gives

@@ -10,7 +10,7 @@ import shapely
 
 from gcs.errors import UsageError, counted
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
-from gcs.scenario.schema.place_tables import ROUTE_MAX
+from gcs.scenario.schema.places import ROUTE_MAX
 from gcs.scenario.sources.mowing import Mowing, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
 from gcs.types import Array

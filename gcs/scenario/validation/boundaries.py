@@ -21,19 +21,7 @@ from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.formation_rules import pairs_in_start_shape
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK, close_pairs
-from gcs.scenario.values.si import (
-    NED_FROM_UP,
-    ground_step_jerk_peak,
-    ground_step_peaks,
-    hover_start_ned_m,
-    landing_points_ned_m,
-    leader_index,
-    offsets_ned_m,
-    pads_ned_m,
-    quadrotor,
-    shape_offsets_ned_m,
-    sysids,
-)
+from gcs.scenario.values import si
 from gcs.types import Array
 
 _RUN_UP_SAMPLE_M = 1.0
@@ -113,7 +101,7 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
     if not any(scenario.start.velocity_mps[:2]):
         return  # then there is no run-up
     length = scenario.ground_phases.run_up_m
-    begin = hover_start_ned_m(scenario) * NED_FROM_UP
+    begin = si.hover_start_ned_m(scenario) * si.NED_FROM_UP
     start = _at_start(scenario)
     shares = np.linspace(0.0, 1.0, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1)[:-1]  # end: rule above
     for share in shares:
@@ -128,11 +116,11 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")
 def _pads_are_apart(scenario: Scenario) -> Mistakes:
-    least, places = scenario.limits.separation_min_m, offsets_ned_m(scenario)
+    least, places = scenario.limits.separation_min_m, si.offsets_ned_m(scenario)
     found: set[tuple[int, int]] = set()
-    grounds = [("take off", pads_ned_m(scenario))]
+    grounds = [("take off", si.pads_ned_m(scenario))]
     if scenario.formation.ends_in_start_shape:
-        grounds.append(("land", landing_points_ned_m(scenario)))
+        grounds.append(("land", si.landing_points_ned_m(scenario)))
     for what, points in grounds:
         pairs = [
             pair
@@ -149,10 +137,10 @@ def _pads_are_apart(scenario: Scenario) -> Mistakes:
 def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     """Both are smooth steps from rest to rest, whose peak speed is above the mean."""
     phases, limits = scenario.ground_phases, scenario.limits
-    fastest, hardest = ground_step_peaks(scenario)
+    fastest, hardest = si.ground_step_peaks(scenario)
     drag = scenario.vehicle.drag_Nspm
     most_mps = limits.speed_ned_mps[2]
-    sideways_N = float(np.hypot(*np.multiply(quadrotor(scenario).wind.at(limits.height_m[1]), drag)[:2]))
+    sideways_N = float(np.hypot(*np.multiply(si.quadrotor(scenario).wind.at(limits.height_m[1]), drag)[:2]))
     upwards_N = max(limits.thrust_N[1] ** 2 - sideways_N**2, 0.0) ** 0.5
     spare_mps2 = upwards_N / scenario.vehicle.mass_kg - scenario.vehicle.gravity_mps2
     if spare_mps2 <= 0:
@@ -161,9 +149,10 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     if limits.accel_max_mps2 is not None and limits.accel_max_mps2 < spare_mps2:
         spare_mps2 = limits.accel_max_mps2
         spare = f"{spare_mps2:g} m/s² (limits.accel_max_mps2)"
-    end_ned_m = np.array(scenario.end.position_m) * NED_FROM_UP + offsets_ned_m(scenario)
-    climb_m = np.delete(pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2], _strays(scenario, _HEIGHT))
-    descent_m = (landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_later(scenario)]
+    end_ned_m = np.array(scenario.end.position_m) * si.NED_FROM_UP + si.offsets_ned_m(scenario)
+    climb_m = (si.pads_ned_m(scenario) - si.hover_start_ned_m(scenario))[:, 2]
+    climb_m = np.delete(climb_m, _strays(scenario, _HEIGHT))
+    descent_m = (si.landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_later(scenario)]
     steps = (
         ("takeoff_s", float(climb_m.max()), phases.takeoff_s),
         ("landing_s", float(descent_m.max()), phases.landing_s),
@@ -172,7 +161,7 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
         by_speed = fastest * step_m / most_mps
         needed = max(by_speed, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
         if limits.jerk_max_mps3 is not None:
-            jerky = ground_step_jerk_peak(scenario) * max(step_m, 0.0) / limits.jerk_max_mps3
+            jerky = si.ground_step_jerk_peak(scenario) * max(step_m, 0.0) / limits.jerk_max_mps3
             if jerky ** (1 / 3) > needed:
                 needed, spare = jerky ** (1 / 3), f"{limits.jerk_max_mps3:g} m/s³ (limits.jerk_max_mps3)"
         if time < needed:
@@ -181,7 +170,7 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
                 f"{spare} take {needed:.1f} s"
             )
             if needed == by_speed:
-                air = "" if quadrotor(scenario).wind.is_still else " in wind"
+                air = "" if si.quadrotor(scenario).wind.is_still else " in wind"
                 text += f", because a smooth step{air} is {fastest:.2f} times as fast in its middle as on average"
             yield Mistake(
                 ("ground_phases", key), text, time, remedy=f"set ground_phases.{key} to {np.ceil(needed):.0f}"
@@ -194,7 +183,7 @@ def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
     low, high = getattr(scenario.limits, key)
     along = stop.places_up_m[:, axis]
     beyond = np.maximum(low - along, along - high) - stop.radius_m
-    beyond[np.isin(stop.sysids, [sysids(scenario)[row] for row in stray])] = 0.0
+    beyond[np.isin(stop.sysids, [si.sysids(scenario)[row] for row in stray])] = 0.0
     worst = int(beyond.argmax())
     if beyond[worst] > SLACK:
         text = (
@@ -211,7 +200,7 @@ def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
     missing = _missing_m(scenario, stop.places_up_m)
     rows = _own_mistakes(scenario, _missing_m(scenario, _at_start(scenario).places_up_m) > SLACK)
     if stop.key != _START:
-        missing[np.isin(stop.sysids, [sysids(scenario)[row] for row in rows])] = 0.0
+        missing[np.isin(stop.sysids, [si.sysids(scenario)[row] for row in rows])] = 0.0
     worst = int(missing.argmax())
     if missing[worst] > SLACK:
         text = f"vehicle {stop.sysids[worst]} would be {_below(float(missing[worst]), scenario)}"
@@ -224,7 +213,7 @@ def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
 def _own_mistakes(scenario: Scenario, wrong: NDArray[np.bool_]) -> list[int]:
     """The rows of vehicles that are wrong (V,) at the start by their own positions; none where the leader is wrong."""
     formation, start = scenario.formation, scenario.start.position_m
-    if formation.count is not None or wrong[row := leader_index(scenario)]:
+    if formation.count is not None or wrong[row := si.leader_index(scenario)]:
         return []
     moved_m = np.subtract(formation.vehicle[row].position_m, start)
     return np.flatnonzero(wrong).tolist() if np.abs(moved_m).max() <= _SAME_M else []
@@ -264,7 +253,7 @@ def _vehicles_move_with(scenario: Scenario, axis: int, moved_m: float) -> str:
     if formation.count is not None:
         return ""
     way = np.zeros(3)
-    way[axis] = moved_m - formation.vehicle[leader_index(scenario)].position_m[axis]
+    way[axis] = moved_m - formation.vehicle[si.leader_index(scenario)].position_m[axis]
     every = "every vehicle" if len(formation.vehicle) > 1 else "the vehicle"
     return f" and move {every} by {_way(way)}" if way.any() else ""
 
@@ -308,21 +297,21 @@ def ends(scenario: Scenario) -> tuple[Stop, Stop]:
 
 def stop_at(scenario: Scenario, key: Key, position_m: Place, radius_m: float = 0.0) -> Stop:
     """A place of the leader after the start, with the vehicles whose position is then known without a plan."""
-    rows, ids = _rows_known_later(scenario), sysids(scenario)
-    places = np.array(position_m) + offsets_ned_m(scenario)[rows] * NED_FROM_UP
+    rows, ids = _rows_known_later(scenario), si.sysids(scenario)
+    places = np.array(position_m) + si.offsets_ned_m(scenario)[rows] * si.NED_FROM_UP
     return Stop(key, position_m, tuple(ids[row] for row in rows), places, radius_m)
 
 
 def _at_start(scenario: Scenario) -> Stop:
-    places = np.array(scenario.start.position_m) + offsets_ned_m(scenario) * NED_FROM_UP
-    return Stop(_START, scenario.start.position_m, sysids(scenario), places)
+    places = np.array(scenario.start.position_m) + si.offsets_ned_m(scenario) * si.NED_FROM_UP
+    return Stop(_START, scenario.start.position_m, si.sysids(scenario), places)
 
 
 def _rows_known_later(scenario: Scenario) -> list[int]:
     """Rows of the vehicles whose position after the start is known: of all where the formation keeps its shape."""
     if scenario.formation.ends_in_start_shape and not any(point.shape for point in scenario.route):
-        return list(range(len(sysids(scenario))))
-    return [leader_index(scenario)]
+        return list(range(len(si.sysids(scenario))))
+    return [si.leader_index(scenario)]
 
 
 def last_shape(scenario: Scenario) -> str | None:
@@ -338,7 +327,7 @@ def last_shape(scenario: Scenario) -> str | None:
 
 def last_places_up_m(scenario: Scenario, name: str) -> Array:
     """The places (V, 3) of a named shape at the end: north, east, height."""
-    return np.asarray(np.array(scenario.end.position_m) + shape_offsets_ned_m(scenario, name) * NED_FROM_UP)
+    return np.asarray(np.array(scenario.end.position_m) + si.shape_offsets_ned_m(scenario, name) * si.NED_FROM_UP)
 
 
 def _vehicles(end: Stop, chosen: NDArray[np.bool_]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from gcs.errors import counted
 from gcs.scenario.schema.fields import Place
 from gcs.scenario.schema.mistake import Mistake, dotted, plain
-from gcs.scenario.schema.place_tables import ROUTE_MAX
+from gcs.scenario.schema.places import ROUTE_MAX
 from gcs.scenario.schema.scenario import START_SHAPE, RoutePoint, Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.boundaries import BOX, Stop, out_of_the_box, stop_at, too_low

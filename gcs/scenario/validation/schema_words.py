@@ -10,18 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from gcs.scenario.schema.fields import Disagreement
-from gcs.scenario.schema.mistake import (
-    DEGE7,
-    DEGE7_LEAST,
-    EXACT,
-    Mistake,
-    dotted,
-    name_of,
-    nearest,
-    plain,
-    toml,
-    value_at,
-)
+from gcs.scenario.schema.mistake import EXACT, Mistake, dotted, from_e7, name_of, nearest, plain, toml, value_at
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.toml_lines import Key
 
@@ -100,9 +89,9 @@ def _guess(key: Key, value: Any, node: Schema) -> tuple[str, str]:
         return "", ""
     if value < 0.0 <= node.get("minimum", -1.0) <= -value <= node.get("maximum", 0.0):
         return "", write + plain(-value)
-    if isinstance(value, int) and DEGE7_LEAST < abs(value) <= 180 * DEGE7:
-        step = f"write metres; {value} would be {plain(value / DEGE7)} degrees"
-        step = f"{write}{plain(value / DEGE7, EXACT)}" if name_of(key).endswith("_deg") else step
+    if (meant := from_e7(value)) is not None:
+        step = f"write metres; {value} would be {plain(meant)} degrees"
+        step = f"{write}{plain(meant, EXACT)}" if name_of(key).endswith("_deg") else step
         return (": is it degrees times 10 million?", step) if name_of(key).endswith(("_m", "_deg")) else ("", "")
     if key[-1] == "lat_deg" and 90.0 < abs(value) <= 180.0:
         return ": swapped latitude and longitude?", "exchange lat_deg and lon_deg"

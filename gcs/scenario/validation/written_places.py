@@ -11,7 +11,7 @@ import numpy as np
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.scenario.schema.degree_keys import CENTRE, DegreeKeys
 from gcs.scenario.schema.fields import FARTHEST_M
-from gcs.scenario.schema.mistake import DEGE7, DEGE7_LEAST, degrees, plain
+from gcs.scenario.schema.mistake import degrees, from_e7, plain
 
 Pair = Sequence[float]  # as written: latitude, longitude, or north, east
 
@@ -32,8 +32,8 @@ def question(place: Pair, origin: Origin) -> Question | None:
     (lat, lon), away_m, largest = place, _away_m(place, origin), max(map(abs, place))
     if away_m <= FARTHEST_M:
         return None
-    if isinstance(lat, int) and isinstance(lon, int) and DEGE7_LEAST < largest <= 180 * DEGE7:
-        return Question("are these degrees times 10 million?", (lat / DEGE7, lon / DEGE7))
+    if isinstance(lat, int) and isinstance(lon, int) and from_e7(largest) is not None:
+        return Question("are these degrees times 10 million?", (lat / 1e7, lon / 1e7))
     where = f"{away_m / 1000.0:,.0f} km from the origin" if math.isfinite(away_m) else "no place on Earth"
     for meant, text in (
         ((lon, lat), "swapped latitude and longitude?"),

@@ -16,7 +16,7 @@ import numpy as np
 from gcs.autopilots.waypoint_models.navigator import UNLIMITED, Ability
 from gcs.physics.quadrotor import Quadrotor
 from gcs.scenario.schema.scenario import LimitsTable
-from gcs.scenario.values.vehicle_ability import ability_of, physical_limits
+from gcs.scenario.values.si import ability_of, physical_limits
 from gcs.types import Array
 from sim_bridge.autopilot.guidance.piece import TERMS, Piece, hold
 

@@ -21,8 +21,7 @@ from gcs.plan.search.routes import every_route
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
-from gcs.scenario.values.si import hover_start_ned_m, leader_index
-from gcs.scenario.values.vehicle_ability import ability_of
+from gcs.scenario.values.si import ability_of, hover_start_ned_m, leader_index
 
 REFUSED, INFEASIBLE, ACCEPTED = "refused", "infeasible", "accepted"
 NO_PLAN, BEGUN, PLANNED = "no plan", "first rounds done", "planned"

@@ -12,8 +12,7 @@ from gcs.errors import ScenarioError
 from gcs.plan.ocp.problem import control_bounds
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
-from gcs.scenario.values.si import quadrotor, torque_limits
-from gcs.scenario.values.vehicle_ability import physical_limits
+from gcs.scenario.values.si import physical_limits, quadrotor, torque_limits
 
 FORCE, MOMENT, YAW = (
     "roll_pitch_force_N = [0.0501, 0.0501]",

@@ -12,7 +12,7 @@ from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mission.drawings.drawing import Drawing, LeftOut, Place
 from gcs.mission.drawings.to_scenario.placed_route import PlacedRoute
-from gcs.scenario.schema.place_tables import CORNERS_MAX
+from gcs.scenario.schema.places import CORNERS_MAX
 
 KEEP_IN_MAX, NO_FLY_MAX = 16, 256
 _CIRCLE_CORNERS = 64

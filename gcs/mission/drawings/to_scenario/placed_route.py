@@ -17,7 +17,7 @@ from gcs.frames import Origin, geodetic_to_ned, place_up_m
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut
 from gcs.mission.drawings.item_course import HOLD_MAX_S
 from gcs.scenario.schema.fields import FARTHEST_M
-from gcs.scenario.schema.place_tables import ROUTE_MAX
+from gcs.scenario.schema.places import ROUTE_MAX
 from gcs.types import Array
 
 _BEYOND_M = 20_000.0  # such heights are no numbers of metres

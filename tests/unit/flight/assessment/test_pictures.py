@@ -23,7 +23,7 @@ from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.timeline import Move
 from gcs.plan.plan_file import load_plan
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.schema.place_tables import NoFlyZone
+from gcs.scenario.schema.places import NoFlyZone
 from gcs.scenario.schema.scenario import PlannedWind
 from tests.real_flights import FOLDER
 
