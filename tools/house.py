@@ -80,11 +80,11 @@ def imports_between_folders() -> dict[str, set[str]]:
 
 
 def sentences(folder: str) -> tuple[str, str]:
-    """What a folder is for, and what it may import, as its `__init__` says it."""
+    """What a folder is for, and what it may import beside leaves, as its `__init__` says it."""
     path = path_of(folder)
     assert path
     first, _, last = " ".join((ast.get_docstring(parsed(path)) or "").split()).partition(" It ")
-    return first, f"It {last}"
+    return first, last.removeprefix("may import ").removesuffix(".") if last.startswith("may") else ""
 
 
 def house() -> tuple[str, str]:
@@ -105,7 +105,7 @@ def house() -> tuple[str, str]:
     wanted = ("leaves", "autopilots", "scenario", "plan", "mission", "link", "flight", "cli", "sim_bridge")
     drawn = "".join(_line(name, layers[name], " " if name == "leaves" else " < ") for name in wanted)
     rows = ((f"`{folder.replace('.', '/')}`", *sentences(folder)) for folder in sorted(order))
-    return f"```text\n{drawn}```\n", table(("folder", "what it is for", "what it may import"), rows)
+    return f"```text\n{drawn}```\n", table(("folder", "what it is for", "what it may import beside leaves"), rows)
 
 
 def _line(name: str, folders: list[str], sign: str) -> str:

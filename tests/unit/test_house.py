@@ -1,4 +1,4 @@
-"""The structure of the code: who may import whom, how large rooms and files may grow, and what stays out of them.
+"""The structure of the code: what each folder may import, how large files may grow, and where libraries are known.
 
 Every rule names folders; a folder that does not exist fails, so that a rename cannot turn a rule off.
 """
@@ -67,7 +67,7 @@ OUTSIDE_WORLD = {"time", "socket", "asyncio", "threading", "select", "random"}
 LONGEST = 400
 HELD_MIN = 3  # modules and folders that a folder holds
 DEPTH_MAX = 3  # folders below gcs and sim_bridge
-# Files of one name in several rooms, where it means the same thing in each.
+# Files of one name in several folders, where it means the same thing in each.
 SAME_SENSE = {
     "__main__.py": "`python -m` of the package",
     "export.py": "the command calls the function",
@@ -81,7 +81,7 @@ def within(file: Path, *places: str) -> bool:
 
 GCS, BRIDGE = modules("gcs"), modules("sim_bridge")
 ALL = [*GCS, *BRIDGE]
-ROOMS = sorted({file.parent for file in ALL})
+FOLDERS = sorted({file.parent for file in ALL})
 
 
 def test_every_file_and_folder_named_here_exists() -> None:
@@ -92,7 +92,7 @@ def test_every_file_and_folder_named_here_exists() -> None:
 
 
 def layer_of(file: Path) -> str:
-    """The layer of a file. The public face of the package may show any room, and is in none."""
+    """The layer of a file. The public face of the package may show any folder, and is in none."""
     if file in (Path("gcs/__init__.py"), Path("gcs/__main__.py")):
         return ""
     layer = next((place for place in LAYERS if within(file, place)), None)
@@ -158,20 +158,39 @@ def test_no_folder_imports_itself_through_others() -> None:
         pytest.fail("a circle of folders: " + " -> ".join(map(str, error.args[1])))
 
 
-def test_no_two_neighbouring_folders_import_each_other_with_all_that_is_in_them() -> None:
-    """A parent's own modules are a neighbour of its folders."""
+def mutual_neighbours(graph: dict[str, set[str]]) -> set[tuple[str, str]]:
+    """Pairs that import each other with all that is in them. A parent's own modules, `a.*`, lie beside its folders."""
     between = set()
-    for folder, others in imports_between_folders().items():
+    for folder, others in graph.items():
         for other in others:
-            mine, theirs = folder.split("."), other.split(".")
-            same = next(n for n in range(9) if n >= min(len(mine), len(theirs)) or mine[n] != theirs[n])
-            between.add((".".join(mine[: same + 1]) + "." * (len(mine) == same), ".".join(theirs[: same + 1])))
-    assert not [pair for pair in between if pair[::-1] in between]
+            paths = [[*name.split("."), "*"] for name in (folder, other)]
+            same = next(n for n, (mine, theirs) in enumerate(zip(*paths, strict=False)) if mine != theirs)
+            mine, theirs = (".".join(path[: same + 1]) for path in paths)
+            between.add((mine, theirs))
+    return {pair for pair in between if pair[::-1] in between}
 
 
-def named_in_docstring(room: Path) -> set[str]:
+def test_no_two_neighbouring_folders_import_each_other_with_all_that_is_in_them() -> None:
+    assert not mutual_neighbours(imports_between_folders())
+
+
+@pytest.mark.parametrize(
+    ("graph", "found"),
+    [
+        ({"a.b": {"a.c"}, "a.c": {"a.b"}}, {"a.b", "a.c"}),
+        ({"a.b.x": {"a.c"}, "a.c": {"a.b.y"}}, {"a.b", "a.c"}),  # by different folders in a.b
+        ({"a": {"a.b"}, "a.b": {"a"}}, {"a.*", "a.b"}),
+        ({"a": {"a.b"}, "a.b.x": {"a"}}, {"a.*", "a.b"}),  # a grandchild imports what joins its parent
+        ({"a": {"a.b", "a.c"}, "a.c": {"a.b"}, "b": {"a.c"}}, set()),
+    ],
+)
+def test_folders_that_import_each_other_are_found(graph: dict[str, set[str]], found: set[str]) -> None:
+    assert {name for pair in mutual_neighbours(graph) for name in pair} == found
+
+
+def named_in_docstring(folder: Path) -> set[str]:
     """The folders and layers that a folder says it may import."""
-    text = " ".join((ast.get_docstring(parsed(room / "__init__.py")) or "").split())
+    text = " ".join((ast.get_docstring(parsed(folder / "__init__.py")) or "").split())
     told = re.search(r"It may import (.*?)\.(?: |$)", text)
     return set(re.split(r", | and ", told[1])) if told else set()
 
@@ -179,8 +198,8 @@ def named_in_docstring(room: Path) -> set[str]:
 def test_every_folder_says_what_it_may_import_and_imports_that() -> None:
     """Leaves may be imported everywhere. Another layer is named as a whole, a folder of the same layer by itself."""
     graph = imports_between_folders()
-    for room in ROOMS:
-        name = name_of(room / "__init__.py")
+    for folder in FOLDERS:
+        name = name_of(folder / "__init__.py")
         if name in ("gcs", "sim_bridge"):
             continue
         used = set()
@@ -189,16 +208,16 @@ def test_every_folder_says_what_it_may_import_and_imports_that() -> None:
             short = (lambda x: x) if mine == "sim_bridge" else (lambda x: x.removeprefix("gcs."))
             if other != "gcs" and not within(Path(*other.split(".")), *LEAVES):
                 used.add(short(other if mine == theirs else theirs))
-        assert named_in_docstring(room) == used, f"{room}/__init__.py"
+        assert named_in_docstring(folder) == used, f"{folder}/__init__.py"
 
 
 def test_a_folder_holds_three_or_more_and_lies_three_deep_at_most() -> None:
-    for room in ROOMS:
-        held = [file for file in ALL if file.parent == room and file.name not in ("__init__.py", "__main__.py")]
-        held += [other for other in ROOMS if other.parent == room]
-        assert len(held) >= HELD_MIN, f"{room} holds {len(held)} modules and folders"
-        assert len(room.parts) - 1 <= DEPTH_MAX, f"{room} lies too deep"
-        assert (ROOT / room / "__init__.py").is_file(), f"{room} does not say what it is for"
+    for folder in FOLDERS:
+        held = [file for file in ALL if file.parent == folder and file.name not in ("__init__.py", "__main__.py")]
+        held += [other for other in FOLDERS if other.parent == folder]
+        assert len(held) >= HELD_MIN, f"{folder} holds {len(held)} modules and folders"
+        assert len(folder.parts) - 1 <= DEPTH_MAX, f"{folder} lies too deep"
+        assert (ROOT / folder / "__init__.py").is_file(), f"{folder} does not say what it is for"
 
 
 def test_a_file_name_means_one_thing() -> None:
@@ -215,7 +234,7 @@ def test_a_public_class_name_means_one_thing() -> None:
     assert not {name: files for name, files in places.items() if len(files) > 1}
 
 
-def test_unit_tests_mirror_the_rooms() -> None:
+def test_unit_tests_mirror_the_folders() -> None:
     for folder in {file.parent for file in (ROOT / "tests" / "unit").rglob("test_*.py")}:
         inside = folder.relative_to(ROOT / "tests" / "unit")
-        assert any((ROOT / base / inside).is_dir() for base in ("gcs", ".")), f"tests/unit/{inside} mirrors no room"
+        assert any((ROOT / base / inside).is_dir() for base in ("gcs", ".")), f"tests/unit/{inside} mirrors no folder"
