@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.vehicle_types import preset_file, presets
 from gcs.scenario.sources.template import scenario_text
 from tests.property.scenario.in_degrees import in_degrees
 
@@ -23,7 +24,7 @@ Data = dict[str, Any]
 Slot = tuple[Any, Any]  # a dict and its key, or a list and its index
 
 ROOT = Path(__file__).resolve().parents[3]
-PRESETS = sorted((ROOT / "gcs" / "scenario" / "presets").glob("*.toml"))
+PRESETS = [preset_file(name) for name in presets()]
 HEX_DIGITS = 5000  # more than Python converts to decimals
 NUMBERS: tuple[Any, ...] = (
     *(0, 0.0, -0.0, -1, 1, -1.5, 0.5, 2.0, 3, 7.25, 100, 254, 255, 10_000, 10_001),
