@@ -1,4 +1,4 @@
-"""The autopilots that missions are planned for: their MAVLink numbers, and the table with one row for each.
+"""The supported autopilots: their MAVLink numbers, and the table with one row for each.
 
 To add one: a member of `Autopilot`, a file with its row, an entry in `TRAITS` (docs/extending.md). Vehicles may run
 others: on a link their numbers stay plain ints, and `link_behaviour` has defaults for them.
@@ -86,7 +86,7 @@ def traits_of(autopilot: int) -> AutopilotTraits | None:
 
 
 def link_behaviour(autopilot: int) -> LinkBehaviour:
-    """Return how MAV_AUTOPILOT `autopilot` talks; careful defaults for one that is not in the table."""
+    """Return how MAV_AUTOPILOT `autopilot` communicates; careful defaults for one that is not in the table."""
     row = traits_of(autopilot)
     return _UNKNOWN if row is None else row.link
 

@@ -1,4 +1,4 @@
-"""Helpers for asyncio: one action for several vehicles at once, background work, and waits that end."""
+"""Helpers for asyncio: one action for several vehicles at once, background work, bounded waits."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def stop_at_signals() -> None:
 
 
 def ignore_stops() -> None:
-    """Ignore further signals of a program that listens to them: it is ending."""
+    """Ignore further signals: the program is ending."""
     for number in _STOPS:
         if signal.getsignal(number) is _raise_stopped:
             signal.signal(number, signal.SIG_IGN)
@@ -122,7 +122,7 @@ class Stoppable:
                 signal.signal(number, handler)
 
     def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, T]) -> T:
-        """Run the loop on, though a task ended it by KeyboardInterrupt or SystemExit: that stops the work, no more."""
+        """Run the loop on after a task ended it by KeyboardInterrupt or SystemExit, which stops the work only."""
         task: asyncio.Task[T] = loop.create_task(main)
         while True:
             try:

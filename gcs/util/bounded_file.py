@@ -1,6 +1,6 @@
-"""Files of others, with bounds: every kind of file has a largest size, and only regular files are read.
+"""Bounded reading of untrusted files: every kind has a largest size, and only regular files are read.
 
-No pipe makes a command wait, and no device fills the memory. JSON has a largest number of values and a deepest nesting.
+So no pipe blocks a command, and no device fills the memory. JSON has bounds on the number of values and on nesting.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SHEETS = (".csv", ".xlsx", ".xls", ".ods")  # suffixes of spreadsheets, which pe
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file that is read, as sentences name it, and its largest size."""
+    """A kind of file, as messages name it, and its largest size."""
 
     name: str
     largest_bytes: int

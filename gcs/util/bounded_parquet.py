@@ -1,4 +1,4 @@
-"""Parquet of others: rows, columns and unpacked sizes by the file's own directory, before anything is unpacked."""
+"""Untrusted Parquet: the file's directory gives rows, columns and unpacked sizes, checked before anything is unpacked."""
 
 from __future__ import annotations
 
