@@ -68,7 +68,7 @@ def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIO
     """The map of a plan: tracks from take-off to landing, with a point every `period_s` and at both ends."""
     steps = int(np.ceil((plan.t_end_s - plan.t_start_s) / period_s))
     t_s = np.unique(np.rint(np.linspace(plan.t_start_s, plan.t_end_s, steps + 1) * _MS) / _MS)
-    inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    inside = plan.clamped(t_s)
     position = plan.leader_trajectory.state(inside)[:, POSITION] + plan.offsets(inside)
     lat, lon, alt = ned_to_geodetic(position, local_origin(plan.scenario))
     rounded = np.round(lat, DEGREE_DECIMALS), np.round(lon, DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)

@@ -41,10 +41,9 @@ class History:
 def build_histories(plan: Plan, rate_hz: float, rows: slice = ALL_VEHICLES) -> list[History]:
     """The histories of the vehicles in `rows`, from take-off to landing: at t = k / rate_hz and at both ends."""
     ticks = np.arange(np.ceil(plan.t_start_s * rate_hz), np.floor(plan.t_end_s * rate_hz) + 1)
-    # The end belongs to the last polynomial.
     inside = np.rint(ticks * _MS / rate_hz) / _MS
-    t_s = np.unique(np.clip(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]]), plan.t_start_s, plan.t_end_s))
-    states, controls = plan.motion(np.minimum(t_s, np.nextafter(plan.t_end_s, -np.inf)), rows)
+    t_s = np.unique(plan.clamped(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]])))
+    states, controls = plan.motion(t_s, rows)
     states, controls = np.round(states, _STATE_DECIMALS) + 0.0, np.round(controls, _CONTROL_DECIMALS) + 0.0
     return [History(sysid, plan.hash, t_s, states[row], controls[row]) for row, sysid in enumerate(plan.sysids[rows])]
 
