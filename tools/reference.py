@@ -16,7 +16,6 @@ from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 from gcs.flight.recording.tlog import FRAMES_MAX
 from gcs.mission.drawings import xml_drawing
 from gcs.mission.drawings.route_formats import ROUTE_FORMATS
-from gcs.mission.formats.maps import geojson, kml
 from gcs.mission.formats.plan_items import ITEMS_MAX
 from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
 from gcs.mission.formats.vendor_quirks import Odd
@@ -149,9 +148,8 @@ def _rule(row: Row) -> tuple[str, ...]:
 
 
 FILE_LIMITS = f"""
-- JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
+- JSON has at most {JSON_VALUES_MAX:,} values.
 - A mission has at most {ITEMS_MAX:,} items.
-- A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
 - A drawn KMZ unpacks to at most {in_mib(xml_drawing.UNPACKED_MAX_BYTES)}. Drawn XML has at most {XML_ELEMENTS_MAX:,}
   elements, and no document type.
 - Parquet has at most {ROWS_MAX:,} rows.

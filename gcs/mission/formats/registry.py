@@ -79,10 +79,10 @@ class Format:
 def _row(
     name: str, suffix: str | Mapping[Autopilot, str], content: Content, functions: str, purpose: str, **more: Any
 ) -> Format:
-    """A row of the table; `functions` is "module:value", of which the module has a `write_value` and a `read_value`."""
+    """A row of the table; `functions` is "module:value": `write_value`, and `read_value` unless it is a map."""
     module, value = functions.split(":")
     writer, reader = (f"gcs.mission.formats.{module}:{does}_{value}" for does in ("write", "read"))
-    return Format(name, suffix, content, purpose, writer, reader, **more)
+    return Format(name, suffix, content, purpose, writer, None if content is Content.MAP else reader, **more)
 
 
 FORMATS = (
