@@ -155,7 +155,7 @@ class Plan:
 
     def clamped(self, t_s: Array | float) -> Array:
         """Plan times (N,), those before and after the plan moved to its ends; one instant is N = 1."""
-        return np.clip(np.atleast_1d(t_s), self.t_start_s, self.t_end_s)
+        return np.asarray(np.clip(np.atleast_1d(t_s), self.t_start_s, self.t_end_s))
 
     def phase(self, name: str) -> Phase:
         """The phase of that name."""
