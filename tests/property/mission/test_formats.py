@@ -32,7 +32,8 @@ from gcs.mission.formats.qgc_wpl import (
     write_rally,
     write_waypoints,
 )
-from gcs.mission.formats.tables.history_csv import History, read_history, write_history
+from gcs.mission.formats.tables.csv_table import read_csv
+from gcs.mission.formats.tables.history_csv import COLUMNS, History, write_history
 from gcs.mission.formats.tables.setpoint_table import StreamFile, read_setpoints, write_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
@@ -180,10 +181,10 @@ def histories(draw: st.DrawFn) -> History:
 @untimed
 @given(histories())
 def test_histories_survive(history: History) -> None:
-    back = read_history(write_history(history), "x")
-    assert (back.sysid, back.plan_hash) == (history.sysid, history.plan_hash)
-    for name in ("t_s", "states", "controls"):
-        assert np.array_equal(getattr(back, name), getattr(history, name))
+    comments, table = read_csv(write_history(history), COLUMNS)
+    assert (comments["vehicle"], comments.get("plan", "")) == (str(history.sysid), history.plan_hash)
+    values = np.column_stack([table.column(name).to_numpy() for name in COLUMNS])
+    assert np.array_equal(values, np.column_stack([history.t_s, history.states, history.controls]))
 
 
 @st.composite
@@ -233,7 +234,6 @@ STREAM = StreamFile(
 CORNERS = (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000))
 FENCE = Geofence((FencePolygon(CORNERS, True),), (FenceCircle(CORNERS[0], 12.5, False),), RallyPoint(CORNERS[1], 5.0))
 RALLY = (RallyPoint(CORNERS[2], 20.0),)
-HISTORY = History(1, "abc", np.array([0.0, 1.0]), np.ones((2, 12)), np.ones((2, 4)))
 FENCE_LIST = "47.1 8.5\n47 8\n47.2\t8.1\n47.3 8.1\n47.3 8.0\n47 8\n"
 MISSION_JSON = """{"MAV_AUTOPILOT": 12, "items": [{"type": "missionItem", "id": 1, "command": 22, "frame": 3,
 "param1": 0, "param2": 0, "param3": 0, "param4": 0, "coordinate": [47.3, 8.5, 10]}], "version": "1.0",
@@ -257,7 +257,6 @@ FORMATS: dict[str, tuple[Callable[[bytes, str], Any], bytes]] = {
         ("rally", read_rally, write_rally(RALLY)),
         ("setpoints", read_setpoints, write_setpoints(STREAM)),
         ("parquet", read_setpoints_parquet, write_setpoints_parquet(STREAM)),
-        ("history", read_history, write_history(HISTORY)),
         (
             "param",
             partial(read_parameters, firmware=Autopilot.ARDUPILOT),

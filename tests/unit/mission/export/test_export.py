@@ -21,7 +21,8 @@ from gcs.mission.formats.param import read_parameters
 from gcs.mission.formats.qgc_plan import read_mission
 from gcs.mission.formats.qgc_wpl import read_fence, read_rally, read_waypoints
 from gcs.mission.formats.registry import FORMATS
-from gcs.mission.formats.tables.history_csv import read_history
+from gcs.mission.formats.tables.csv_table import read_csv
+from gcs.mission.formats.tables.history_csv import COLUMNS as HISTORY_COLUMNS
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.model import Altitude
@@ -70,12 +71,13 @@ def test_every_format(hop: Plan, tmp_path: Path) -> None:
         listed = json.loads(written[INDEX])["parameters"][str(sysid)]
         assert parameters.values == with_new_names(Autopilot.ARDUPILOT, listed.items())
         assert plan_file.rally[0].alt_m * 100 == pytest.approx(dict(parameters.values)["RTL_ALT"])
-        history = read_history(written[f"uav{sysid}.history.csv"], "h")
-        assert (history.sysid, history.plan_hash) == (sysid, plan.hash)
-        assert (history.t_s[0], history.t_s[-1]) == (plan.t_start_s, plan.t_end_s)
-        states, controls = plan.motion(history.t_s[1:-1])
-        assert np.abs(history.states[1:-1] - states[plan.sysids.index(sysid)]).max() <= 0.51e-6
-        assert np.abs(history.controls[1:-1] - controls[plan.sysids.index(sysid)]).max() <= 0.51e-7
+        comments, table = read_csv(written[f"uav{sysid}.history.csv"], HISTORY_COLUMNS)
+        assert (comments["vehicle"], comments["plan"]) == (str(sysid), plan.hash)
+        values = np.column_stack([table.column(name).to_numpy() for name in HISTORY_COLUMNS])
+        assert (values[0, 0], values[-1, 0]) == (plan.t_start_s, plan.t_end_s)
+        states, controls = plan.motion(values[1:-1, 0])
+        assert np.abs(values[1:-1, 1:13] - states[plan.sysids.index(sysid)]).max() <= 0.51e-6
+        assert np.abs(values[1:-1, 13:] - controls[plan.sysids.index(sysid)]).max() <= 0.51e-7
     for drawn in (kml_tracks(written["formation.kml"]), geojson_tracks(written["formation.geojson"])):
         assert [track.sysid for track in drawn] == list(plan.sysids)
         origin = local_origin(plan.scenario)
