@@ -8,7 +8,6 @@ from pydantic import Field, ValidationError
 
 from gcs.autopilots.traits import traits_of
 from gcs.errors import FileFormatError
-from gcs.frames import from_degE7
 from gcs.mavlink import FenceCommand
 from gcs.mission.drawings.drawing import Drawing, DrawnArea, DrawnDisk, Sketch, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
@@ -18,7 +17,7 @@ from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, Pla
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
 from gcs.mission.formats.vendor_quirks import first_line
-from gcs.mission.geofence import Geofence, GeoPoint, RallyPoint
+from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.model import Home
 
 _NOWHERE_DEG = 1e-6  # a home at 0 N 0 E is one that was not set
@@ -105,11 +104,11 @@ def _home(home: Home) -> Home | None:
 
 def _fence(fence: Geofence, sketch: Sketch) -> None:
     for number, polygon in enumerate(fence.polygons, start=1):
-        corners = tuple(map(_degrees, polygon.points))
+        corners = tuple(place.place_deg for place in polygon.points)
         sketch.areas.append(DrawnArea(corners, f"fence polygon {number}", polygon.inclusion))
     for number, circle in enumerate(fence.circles, start=1):
         label = f"fence circle {number}"
-        sketch.disks.append(DrawnDisk(_degrees(circle.center), circle.radius_m, label, circle.inclusion))
+        sketch.disks.append(DrawnDisk(circle.center.place_deg, circle.radius_m, label, circle.inclusion))
     if fence.return_point is not None:
         sketch.leave_out("the fence's return point", "not carried over; failsafes choose where vehicles return to")
 
@@ -117,7 +116,3 @@ def _fence(fence: Geofence, sketch: Sketch) -> None:
 def _rally(points: Sequence[RallyPoint], sketch: Sketch) -> None:
     for number, _ in enumerate(points, start=1):
         sketch.leave_out(f"rally point {number}", "not carried over; `gcs export` writes one for each vehicle")
-
-
-def _degrees(place: GeoPoint) -> tuple[float, float]:
-    return from_degE7(place.lat_degE7), from_degE7(place.lon_degE7)

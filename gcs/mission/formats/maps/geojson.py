@@ -10,9 +10,8 @@ import json
 
 import numpy as np
 
-from gcs.frames import from_degE7
 from gcs.mission.formats.maps.tracks import MapFile, MapPoint, Track
-from gcs.mission.geofence import FencePolygon, GeoPoint
+from gcs.mission.geofence import FencePolygon
 
 _HALF_TURN_DEG = 180.0
 _Members = dict[str, object]
@@ -25,7 +24,7 @@ def write_geojson(file: MapFile) -> str:
     features += [_area(polygon) for polygon in file.geofence.polygons]
     features += [
         _feature(
-            {"type": "Point", "coordinates": _position(circle.center)},
+            {"type": "Point", "coordinates": circle.center.place_deg[::-1]},
             {"kind": "circle", "inclusion": circle.inclusion, "radius_m": circle.radius_m},
         )
         for circle in file.geofence.circles
@@ -60,7 +59,7 @@ def _route_point(point: MapPoint) -> _Members:
 
 def _area(polygon: FencePolygon) -> _Members:
     """Exterior rings run counterclockwise and close; `clockwise` records the order in the fence."""
-    ring = [_position(place) for place in polygon.points]
+    ring = [list(place.place_deg[::-1]) for place in polygon.points]
     clockwise = _is_clockwise(ring)
     if clockwise:
         ring = [ring[0], *ring[:0:-1]]
@@ -71,7 +70,3 @@ def _area(polygon: FencePolygon) -> _Members:
 def _is_clockwise(ring: list[list[float]]) -> bool:
     lon, lat = np.array(ring).T
     return bool(np.sum(lon * np.roll(lat, -1) - np.roll(lon, -1) * lat) < 0)
-
-
-def _position(place: GeoPoint) -> list[float]:
-    return [from_degE7(place.lon_degE7), from_degE7(place.lat_degE7)]

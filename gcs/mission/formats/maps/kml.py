@@ -16,7 +16,6 @@ from xml.sax.saxutils import escape
 import numpy as np
 import simplekml
 
-from gcs.frames import from_degE7
 from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile
 from gcs.mission.geofence import FenceCircle
 
@@ -51,7 +50,7 @@ def write_kml(file: MapFile) -> bytes:
         for key, text in (("route_point", str(point.number)), ("name", escape(point.name)), ("t_s", repr(point.t_s))):
             spot.extendeddata.newdata(key, text)
     for polygon in file.geofence.polygons:
-        _draw(kml, polygon.inclusion, ((from_degE7(p.lon_degE7), from_degE7(p.lat_degE7)) for p in polygon.points))
+        _draw(kml, polygon.inclusion, (place.place_deg[::-1] for place in polygon.points))
     for circle in file.geofence.circles:
         drawn = _draw(kml, circle.inclusion, _corners(circle))
         for name, value in (
@@ -96,7 +95,7 @@ def _draw(kml: Any, inclusion: bool, corners: Iterable[tuple[float, float]]) -> 
 
 
 def _corners(circle: FenceCircle) -> Iterable[tuple[float, float]]:
-    lat, lon = from_degE7(circle.center.lat_degE7), from_degE7(circle.center.lon_degE7)
+    lat, lon = circle.center.place_deg
     angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
     north = circle.radius_m / _METRES_PER_DEGREE
     east = north / max(math.cos(math.radians(lat)), 1e-3)
