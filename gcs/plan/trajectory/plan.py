@@ -153,6 +153,10 @@ class Plan:
         """Ground points (V, 3) on which the vehicles land: below their places when the landing begins."""
         return landing_points_ned_m(self.scenario, self.shape.at(self.phase("landing").start_s))
 
+    def clamped(self, t_s: Array | float) -> Array:
+        """Plan times (N,), those before and after the plan moved to its ends; one instant is N = 1."""
+        return np.asarray(np.clip(np.atleast_1d(t_s), self.t_start_s, self.t_end_s))
+
     def phase(self, name: str) -> Phase:
         """The phase of that name."""
         return next(p for p in self.phases if p.name == name)
