@@ -185,6 +185,15 @@ async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
         raise failure or ProtocolMisuse("a part of the work ended by itself.") from None
 
 
+async def set_within(event: asyncio.Event, seconds: float) -> None:
+    """Wait until an event is set; after this time it is set in any case."""
+    timer = asyncio.get_running_loop().call_later(seconds, event.set)
+    try:
+        await event.wait()
+    finally:
+        timer.cancel()
+
+
 async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:
     """Return once `condition` is true; it is checked every 0.05 s. Raises PeerTimeout: "`what` was not reached ..."."""
     loop = asyncio.get_running_loop()
