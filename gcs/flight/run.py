@@ -255,7 +255,7 @@ async def _fly(now: _Prepared) -> tuple[FlightTimes, Monitor, RecordGaps]:
 
         hooks = FlightHooks(on_event, on_step)
         flight = await _flight(now, fleet, sessions, hooks)
-        now.ctrl_c.on_again = flight.landing.tell_aloft
+        now.ctrl_c.again_calls(flight.landing.tell_aloft)
         showing = asyncio.ensure_future(_show(watcher, flight, say))
         try:
             times = await flight.run()

@@ -157,7 +157,7 @@ async def _take_up(
 
         hooks = FlightHooks(tell, log_step)
         flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
-        ctrl_c.on_again = flight.landing.tell_aloft
+        ctrl_c.again_calls(flight.landing.tell_aloft)
         shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)
         if request.what is not Resume.SHOW:
             await resume_flight(flight, request.what, book.t0_unix_s)
