@@ -197,6 +197,7 @@ class FlightSequence:
         if self.options.mode is FlightMode.MISSION or CLOCK not in self.options.waived:
             await self.time.agree()
         self.landing.custody.refuse_armed()
+        self._hooks.on_read_back(self.held)
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
