@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, Strict,
 from pydantic_core import CoreSchema
 
 from gcs.scenario.schema.degree_keys import DegreeKeys
+from gcs.scenario.schema.mistake import sentence
 from gcs.scenario.schema.toml_lines import Key
 
 # Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
@@ -46,7 +47,8 @@ def left_out(text: str) -> Any:
     return Field(default=None, description=text, exclude_if=lambda value: value is None)
 
 
-Finding = tuple[Key, str]  # a key inside a table, () for the table itself, and what is wrong with it
+# A key inside a table, () for the table itself; what is wrong with it; perhaps what to do.
+Finding = tuple[Key, str] | tuple[Key, str, str]
 Findings = Iterator[Finding]
 
 
@@ -54,8 +56,8 @@ class Disagreement(ValueError):
     """Keys of one table that are each valid, but not together."""
 
     def __init__(self, found: list[Finding]) -> None:
-        super().__init__("; ".join(": ".join((*map(str, key), text)) for key, text in found))
-        self.found = tuple(found)
+        self.found = [(key, text, "".join(step)) for key, text, *step in found]
+        super().__init__("; ".join(": ".join((*map(str, key), sentence(*said))) for key, *said in self.found))
 
 
 class Part(BaseModel):

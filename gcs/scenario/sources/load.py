@@ -44,13 +44,13 @@ _SLIPS = [  # what is looked for in a line, what was meant, and a sentence where
     (_BARE, r'\1"\2"', "the text {} stands without quotes", 'write "{}"'),
 ]
 _WORDS = {  # what tomllib says, as this program says it
-    "Cannot overwrite a value": "this key stands twice in its table. Keep one of the two",
-    "Unclosed array": "a list is not closed. Give the missing ]",
-    "Unclosed inline table": "a table in one line is not closed. Give the missing }",
-    "Invalid value": "no value of TOML stands here. Give a number, true, false, text in quotes or a list",
-    "Unterminated string": "text is not closed. Give the missing quote",
-    "Expected '=' after a key in a key/value pair": "a key has no value. Write key = value",
-    "Expected newline or end of document after a statement": "something stands after the value. Remove it",
+    "Cannot overwrite a value": ("this key stands twice in its table", "keep one of the two"),
+    "Unclosed array": ("a list is not closed", "give the missing ]"),
+    "Unclosed inline table": ("a table in one line is not closed", "give the missing }"),
+    "Invalid value": ("no value of TOML stands here", "give a number, true, false, text in quotes or a list"),
+    "Unterminated string": ("text is not closed", "give the missing quote"),
+    "Expected '=' after a key in a key/value pair": ("a key has no value", "write key = value"),
+    "Expected newline or end of document after a statement": ("something stands after the value", "remove it"),
 }
 
 
@@ -215,10 +215,11 @@ def _read_toml(text: str) -> tuple[dict[str, Any], str, list[Mistake]]:
 def _syntax_mistake(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
     """The mistake of a text that is not TOML."""
     said = _PLACE.sub("", str(error))
+    words, step = _WORDS.get(said, (said, ""))
     if found := _TWICE.fullmatch(said):
         name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
-        said = f"table [{name}] stands twice. Keep one, with the keys of both"
-    return Mistake((), f"not TOML: {_WORDS.get(said, said)}", line=_line_at(text, error))
+        words, step = f"table [{name}] stands twice", "keep one, with the keys of both"
+    return Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))
 
 
 def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
@@ -324,14 +325,14 @@ def _error_report(
     placed, listed = [], []
     for one, *others in (rows.values() for rows in alike.values()):
         placed.append(one)
-        text = one.told[0] if len(alike) == 1 and elsewhere is None else one.whole
+        text = one.text if len(alike) == 1 and elsewhere is None else one.whole
         listed.append(sentence(one, text) + (f" (and {len(others)} more in this list)" if others else ""))
     if len(listed) > 1:
         listed.insert(0, f"{file} has {len(placed)} mistakes")
     if elsewhere is not None:
         return ScenarioError("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint)
     steps = [
-        one.told[1] or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
+        one.step or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
         for one in placed
     ]
     number = "both" if len(placed) == 2 else f"all {len(placed)}"

@@ -98,14 +98,14 @@ def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
     cannot = "the planner cannot choose the time while"
     is_costless = scenario.time.latest_s is None and not scenario.objective.time_weight
     is_fixed = any(not change.auto and change.at_point is None for change in scenario.formation.change)
-    for is_wrong, text in (
-        (is_costless, "needs a cost of time, or the slowest flight is the best. Give [objective] time_weight, or "
-         "a latest_s here"),
-        (is_fixed, f"{cannot} changes have fixed times. Set auto = true in each"),
-        (any(zone.moves for zone in scenario.no_fly), f"{cannot} no-fly zones move. Remove their moves"),
-    ):  # fmt: skip
+    is_moved, costless = any(zone.moves for zone in scenario.no_fly), "needs a cost of time, or the slowest flight is"
+    for is_wrong, text, step in (
+        (is_costless, f"{costless} the best", "give [objective] time_weight, or a latest_s here"),
+        (is_fixed, f"{cannot} changes have fixed times", "set auto = true in each"),
+        (is_moved, f"{cannot} no-fly zones move", "remove their moves"),
+    ):
         if scenario.time.free and is_wrong:
-            yield Mistake(("time", "free"), text, True)
+            yield Mistake(("time", "free"), text, True, step)
 
 
 @RULES.needs("start", "ground_phases")

@@ -52,7 +52,7 @@ class _Leg:
 def _rounds_are_few(scenario: Scenario) -> Mistakes:
     count, loops = len(scenario.route), scenario.loops
     if loops > 1 and not count:
-        yield Mistake(("loops",), "has no effect without [[route]]. Remove it, or give points", loops)
+        yield Mistake(("loops",), "has no effect without [[route]]", loops, "remove it, or give points")
     if count * loops > ROUTE_MAX:
         text = f"makes {count * loops} points of {count}; all rounds together have at most {ROUTE_MAX}"
         yield Mistake(("loops",), text, loops, remedy=f"set loops to {ROUTE_MAX // count} or less")
@@ -65,8 +65,8 @@ def _times_are_in_one_round(scenario: Scenario) -> Mistakes:
     for row, point in enumerate(scenario.route):
         for key in _TIMES:
             if (time_s := getattr(point, key)) is not None:
-                text = f"is one time, and the point is passed {scenario.loops} times. Remove it, or write all rounds"
-                yield Mistake(("route", row, key), text, time_s)
+                text = f"is one time, and the point is passed {scenario.loops} times"
+                yield Mistake(("route", row, key), text, time_s, "remove it, or write all rounds")
 
 
 @RULES.needs("start", "route", "loops", "end")
@@ -77,8 +77,8 @@ def _legs_have_a_length(scenario: Scenario) -> Mistakes:
         if np.linalg.norm(np.subtract(second, first)) <= _SHORTEST_M and scenario.route and own not in told:
             told.add(own)
             other = dotted(key if own == before else before)
-            text = f"is the place of {other} too; a leg is longer than {_SHORTEST_M:g} m. Remove the point"
-            yield Mistake((*own, "position_m"), text, scenario.route[int(own[1])].position_m)
+            text = f"is the place of {other} too; a leg is longer than {_SHORTEST_M:g} m"
+            yield Mistake((*own, "position_m"), text, scenario.route[int(own[1])].position_m, "remove the point")
 
 
 @RULES.needs("start", "route", "loops", "end", "time", "limits")
@@ -101,8 +101,8 @@ def _times_are_enough(scenario: Scenario) -> Mistakes:
                 enough_s = since_s + np.ceil(needed_s * WITH_TURNS)
                 yield Mistake(at, text, due_s, remedy=f"set {dotted(at)} to {enough_s:.0f} or more")
             elif point is not None:  # else the rule about times after the flight reports it
-                text = f"must be later than {since} at {plain(since_s)} s: the leader passes it before. Correct it"
-                yield Mistake(at, text, due_s)
+                text = f"must be later than {since} at {plain(since_s)} s: the leader passes it before"
+                yield Mistake(at, text, due_s, "correct it")
             earliest_s = due_s
         fixed_s = _fixed_s(scenario, point)
         if point is not None and fixed_s is not None:
@@ -219,7 +219,7 @@ def _shapes_exist(scenario: Scenario) -> Mistakes:
     for row, point in enumerate(scenario.route):
         if point.shape is not None and point.shape not in names:
             known = ", ".join(f'"{name}"' for name in names)
-            yield Mistake(("route", row, "shape"), f"names no shape; there are {known}. Correct it", point.shape)
+            yield Mistake(("route", row, "shape"), f"names no shape; there are {known}", point.shape, "correct it")
 
 
 @RULES.needs("route", "loops", "formation")
@@ -229,8 +229,8 @@ def _changes_begin_at_points(scenario: Scenario) -> Mistakes:
         if change.at_point is not None and change.at_point > count:
             rounds = f" in {scenario.loops} rounds" if scenario.loops > 1 else ""
             there = f"has {counted(count, 'point')}{rounds}" if count else "does not exist"
-            text = f"is no point: [[route]] {there}. Correct it"
-            yield Mistake(("formation", "change", row, "at_point"), text, change.at_point)
+            text = f"is no point: [[route]] {there}"
+            yield Mistake(("formation", "change", row, "at_point"), text, change.at_point, "correct it")
 
 
 @RULES.needs("route", "formation")

@@ -11,11 +11,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from gcs.scenario.schema.degree_keys import CENTRE, POSITION
+from gcs.scenario.schema.degree_keys import CENTRE, POSITION, is_number, numbers
 from gcs.scenario.schema.mistake import EXACT, Mistake, name_of, nearest, plain, toml
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.schema_words import Schema, inside, json_schema
-from gcs.scenario.validation.written_places import is_number, numbers, written
 
 _ALIKE = 0.75  # below, the key may mean something else, whose value fits nothing
 _KEPT_MAX = 20  # slips that one error lists
@@ -118,7 +117,7 @@ class Meant:
         forms = f"{' and '.join(keys.metres)}, or {' and '.join(keys.degrees)}"
         text = f"unknown key; a place is {forms}{' with height_m or alt_amsl_m' if keys.heights else ''}"
         height = toml(found["height"]) if "height" in found else "".join(map(plain, pair[2:]))
-        step = f"write {written(keys, [pair[:2]], height, metres=not is_in_degrees)}"
+        step = f"write {keys.written([pair[:2]], height, metres=not is_in_degrees)}"
         self._told((*key, next(iter(names.values()))), text, step)
         rest = {name: value for name, value in table.items() if name not in names.values()}
         if keys is CENTRE:

@@ -9,13 +9,12 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from gcs.scenario.schema.degree_keys import POSITION
+from gcs.scenario.schema.degree_keys import POSITION, Pair
 from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.mistake import Mistake, plain
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.written_places import Pair, pairs_of, written
 from gcs.scenario.values.si import local_origin
 
 _NEAR_DEG = 0.5  # of the origin
@@ -53,13 +52,13 @@ def _are_in_metres(table: str, scenario: Scenario) -> Mistakes:
     for key, part in _parts(getattr(scenario, table), (table,)):
         for keys in part.degree_keys:
             given = [getattr(part, name) for name in keys.metres]
-            meant = [_as_degrees(pair, here) for pair in pairs_of(keys, given)]
+            meant = [_as_degrees(pair, here) for pair in keys.pairs(given)]
             places = [one for one in meant if one]
             if places and len(places) == len(meant):
-                is_swapped = places[0] != pairs_of(keys, given)[0]
+                is_swapped = places[0] != keys.pairs(given)[0]
                 text = _LOOKS + (", and latitude comes first" if is_swapped else "")
                 height = plain(given[0][2]) if keys is POSITION else ""
-                yield Mistake((*key, keys.metres[0]), text, given[0], remedy=f"write {written(keys, places, height)}")
+                yield Mistake((*key, keys.metres[0]), text, given[0], remedy=f"write {keys.written(places, height)}")
         if any(_as_degrees((north, east), here) for _, north, east in getattr(part, "moves", ())):
             yield Mistake((*key, "moves"), _MOVES, part.moves, remedy="write moves = [[s, m north, m east], ...]")
 
@@ -76,7 +75,7 @@ def _flight_has_a_length(scenario: Scenario) -> Mistakes:
     is_precise = all(round(value, _WRITTEN_DIGITS) != value for end in ends.values() for value in end[:2])
     if not scenario.route and apart_m < _SHORT_M and is_precise:
         for table, place in ends.items():
-            step = f"write {written(POSITION, [place[:2]], plain(place[2]))}, and check [origin]"
+            step = f"write {POSITION.written([place[:2]], plain(place[2]))}, and check [origin]"
             yield Mistake((table, "position_m"), _LOOKS, place, remedy=step)
 
 

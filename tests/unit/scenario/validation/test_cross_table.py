@@ -40,7 +40,7 @@ def test_simulation1_is_clean(simulation1: Scenario) -> None:
         (("start", "position_m"), [2.5, 1.0, 3.0], "start.position_m", "vehicle 1"),
         (("limits", "north_m"), [0.5, 1500.0], "formation.vehicle[1].position_m[0]", "vehicles 2, 3, 5 are outside"),
         (("limits", "east_m"), [0.0, 1000.5], "end.position_m[1]", "vehicle 3 would be at 1001"),
-        (("limits", "height_m"), [0.0, 2.9], "start.position_m[2]", "limits.height_m, 0 to 2.9"),
+        (("limits", "height_m"), [0.0, 2.9], "start.position_m[2]", "outside the box, height 0 to 2.9 m"),
         (("limits", "clearance_min_m"), 0.9, "end.position_m[2]", "limits.clearance_min_m requires 0.9 m"),
         (("limits", "separation_min_m"), 0.6, "formation.vehicle[4].position_m", "vehicles 2 and 5 are 0.50 m apart"),
         (
@@ -205,7 +205,7 @@ def test_a_last_shape_beyond_the_box_is_seen_before_anything_is_planned(data: di
     low = data["limits"]["east_m"][0]
     assert ending_in_a_square(data, [low, east_m + 4.0], []) == []
     (told,) = ending_in_a_square(data, [low, east_m + 3.0], [])
-    assert "puts 3 places of the last shape, square, outside limits.east_m" in told
+    assert "puts 3 places of the last shape, square, outside the box, east 0 to 1003 m" in told
     zone = {"north_m": north_m + 8.0, "east_m": east_m + 4.0, "radius_m": 1.0}
     (told,) = ending_in_a_square(data, [low, east_m + 4.0], [zone])
     assert "contains 1 place of the last shape, square, at the end, 1.00 m inside" in told
