@@ -74,25 +74,6 @@ def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
         yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps, remedy=step)
 
 
-@RULES.needs("start", "end", "time", "limits")
-def _time_is_enough(scenario: Scenario) -> Mistakes:
-    if scenario.route:
-        return  # `route_rules` has the rule
-    distance_m = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
-    needed = distance_m / scenario.limits.speed_ned_mps
-    axis = int(needed.argmax())
-    time = scenario.time
-    key, longest_s = ("latest_s", time.latest_s) if time.free else ("flight_s", time.flight_s)
-    if longest_s is not None and needed[axis] > longest_s:
-        name = ("north", "east", "vertical")[axis]
-        text = (
-            f"too short: {plain(distance_m[axis])} m {name} take at least {needed[axis]:.1f} s "
-            f"at limits.speed_ned_mps[{axis}] = {plain(scenario.limits.speed_ned_mps[axis])} m/s"
-        )
-        enough_s = np.ceil(needed[axis] * route_rules.WITH_TURNS)
-        yield Mistake(("time", key), text, longest_s, remedy=f"set time.{key} to {enough_s:.0f}")
-
-
 @RULES.needs("time", "objective", "formation")
 def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
     cannot = "the planner cannot choose the time while"

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import typing
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.scenario.schema.degree_keys import DegreeKeys, Pair, adapter, is_number, numbers
-from gcs.scenario.schema.fields import FARTHEST_M, Part
+from gcs.scenario.schema.fields import FARTHEST_M, tables
 from gcs.scenario.schema.mistake import KeyChange, Mistake, from_e7, plain, value_at
 from gcs.scenario.schema.scenario import OriginTable, Scenario
 from gcs.scenario.schema.toml_lines import Key
@@ -67,23 +65,7 @@ class InMetres:
         """The keys in metres whose places were in degrees: nothing needs to be asked about their numbers."""
         return {(*place.table, name) for place in self.places for name in place.keys.metres}
 
-    def table(self, model: type[Part], table: dict[str, Any], key: Key) -> dict[str, Any]:
-        """One table with its places in metres."""
-        read = dict(table)
-        for name, part in _inner_tables(model).items():
-            value, path = table.get(name), (*key, name)
-            if isinstance(value, dict):
-                read[name] = self.table(part, value, path)
-            elif isinstance(value, list):
-                read[name] = [
-                    self.table(part, one, (*path, row)) if isinstance(one, dict) else one
-                    for row, one in enumerate(value)
-                ]
-        for keys in model.degree_keys:
-            self._place(keys, read, key)
-        return read
-
-    def _place(self, keys: DegreeKeys, table: dict[str, Any], key: Key) -> None:
+    def replace(self, keys: DegreeKeys, table: dict[str, Any], key: Key) -> None:
         """Replace one place of a table."""
         values = {name: table.pop(name) for name in keys.every if name in table}
         values = {name: value for name, value in values.items() if value is not None}  # as JSON has what is left out
@@ -107,8 +89,10 @@ def in_metres(data: dict[str, Any]) -> InMetres:
         origin = Origin(**OriginTable.model_validate(data.get("origin")).model_dump())
     except ValidationError:
         origin = None
-    found = InMetres({}, origin)
-    found.data = found.table(Scenario, data, ())
+    found = InMetres(dict(data), origin)
+    for key, model, table in tables(Scenario, found.data):
+        for keys in model.degree_keys:
+            found.replace(keys, table, key)
     return found
 
 
@@ -166,19 +150,6 @@ def _misplaced(
     elif third:
         text = "has three numbers; it is latitude and longitude, and the height has its own key"
         yield Mistake(where, text, value, remedy=f"write {keys.written(places, height)}")
-
-
-@lru_cache
-def _inner_tables(model: type[BaseModel]) -> dict[str, type[Part]]:
-    """The keys of a table that hold tables, and the models of these."""
-    found = {name: _part_in(model_field.annotation) for name, model_field in model.model_fields.items()}
-    return {name: part for name, part in found.items() if part is not None}
-
-
-def _part_in(annotation: Any) -> type[Part] | None:
-    if isinstance(annotation, type) and issubclass(annotation, Part):
-        return annotation
-    return next((part for part in map(_part_in, typing.get_args(annotation)) if part is not None), None)
 
 
 def in_degree_keys(mistake: Mistake, found: InMetres) -> Mistake:
