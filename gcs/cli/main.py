@@ -119,15 +119,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if not is_the_process:
         return _run(arguments)
-    outlets = install()
+    streams = install()
     stop_at_signals()
     try:
         code = _run(arguments)
-        for outlet in outlets:
-            outlet.end()
+        for safe in streams:
+            safe.end()
     except KeyboardInterrupt:  # while the last lines were printed
         code = Stopped.exit_code()
-    lost = outlets[0].lost
+    lost = streams[0].lost
     if code == 0 and lost is not None and not set(arguments[:1]) & FOR_VEHICLES:
         code = OUTPUT_LOST
         if not isinstance(lost, BrokenPipeError):  # `gcs schema | head` is no mistake

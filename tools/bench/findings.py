@@ -1,5 +1,4 @@
-"""Skein's verifier applied between the nodes of any solver's solution: margins, windows, objective on a fine grid.
-"""
+"""Skein's verifier applied between the nodes of any solver's solution: margins, windows, objective on a fine grid."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Numbers of a plan over time for the pictures: size of the formation, distance to the ground, separation.
-"""
+"""Numbers of a plan over time for the pictures: size of the formation, distance to the ground, separation."""
 
 from __future__ import annotations
 
