@@ -132,12 +132,12 @@ def fly(
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: fleet.stop())
         if until_eof:
-            fleet.stop_at_end_of(sys.stdin.fileno())
+            fleet.traffic.watch(sys.stdin.fileno())  # it ends when the parent dies
         _warn(links)
         print(json.dumps(_ready(fleet, links, seed)), flush=True)
         fleet.run()
-        if truth is not None:
-            fleet.save_truth(truth)
+        if truth is not None and fleet.truth is not None:
+            fleet.truth.save(truth)
 
 
 def parse_links(

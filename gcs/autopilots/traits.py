@@ -45,21 +45,6 @@ class Autopilot(IntEnum):
         return self.traits.link.home_is_item_0
 
     @property
-    def frames(self) -> frozenset[int]:
-        """MAV_FRAME values of items that name a position."""
-        return self.traits.missions.frames
-
-    @property
-    def items_max(self) -> int:
-        """Items that a mission may have, home included where it is item 0."""
-        return self.traits.missions.items_max
-
-    @property
-    def speed_mps(self) -> tuple[float, float]:
-        """Slowest and fastest ground speed that it accepts from DO_CHANGE_SPEED."""
-        return self.traits.missions.speed_mps
-
-    @property
     def navigator(self) -> Navigator:
         """The model that predicts its flight of waypoints, as it was recorded."""
         return self.traits.navigator

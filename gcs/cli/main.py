@@ -11,7 +11,6 @@ import difflib
 import errno
 import os
 import re
-import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -36,7 +35,7 @@ from gcs.cli.planning.show import show
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.safe_stdout import install
 from gcs.errors import FileFormatError, GcsError, UsageError
-from gcs.util.aio import Stopped, ignore_stops, stop_at_signals
+from gcs.util.aio import StopSignals
 
 NAME, COMPLETING = "gcs", "_GCS_COMPLETE"
 STOPPED = 130  # typer's, for every KeyboardInterrupt
@@ -118,15 +117,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     is_the_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if not is_the_process:
-        return _run(arguments)
-    streams = install()
-    stop_at_signals()
+        return _run(arguments, StopSignals())
+    streams, stops = install(), StopSignals()
+    stops.listen()
     try:
-        code = _run(arguments)
+        code = _run(arguments, stops)
         for safe in streams:
             safe.end()
     except KeyboardInterrupt:  # while the last lines were printed
-        code = Stopped.exit_code()
+        code = stops.exit_code
     lost = streams[0].lost
     if code == 0 and lost is not None and not set(arguments[:1]) & FOR_VEHICLES:
         code = OUTPUT_LOST
@@ -135,10 +134,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _run(arguments: list[str]) -> int:
+def _run(arguments: list[str], stops: StopSignals) -> int:
     # Read here because the arguments may be what is wrong.
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
-    Stopped.latest = signal.SIGINT  # of this command
     try:
         if any("\0" in argument for argument in arguments):  # no path and no name has one
             raise UsageError("an argument has a NUL character", hint="leave it out")
@@ -178,8 +176,8 @@ def _run(arguments: list[str]) -> int:
         _trace(debug)
         _say_bug(screen, error)
     if code == STOPPED:
-        code = Stopped.exit_code()
-        ignore_stops()  # a second Ctrl-C must not print a traceback
+        code = stops.exit_code
+        stops.ignore()  # a second Ctrl-C must not print a traceback
         screen.stopped(code)
     return int(code)
 

@@ -121,14 +121,14 @@ def read_json(data: bytes | str, *, not_finite: bool = False) -> Any:
         raise ValueError("values are nested too deeply") from None
 
 
-def refuse_crowded_json(data: bytes | str, most: int = JSON_VALUES_MAX) -> None:
+def refuse_crowded_json(data: bytes | str) -> None:
     """Raise ValueError for a text of more values than any file has: each takes many times its length in memory."""
     if isinstance(data, str):
         count = sum(data.count(mark) for mark in ",[{")
     else:
         count = sum(data.count(mark) for mark in (b",", b"[", b"{"))
-    if count > most:
-        raise ValueError(f"about {count:,} values; the limit is {most:,}")
+    if count > JSON_VALUES_MAX:
+        raise ValueError(f"about {count:,} values; the limit is {JSON_VALUES_MAX:,}")
 
 
 def _not_json(constant: str) -> NoReturn:

@@ -8,7 +8,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,8 +28,7 @@ from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import step_aside
 from tests.fleets import free_port, running_fleet
-
-GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
+from tests.kept import GCS
 
 
 def fly(*arguments: object, timeout_s: float = 300.0, **options: Any) -> subprocess.CompletedProcess[str]:

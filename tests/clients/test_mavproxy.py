@@ -67,12 +67,8 @@ def station(command: list[str], port: int, folder: Path) -> Iterator[Typist]:
     try:
         yield Typist(process)
     finally:
-        process.terminate()
-        try:
-            process.wait(60.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.kill()  # asked to end, it would wait for its keyboard
+        process.wait()
 
 
 def rows(scenario: Scenario, home_first: bool) -> list[list[object]]:

@@ -88,6 +88,10 @@ class ContingencyPolicy:
         """Return the orders that bring the formation back, as the operator requested."""
         return self._trigger(Trigger.RETURN_ALL, unix_s)
 
+    def never_heard(self, sysid: int) -> None:
+        """A vehicle was lost before this process began: no order for it, and none for the others because of it."""
+        self.states[sysid] = State.LOST
+
     def begin(self, *, starting: bool) -> None:
         """Count the vehicles as starting (before T0), or those that still start as flying the plan (from T0 on)."""
         before, after = (State.FLYING, State.STARTING) if starting else (State.STARTING, State.FLYING)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from gcs.autopilots.mission_commands import has_position
-from gcs.frames import from_degE7, to_degE7
+from gcs.frames import to_degE7
 from gcs.mission.formats.vendor_quirks import Odd
 from gcs.mission.model import Frame, MissionItem
 
@@ -45,4 +45,4 @@ def place_in_file(item: MissionItem) -> tuple[float, float]:
     """Inverse of `place_on_wire`, without the altitude."""
     if item.frame == Frame.MISSION:
         return float(item.lat_degE7), float(item.lon_degE7)
-    return from_degE7(item.lat_degE7), from_degE7(item.lon_degE7)
+    return item.place_deg

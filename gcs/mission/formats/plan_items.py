@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -21,7 +21,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _ITEM = ("SimpleItem", "missionItem")  # the second in `.mission` files of version 1.0
 
 
-def _whole(value: Any) -> Any:
+def _whole(value: object) -> object:
     """JSON has one kind of number: 16.0 is 16."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
@@ -47,14 +47,14 @@ class PlanItem(PlanPart):
     autoContinue: bool = True
     command: Annotated[Whole, Field(ge=0, le=0xFFFF)]
     doJumpId: Whole | None = None
-    id: Any = None
+    id: object = None
     frame: Annotated[Whole, Field(ge=0, le=0xFF)]
     params: Annotated[list[Finite | None], Field(min_length=7, max_length=7)]
-    coordinate: Any = None
+    coordinate: object = None
 
     @model_validator(mode="before")
     @classmethod
-    def _seven_params(cls, data: Any) -> Any:
+    def _seven_params(cls, data: object) -> object:
         if not isinstance(data, dict) or not isinstance(data.get("coordinate"), list):
             return data
         first = data.get("params", [data.get(f"param{n}", "missing") for n in (1, 2, 3, 4)])
@@ -71,7 +71,7 @@ class ComplexItem(PlanPart):
 
     type: Literal["ComplexItem"]
     complexItemType: str = "unnamed"
-    TransectStyleComplexItem: Any = None  # the simple items of surveys and corridors are in it
+    TransectStyleComplexItem: object = None  # the simple items of surveys and corridors are in it
 
 
 ITEMS_MAX = 20_000  # an autopilot stores less than a tenth of it

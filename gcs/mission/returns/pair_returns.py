@@ -63,14 +63,9 @@ class Tubes:
         return cls(motion[0], motion[1], level_m, vertical_m, top_m, speeds)
 
     def __getitem__(self, index: tuple[Rows, ...]) -> Tubes:
-        return Tubes(
-            self.times_s[index],
-            self.places_ned_m[index],
-            self.level_m[index],
-            self.vertical_m[index],
-            self.top_m[index],
-            self.speeds,
-        )
+        arrays = (self.times_s, self.places_ned_m, self.level_m, self.vertical_m, self.top_m)
+        times_s, places_ned_m, level_m, vertical_m, top_m = (each[index] for each in arrays)
+        return Tubes(times_s, places_ned_m, level_m, vertical_m, top_m, self.speeds)
 
     @property
     def _late_s(self) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ import shapely
 
 from gcs.frames import geodetic_to_ned
 from gcs.mission.drawings.drawing import Datum
-from gcs.mission.drawings.read_drawing import read_drawing
+from gcs.mission.drawings.route_formats import read_drawing
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.coverage import coverage

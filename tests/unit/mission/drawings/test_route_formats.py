@@ -10,7 +10,7 @@ import pytest
 
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Datum, Drawing, LeftOut, sentences
-from gcs.mission.drawings.read_drawing import drawing_in, read_drawing
+from gcs.mission.drawings.route_formats import drawing_in, read_drawing
 
 FILES = Path(__file__).parent / "files"
 
