@@ -1,8 +1,8 @@
 """The `gcs` command: its commands, exit codes and error output.
 
 A command is a function; its docstring is its help. Its folder is its panel in `gcs --help`.
-Heavy imports stand inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test
-holds this). A traceback is printed with `--debug` only.
+Heavy imports are inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test checks
+this). A traceback is printed with `--debug` only.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Untrusted Parquet: the file's directory gives rows, columns and unpacked sizes, checked before anything is unpacked."""
+"""Untrusted Parquet: rows, columns and unpacked sizes are checked in its directory before anything is unpacked."""
 
 from __future__ import annotations
 
