@@ -1,4 +1,4 @@
-"""Writes the reference pages of docs, the policy's tables in flying.md and the folders in design.md.
+"""The generated parts of docs: reference pages, the policy's tables in flying.md, the folders in design.md.
 
 ./tools/run python tools/reference.py
 """

@@ -1,8 +1,8 @@
 """The `gcs` command: its commands, exit codes and error output.
 
 A command is a function; its docstring is its help. Its folder is its panel in `gcs --help`.
-Heavy imports stand inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test
-holds this). A traceback is printed with `--debug` only.
+Heavy imports are inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test checks
+this). A traceback is printed with `--debug` only.
 """
 
 from __future__ import annotations
@@ -118,15 +118,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if not is_the_process:
         return _run(arguments, StopSignals())
-    outlets, stops = install(), StopSignals()
+    streams, stops = install(), StopSignals()
     stops.listen()
     try:
         code = _run(arguments, stops)
-        for outlet in outlets:
-            outlet.end()
+        for safe in streams:
+            safe.end()
     except KeyboardInterrupt:  # while the last lines were printed
         code = stops.exit_code
-    lost = outlets[0].lost
+    lost = streams[0].lost
     if code == 0 and lost is not None and not set(arguments[:1]) & FOR_VEHICLES:
         code = OUTPUT_LOST
         if not isinstance(lost, BrokenPipeError):  # `gcs schema | head` is no mistake

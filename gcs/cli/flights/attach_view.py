@@ -51,7 +51,7 @@ class AttachRequest:
 
 
 def take_up(request: AttachRequest) -> int:
-    """The exit status after the request is done. Raises GcsError."""
+    """Carry out the request and return the exit status. Raises GcsError."""
     plan, book = _plan_and_state(request)
     links = request.links or book.links
     if not links:

@@ -94,7 +94,7 @@ def fly(
         list[str] | None,
         shared.option(
             "With --link: fly although this pre-flight check fails, by its name; the flight's folder records it. "
-            "Give it once for each check.",
+            "Repeat it for several.",
             metavar="CHECK",
         ),
     ] = None,

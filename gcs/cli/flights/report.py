@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
     """Compare the planned, the reported and, for emulated vehicles, the true positions of a flight.
 
-    It writes record.parquet into the folder: every reported position beside the planned one. It also takes flights
-    that were cut short. Of each landing it says the horizontal distance from the landing point at touchdown,
-    and the largest vertical deviation from the descent of the vehicle's own autopilot. The verdict is from the true
-    states, or from what the vehicles reported: "ok", "FAILED", or "not known" where its uncertainty spans the limit.
+    It writes record.parquet into the folder: every reported position beside the planned one. It accepts flights
+    that were cut short. For each landing it prints the horizontal distance from the landing point at touchdown, and
+    the largest vertical deviation from the descent of the vehicle's own autopilot. The verdict comes
+    from the true states, or from what the vehicles reported: "ok", "FAILED", or "not known" where the uncertainty of
+    the reports spans the limit.
 
     Example: gcs report flights/2026-01-31-120000-simulation1
     """
