@@ -102,7 +102,9 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
             "landing_limit_m": landing_limit_m,
             **({"route_points": [each.data(plan.sysids[plan.leader]) for each in passed]} if passed else {}),
             "formation_error_max_m": None if shape is None else shape[0],
-            **({} if verdict is None else {"judged": judged, "verdict": verdict.outcome, **criteria_data(verdict)}),
+            "judged": None
+            if verdict is None
+            else {"from": judged, "verdict": verdict.outcome, **criteria_data(verdict)},
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
             "step": book.step,
