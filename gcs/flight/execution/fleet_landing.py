@@ -139,7 +139,7 @@ class FleetLanding:
         now_s = asyncio.get_running_loop().time()
         for vehicle in self._ours_aloft():
             land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
-            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
+            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.exchange)
             with suppress(Exception):  # the others get theirs
                 for message in command.start(now_s):
                     vehicle.session.send(message)

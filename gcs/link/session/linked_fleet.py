@@ -65,7 +65,6 @@ class LinkedFleet:
         self,
         links: str | Sequence[str | Endpoint],
         *,
-        me: Station = GROUND,
         on_frame: FrameHook | None = None,
         timers: ProtocolTimers | None = None,
         signing: Signing | None = None,
@@ -80,13 +79,12 @@ class LinkedFleet:
         and unsigned ones are refused. `only` are the systems of a flight: no other gets a session. `on_notice` gets
         texts for the operator. Raises `UsageError`.
         """
-        self.me = me
         self.sessions: dict[int, VehicleSession] = {}  # by MAVLink system id
         self.refused_frames = 0  # without a valid signature
         self.strangers = Strangers()
         named = [links] if isinstance(links, str) else links
         self._endpoints = tuple(make_endpoint(link) if isinstance(link, str) else link for link in named)
-        self._codec = Codec(*me)
+        self._codec = Codec(*GROUND)
         self._routing = RoutingTable()
         self._only = None if only is None else frozenset(only)
         self._frozen = False
@@ -271,7 +269,7 @@ class LinkedFleet:
                 self._add_vehicle(message)
             return
         session.quality.receive(message.raw)
-        if message.is_for(self.me):
+        if message.is_for(GROUND):
             session.receive(message, now_s)
 
     def _after_moves(self, session: VehicleSession | None) -> VehicleSession | None:
@@ -288,7 +286,7 @@ class LinkedFleet:
     def _add_vehicle(self, heartbeat: Message) -> None:
         system = heartbeat.sysid
         self.sessions[system] = VehicleSession(
-            heartbeat, lambda m: self.send(m, system), me=self.me, timers=self._timers, transfer=self._transfer
+            heartbeat, lambda m: self.send(m, system), timers=self._timers, transfer=self._transfer
         )
         self._found.set()
 
@@ -297,13 +295,9 @@ class LinkedFleet:
             if self._routing.address(system) is not None:
                 self.send(message, system)
 
+        station = Station(system, _AUTOPILOT_COMPONENT)
         self.sessions[system] = VehicleSession.not_heard(
-            Station(system, _AUTOPILOT_COMPONENT),
-            autopilot,
-            send,
-            me=self.me,
-            timers=self._timers,
-            transfer=self._transfer,
+            station, autopilot, send, timers=self._timers, transfer=self._transfer
         )
 
     def _send(self, message: Message, link: int, address: Address | None) -> None:
@@ -357,7 +351,7 @@ class LinkedFleet:
         asked = self._routing.unidentified(now_s)
         for system, targets in asked.items():
             for target in targets:
-                self._send(_identity_request(self.sessions[system].station), target.link, target.address)
+                self._send(_identity_request(self.sessions[system]), target.link, target.address)
         self._request_identities(asked)
         self._tell_of_strangers(now_s)
         for session in self.sessions.values():
@@ -371,13 +365,13 @@ class LinkedFleet:
         self._identity_requests += 1
         for system, session in self.sessions.items():
             if system not in asked and not self._routing.is_identified(system):
-                session.send(_identity_request(session.station))
+                session.send(_identity_request(session))
 
 
-def _identity_request(station: Station) -> Message:
+def _identity_request(session: VehicleSession) -> Message:
     """Return the request of AUTOPILOT_VERSION, which has the id of a vehicle."""
-    (message,) = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), station).start(0.0)
-    return message
+    request = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), session.exchange)
+    return request.start(0.0)[0]
 
 
 def _is_vehicle(message: Message) -> bool:

@@ -83,10 +83,6 @@ class Preferred:
         """The error of the last machine."""
         return self._machine.error
 
-    @error.setter
-    def error(self, error: GcsError | None) -> None:
-        self._machine.error = error
-
     @property
     def deadline_s(self) -> float | None:
         """The time of the next `tick`; None if no timer runs."""
