@@ -17,7 +17,8 @@ from rich.table import Table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import connection
 from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry

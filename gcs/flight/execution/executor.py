@@ -13,12 +13,12 @@ import numpy as np
 
 from gcs.autopilots.columns import FailsafeCause
 from gcs.errors import FlightError
+from gcs.flight.contingency.choices import Choices, FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.contingency.options import FlightMode
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import (
@@ -27,7 +27,6 @@ from gcs.flight.contingency.policy import (
     NOT_OBEYED_AFTER,
     USABLE_M,
     Action,
-    Choices,
     Order,
     State,
 )

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from gcs.errors import FlightError, PeerError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.fleet_landing import named
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.takeoff_landing import FlightVehicle, expected_landings, request_telemetry, until_ready

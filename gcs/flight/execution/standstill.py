@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.common_rejoin import Rejoin, Stranded, common_rejoin
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
-from gcs.flight.contingency.options import FlightMode
 from gcs.flight.contingency.policy import Action, Order, State
 from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier, hurried

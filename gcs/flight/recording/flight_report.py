@@ -15,9 +15,9 @@ from typing import Any
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import GRID_S, Verdict
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode, TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.recording.flight_folder import OUTCOMES, PLAN, TRUE_STATES, limit_text
-from gcs.flight.setup.build_loads import TimeKeeping
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.physics.wind import GUSTS_MPS
 from gcs.scenario.schema.scenario import Scenario

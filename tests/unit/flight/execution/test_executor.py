@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
+from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.conflict_prediction import Conflict
 from gcs.flight.contingency.detection import DetectionLimits, Incident
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss, State
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.policy import State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
