@@ -12,7 +12,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -159,7 +159,7 @@ def _warn(links: Sequence[EndpointSpec]) -> None:
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
-def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, Any]:
+def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, object]:
     """The line on stdout: `ports` are those of the first link that has any, `places` are all addresses."""
     called = next((host_port(spec.host, spec.port) for spec in links if spec.kind is EndpointKind.UDP_OUT), None)
     places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}

@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError
-from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
+from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
+from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
 from gcs.flight.contingency.options import FlightMode, FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
     Event,
@@ -30,11 +32,22 @@ from gcs.flight.monitoring.progress import (
     Step,
     Watcher,
 )
-from gcs.flight.recording.flight_folder import PLAN, SCENARIO, nearest_data, new_folder, report_data
+from gcs.flight.recording.flight_folder import (
+    EVENTS,
+    PLAN,
+    REPORTS,
+    SCENARIO,
+    TRUE_STATES,
+    nearest_data,
+    new_folder,
+    read_events,
+    report_data,
+)
 from gcs.flight.recording.flight_journal import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.record_table import write_record
 from gcs.flight.setup.build_loads import (
     TimeKeeping,
     export_for_flight,
@@ -65,6 +78,7 @@ from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
+_DRAWN_S = 0.2
 MIXED_FOLLOWING = (
     "the vehicles run different autopilots, whose tracking errors differ: --follow brings them no closer together. "
     "Leave --follow out"
@@ -94,7 +108,7 @@ class Flown:
     folder: Path
     times: FlightTimes
     late_s: dict[int, float]  # delay of each vehicle behind the plan, by its own clock
-    verdict: Verdict | None  # None without true states, as with a link
+    verdict: Verdict | None  # from true states, or from reports; None without telemetry
     data: dict[str, Any]  # report.json
     nearest: tuple[NearestPair, ...] = ()  # as reported: the least separation before T0, on the plan and in the landing
 
@@ -152,32 +166,50 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-    ctrl_c = Stoppable()
+    now, ctrl_c = _Prepared(order, watcher, folder, index, navigator, stream), Stoppable()
     with held_folder(folder):
-        flown = ctrl_c.run(_fly(_Prepared(order, watcher, folder, index, navigator, stream), ctrl_c))
-    times, gaps, missions = flown.times, flown.gaps, sent_data(flown.sent)
-    late_s, nearest = flown.monitor.late_s, tuple(flown.monitor.nearest.values())
+        flew = ctrl_c.run(_fly(now, ctrl_c))
     watcher.lap("fly")
-    if order.link is not None:
-        data = {"folder": str(folder), "judged": False, "preflight": checks_data(flown.checks), "missions": missions}
-        data |= {"incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
-        return Flown(folder, times, late_s, None, data, nearest)
-    truth = load_truth(folder / "truth.npz")
-    verdict = judge(plan, truth, times)
+    noted = ((event.unix_s, event.t_s) for event in read_events(folder / EVENTS))
+    times = replace(flew.times, clock=PlanTime.of(flew.times.t0_unix_s, noted))
+    verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
+    extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
     watcher.lap("judge")
-    with gaps.kept("map.png"):
-        _draw(plan, truth, times, folder)
+    gaps, late_s, nearest = flew.gaps, flew.monitor.late_s, tuple(flew.monitor.nearest.values())
+    if tracks is not None:
+        with gaps.kept("map.png"):
+            _draw(plan, tracks, folder)
     watcher.lap("pictures")
-    flew = navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
-    extra: dict[str, object] = {"mode": order.keeping.mode.value, "navigator": flew, "folder": str(folder)}
-    extra["time_s"] = watcher.laps_s
-    emulation = emulation_data(plan.scenario, order.emulated)
-    extra |= {"emulation": emulation, "repeat": repeat_command(order.keeping, order.options, emulation)}
-    extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
+    extra |= {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
+    extra |= {"missions": sent_data(flew.sent), "incomplete": gaps.data()}
+    extra |= {**_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
-    with gaps.kept("report.md"):
-        write_report(folder, data, verdict)
+    if verdict is not None:
+        with gaps.kept("report.md"):
+            write_report(folder, data, verdict)
     return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
+
+
+def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
+    """The verdict on emulated vehicles, their true tracks, and what the report says of the emulation."""
+    order, plan = now.order, now.order.plan
+    truth = load_truth(now.folder / "truth.npz")
+    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
+    tracks = Tracks(times.plan_time.t_s(truth.unix_s), truth.states[rows][..., POSITION])
+    flew = now.navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
+    emulation = emulation_data(plan.scenario, order.emulated)
+    repeat = repeat_command(order.keeping, order.options, emulation)
+    extra = {"judged": TRUE_STATES, "navigator": flew, "emulation": emulation, "repeat": repeat}
+    return judge(plan, truth, times), tracks, extra
+
+
+def _judged_reports(now: _Prepared, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
+    """The verdict on vehicles of a link, and their reported tracks; no verdict without telemetry."""
+    plan, link = now.order.plan, now.order.link
+    record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
+    tracks = reported_tracks(plan, record, times.plan_time)
+    verdict = None if tracks is None else judge_reports(plan, tracks)
+    return verdict, tracks, {"judged": REPORTS}
 
 
 def refuse_late_starts(scenario: Scenario) -> None:
@@ -343,10 +375,8 @@ def _skew(late_s: dict[int, float]) -> dict[str, object]:
     return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}
 
 
-def _draw(plan: Plan, truth: Truth, times: FlightTimes, folder: Path) -> None:
+def _draw(plan: Plan, tracks: Tracks, folder: Path) -> None:
     from gcs.flight.plots.flight_plot import draw_all  # noqa: PLC0415 (matplotlib takes long to load)
 
-    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
-    step = max(1, round(0.2 / float(np.median(np.diff(truth.unix_s)))))
-    tracks = truth.states[rows, ::step, POSITION]
-    draw_all(plan, truth.unix_s[::step] - times.t0_unix_s, tracks, folder)
+    step = max(1, round(_DRAWN_S / float(np.median(np.diff(tracks.t_s)))))
+    draw_all(plan, tracks.t_s[::step], tracks.ned_m[:, ::step], folder)

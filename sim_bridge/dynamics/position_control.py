@@ -1,4 +1,4 @@
-"""Position controller: compute the wanted rotor force from the position error, by cascaded LQR gains.
+"""The position controller: the wanted rotor force from the position error, by cascaded LQR gains.
 
 The LQR gains act as a cascade. Each stage is limited to what the next can follow: near the reference this is the same
 linear law, far from it a stable one. Where no stage is at a limit, nearly always, the law is one matrix, obtained by

@@ -1,4 +1,4 @@
-"""The columns of a personality: all that differs between autopilots is a value here, never an `if` elsewhere.
+"""The columns of a personality: everything that differs between emulated autopilots is a value here.
 
 The row of an autopilot leaves out what it does not do: that is False, 0 or nothing here.
 """

@@ -273,7 +273,7 @@ class Lockstep:
         self._remind_s = math.inf
 
     def wait_s(self, awaiting: Mapping[int, float], now_s: float, timeout_s: float | None = None) -> float:
-        """Return how long to wait, `TIMEOUT_S` in all if not told; 0 to go on.
+        """Return how long to wait, by default `TIMEOUT_S` in all; 0 to go on.
 
         `awaiting`: the newest stamp of each peer that waits for a newer one.
         """

@@ -19,7 +19,7 @@ from tests.bridge.flying import hop_scenario
 from tests.fleets import free_port, running_fleet
 from tests.kept import GCS
 
-SPEEDUP = 4.0
+SPEEDUP = 8.0
 
 
 @pytest.fixture(scope="module")

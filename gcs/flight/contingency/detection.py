@@ -13,7 +13,7 @@ from enum import StrEnum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.flight.contingency.energy_choice import Outcome
-from gcs.flight.contingency.mode_changes import ModeSigns
+from gcs.flight.contingency.mode_changes import ModeSigns, Taken
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 
@@ -49,6 +49,7 @@ class Incident:
     usable: bool = True  # of a link that is back: in its place and mode; of stranded vehicles: there is a way back
     outcome: Outcome | None = None  # of a low battery: what its energy allows; None: not known
     takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and does not land already
+    cause: FailsafeCause = FailsafeCause.OTHER  # of a failsafe
     ours: bool = False  # of a failsafe: this program stood still, so the vehicle had no setpoints
     higher: bool = True  # of a conflict: the vehicle is not below the other one
 
@@ -197,14 +198,22 @@ class VehicleWatch:
         if taken is None:
             return []
         name = f"now in {self._behaviour.mode_name(mode)}"
-        if taken == "pilot":
+        if taken is Taken.PILOT:
             return [Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, name)]
         cause = self._signs.cause
         able = cause is not FailsafeCause.POSITION and (ours or mode != self._behaviour.land)
         able = able and math.isnan(self._no_fix_since_s)
         ours = ours and cause is not FailsafeCause.BATTERY
         return [
-            Incident(IncidentKind.FAILSAFE, self.sysid, unix_s, f"{name}, cause: {cause}", takeable=able, ours=ours)
+            Incident(
+                IncidentKind.FAILSAFE,
+                self.sysid,
+                unix_s,
+                f"{name}, cause: {cause}",
+                takeable=able,
+                ours=ours,
+                cause=cause,
+            )
         ]
 
     def _battery(self, unix_s: float) -> list[Incident]:

@@ -238,7 +238,7 @@ class ContingencyExecutor:
     def _with_energy(self, incident: Incident, t_s: float) -> Incident:
         """The incident with what the vehicle's energy allows, if it is one of the battery."""
         kinds = IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL
-        of_battery = incident.kind is IncidentKind.FAILSAFE and str(FailsafeCause.BATTERY) in incident.detail
+        of_battery = incident.cause is FailsafeCause.BATTERY
         sysid, state = incident.sysid, self.policy.states[incident.sysid]
         left_pct, view = self._watches[sysid].remaining_pct, self._monitor.views[sysid]
         if not (incident.kind in kinds or of_battery) or state not in AIRBORNE or left_pct is None:

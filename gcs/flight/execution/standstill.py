@@ -16,7 +16,7 @@ import numpy as np
 from gcs.flight.contingency.common_rejoin import Rejoin, Stranded, common_rejoin
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
-from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference
+from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
 from gcs.flight.contingency.options import FlightMode
 from gcs.flight.contingency.policy import Action, Order, State
 from gcs.flight.execution.flying_fleet import FlyingFleet
@@ -213,12 +213,9 @@ class Standstill:
             self._streamer.follow(vehicle, self._hold_at(vehicle, now_s))
 
     def _hold_at(self, vehicle: FlightVehicle, now_s: float) -> MotionReference:
-        begin_s = now_s + self._options.lead_s
-        position, velocity = vehicle.view.predicted(begin_s)
-        t_s = begin_s - self._monitor.t0_s
-        at = np.clip(np.array([t_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
-        yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
-        return hold_reference(position, velocity, yaw, t_s, self._routes)
+        t0_s = self._monitor.t0_s
+        begin_s = now_s + self._options.lead_s - t0_s
+        return hold_reference(predicted_start(self._plan, vehicle.view, t0_s, begin_s), self._routes)
 
     def _choose(self, vehicles: list[FlightVehicle], now_s: float, before_s: float) -> Rejoin | str:
         begin_s = now_s + self._options.lead_s + BEGIN_S

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
 
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.session.upload_fleet import Holdings
 
@@ -54,8 +55,14 @@ class FlightTimes:
     """The times of a completed flight, in the vehicles' common GNSS time."""
 
     airborne_unix_s: float  # all vehicles hover over their pads
-    t0_unix_s: float  # plan time 0
+    t0_unix_s: float  # plan time 0; of the last piece, if T0 moved
     landing_unix_s: float  # all vehicles are ordered to land
+    clock: PlanTime | None = None  # of a flight whose T0 may have moved
+
+    @property
+    def plan_time(self) -> PlanTime:
+        """The plan time of every instant of the flight."""
+        return self.clock or PlanTime.of(self.t0_unix_s)
 
 
 @dataclass(frozen=True)

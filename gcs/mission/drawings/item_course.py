@@ -1,4 +1,4 @@
-"""The route that mission items describe: points, holds and speeds; every other item is left out with a sentence."""
+"""The route in mission items: points, holds and speeds. Every other item is reported as left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The route formats: one row for each, by which drawn files are recognised and read, and docs/formats.md is printed.
+"""The route formats, one row each: drawn files are recognised and read by it, docs/formats.md is printed from it.
 
 A new format is a reader and a row here. A program may also give a row of its own to `read_drawing`.
 """

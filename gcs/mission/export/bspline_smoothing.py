@@ -84,7 +84,7 @@ def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBoun
 
 
 def _pieces(spline: BSpline) -> PPoly:
-    """The spline as polynomials between its knots: Taylor's coefficients at the begin of each."""
+    """The spline as polynomials between its knots: Taylor's coefficients at the start of each."""
     knots = np.unique(spline.t)
     powers = range(spline.k, -1, -1)
     return PPoly(np.stack([spline(knots[:-1], nu=power) / math.factorial(power) for power in powers]), knots)

@@ -103,7 +103,7 @@ class PlanText:
         """The error for the value at `path`."""
         return refused(self.text, self.source, path, reason, hint=hint)
 
-    def told(self, odd: Odd, path: Sequence[Key], text: str) -> None:
+    def note(self, odd: Odd, path: Sequence[Key], text: str) -> None:
         """Count an oddity of the value at `path`."""
         self.oddities.add(odd, f"{'.'.join(map(str, path))}: {text}", lambda: line_of(self.text, path))
 
@@ -115,7 +115,7 @@ class PlanText:
         reason = f"{number} is not an autopilot that missions are written for: {known}"
         if firmware is None:
             raise self.refused(path, reason, hint="give --autopilot")
-        self.told(Odd.FIRMWARE, path, f"{reason}; read for {firmware.title}")
+        self.note(Odd.FIRMWARE, path, f"{reason}; read for {firmware.title}")
         return firmware
 
     def mission_items(self, items: Sequence[PlanItem | ComplexItem], path: tuple[Key, ...]) -> tuple[MissionItem, ...]:
@@ -131,7 +131,7 @@ class PlanText:
         wrong = [index for index, number in enumerate(numbers) if number != index + 1]
         for index in wrong:
             text = f"item number {numbers[index]}, but this is item {index + 1}: the order of the items counts"
-            self.told(Odd.SEQ, (*path, index), text)
+            self.note(Odd.SEQ, (*path, index), text)
         if wrong:
             read = [self._jump(item, numbers, (*path, index)) for index, item in enumerate(read)]
         return tuple(read)
@@ -139,13 +139,13 @@ class PlanText:
     def item(self, item: PlanItem, path: tuple[Key, ...]) -> MissionItem:
         """The item at `path`. Raises `FileFormatError` for a place that is missing or not on Earth."""
 
-        def told(odd: Odd, text: str) -> None:
+        def note(odd: Odd, text: str) -> None:
             if odd is not Odd.NO_PLACE or item.frame != Frame.MISSION:  # QGroundControl itself writes nulls there
-                self.told(odd, path, text)
+                self.note(odd, path, text)
 
         p1, p2, p3, p4 = (math.nan if p is None else p for p in item.params[:4])
         try:
-            lat, lon, alt_m = place_on_wire(item.command, item.frame, item.params[4:], told)
+            lat, lon, alt_m = place_on_wire(item.command, item.frame, item.params[4:], note)
         except ValueError as error:
             raise self.refused(path, str(error)) from error
         return MissionItem(item.command, item.frame, (p1, p2, p3, p4), lat, lon, alt_m, item.autoContinue)
@@ -158,5 +158,5 @@ class PlanText:
         if len(named) != 1:
             raise self.refused(path, f"jumps to item {target:.0f}, and {len(named) or 'no'} items have this number")
         if named[0] + 1 != target:
-            self.told(Odd.JUMP, path, f"jumps to item number {target:.0f}, which is item {named[0] + 1}")
+            self.note(Odd.JUMP, path, f"jumps to item number {target:.0f}, which is item {named[0] + 1}")
         return replace(item, params=(named[0] + 1.0, *item.params[1:]))

@@ -175,7 +175,7 @@ def fence_in_plan(fence: _Fence, plan: PlanText) -> Geofence:
         path = ("geoFence", "version")
         if fence.polygon or fence.polygons or fence.circles or fence.breachReturn:
             raise plan.refused(path, f"Input should be 2, got {fence.version}; QGroundControl drops older fences")
-        plan.told(Odd.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
+        plan.note(Odd.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
     return Geofence(
         tuple(FencePolygon(tuple(GeoPoint.at(*point) for point in p.polygon), p.inclusion) for p in fence.polygons),
         tuple(FenceCircle(GeoPoint.at(*c.circle.center), c.circle.radius, c.inclusion) for c in fence.circles),
@@ -187,7 +187,7 @@ def rally_in_plan(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
     """The rally points of a document."""
     if rally.version != 2:
         text = f"{rally.version} instead of 2, with {len(rally.points)} points; QGroundControl drops them"
-        plan.told(Odd.RALLY_1, ("rallyPoints", "version"), text)
+        plan.note(Odd.RALLY_1, ("rallyPoints", "version"), text)
     return tuple(map(_read_point, rally.points))
 
 
@@ -231,7 +231,7 @@ def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = Non
     """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
     file = PlanText(data, source)
     version = file.parsed(_Kind).version
-    file.told(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
+    file.note(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
     speed_mps = None
     if version == 2:
         mission = file.parsed(PlannedMission)

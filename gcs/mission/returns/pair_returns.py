@@ -1,4 +1,4 @@
-"""The separation that straight returns (RTL) keep, at whatever instant of the plan all vehicles are ordered to return.
+"""Proved separation of straight returns (RTL) that all vehicles begin at the same instant, any instant of the plan.
 
 All pairs of a small fleet are bounded over intervals of start times; `proved_fleet` does it for larger ones. Intervals
 are halved until the bound of each pair is near enough to the least distance seen. What is left at 1 ms or 1 cm keeps

@@ -1,4 +1,4 @@
-"""The returns of a fleet as the ground station flies them, from every instant of a plan, and whether they are safe."""
+"""Returns of a fleet as the ground station flies them, from any instant of a plan, and their safety."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The returns (RTL) of a fleet to verify: start, end, altitude datum, ground, rally points, and how vehicles move.
+"""Returns (RTL) of a fleet, to be verified: start, end, altitude datum, ground, rally points, and motion.
 
 All begin at once, climb, fly straight to their ends, and descend. Return altitudes are arguments here; `rtl_altitudes`
 chooses them.

@@ -55,9 +55,9 @@ def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Itera
     for part in key:
         above, node = node, inside(node, part)
     if isinstance(error, Disagreement):
-        for inner, text in error.found:
+        for inner, text, step in error.found:
             given = value_at(value, inner)
-            yield Mistake((*key, *inner), text, None if isinstance(given, dict) else given)
+            yield Mistake((*key, *inner), text, None if isinstance(given, dict) else given, step)
     elif found["type"] == "extra_forbidden":
         yield _unknown_key(key, above, json_schema(model))
     elif found["type"] == "missing" and isinstance(key[-1], int):
@@ -71,7 +71,7 @@ def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Itera
             step = f"add a table [{dotted(key)}]" if "properties" in node else f"add {dotted(key)}"
             yield Mistake(key, f"missing; it must be {_wanted(node)}", remedy=step)
     elif isinstance(value, dict) and "properties" in inside(node, 0):
-        yield Mistake(key, f"must be an array of tables. Write [[{dotted(key)}]]")
+        yield Mistake(key, "must be an array of tables", remedy=f"write [[{dotted(key)}]]")
     elif found["type"] == "value_error":
         yield Mistake(key, str(error), value)
     else:
