@@ -15,7 +15,7 @@ from gcs.cli.flights.report import verdict_table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
 from gcs.errors import JudgementError, UndecidedError, UsageError, counted
-from gcs.flight.assessment.criterion import Outcome
+from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.monitoring.monitor import skew_s
 from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
 from gcs.flight.monitoring.progress import InFlight, Snapshot, Watcher
@@ -109,9 +109,9 @@ def _failure(flown: Flown) -> JudgementError | None:
         for c in verdict.criteria
         if c.outcome is verdict.outcome
     )
-    if verdict.outcome is Outcome.FAILED:
+    if verdict.outcome is FlightOutcome.FAILED:
         return JudgementError(f"the flight failed its criteria: {said}", hint=hint)
-    if verdict.outcome is Outcome.UNKNOWN:
+    if verdict.outcome is FlightOutcome.UNKNOWN:
         return UndecidedError(f"the flight ended, and what its vehicles reported does not decide: {said}", hint=hint)
     return None
 
@@ -174,7 +174,7 @@ def _show(screen: Screen, flown: Flown) -> None:
     screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1, from the {judged})")
     _show_nearest(screen, flown)
     where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
-    screen.say(f"flight {'FAILED' if verdict.outcome is Outcome.FAILED else verdict.outcome}.{where}")
+    screen.say(f"flight {'FAILED' if verdict.outcome is FlightOutcome.FAILED else verdict.outcome}.{where}")
 
 
 def _show_nearest(screen: Screen, flown: Flown) -> None:

@@ -25,8 +25,9 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
     It writes record.parquet into the folder: every reported position beside the planned one. It accepts flights
     that were cut short. For each landing it prints the horizontal distance from the landing point at touchdown, and
-    the largest vertical deviation from the descent of the vehicle's own autopilot. The verdict is from the true states,
-    or from the vehicles' reports: "ok", "FAILED", or "not known" where its uncertainty spans the limit.
+    the largest vertical deviation from the descent of the vehicle's own autopilot. The verdict comes
+    from the true states, or from what the vehicles reported: "ok", "FAILED", or "not known" where the uncertainty of
+    the reports spans the limit.
 
     Example: gcs report flights/2026-01-31-120000-simulation1
     """
@@ -101,7 +102,9 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
             "landing_limit_m": landing_limit_m,
             **({"route_points": [each.data(plan.sysids[plan.leader]) for each in passed]} if passed else {}),
             "formation_error_max_m": None if shape is None else shape[0],
-            **({} if verdict is None else {"judged": judged, "verdict": verdict.outcome, **criteria_data(verdict)}),
+            "judged": None
+            if verdict is None
+            else {"from": judged, "verdict": verdict.outcome, **criteria_data(verdict)},
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
             "step": book.step,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Outcome(StrEnum):
+class FlightOutcome(StrEnum):
     """What is known about a criterion, or about all of a flight."""
 
     OK = "ok"
@@ -49,22 +49,23 @@ class Criterion:
         return max(self.value - low, high - self.value)
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> FlightOutcome:
         """Whether the true value is within its limit, as far as the measurement tells."""
         low = self.value if self.lowest is None else self.lowest
         high = self.value if self.highest is None else self.highest
         if low >= self.limit if self.at_least else high <= self.limit:
-            return Outcome.OK
-        return Outcome.FAILED if (high < self.limit if self.at_least else low > self.limit) else Outcome.UNKNOWN
+            return FlightOutcome.OK
+        failed = high < self.limit if self.at_least else low > self.limit
+        return FlightOutcome.FAILED if failed else FlightOutcome.UNKNOWN
 
     @property
     def ok(self) -> bool:
         """Whether the value is known to be within its limit."""
-        return self.outcome is Outcome.OK
+        return self.outcome is FlightOutcome.OK
 
     @property
     def verdict(self) -> str:
         """The outcome in words: "ok", "FAILED", "not known within ±0.4 m"."""
-        if self.outcome is Outcome.UNKNOWN:
+        if self.outcome is FlightOutcome.UNKNOWN:
             return f"not known within ±{self.within:.2g} {self.unit}" if math.isfinite(self.within) else "not known"
         return "ok" if self.ok else "FAILED"

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FileFormatError
-from gcs.flight.assessment.criterion import Criterion, Outcome
+from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.route_passing import route_criterion
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
@@ -129,15 +129,15 @@ class Verdict:
     formation_error_m: float  # Definition 1, the largest between T0 and the arrival
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> FlightOutcome:
         """Failed if one criterion failed, else not known if one is not known."""
         found = {c.outcome for c in self.criteria}
-        return next((one for one in (Outcome.FAILED, Outcome.UNKNOWN) if one in found), Outcome.OK)
+        return next((one for one in (FlightOutcome.FAILED, FlightOutcome.UNKNOWN) if one in found), FlightOutcome.OK)
 
     @property
     def ok(self) -> bool:
         """Whether all criteria are known to be within their limits."""
-        return self.outcome is Outcome.OK
+        return self.outcome is FlightOutcome.OK
 
 
 def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:

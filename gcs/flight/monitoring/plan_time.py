@@ -31,7 +31,7 @@ class PlanTime:
                 pieces.append((unix_s if pieces else -math.inf, unix_s - t_s))
         if not pieces or abs(pieces[-1][1] - t0_unix_s) > _SAME_S:
             return cls(((-math.inf, t0_unix_s),))
-        return cls(tuple(pieces))
+        return cls((*pieces[:-1], (pieces[-1][0], t0_unix_s)))
 
     @property
     def t0_unix_s(self) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from gcs.flight.assessment.criterion import Criterion, Outcome
+from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
 from gcs.util.bounded_file import EVENT_FILE, read_file, read_json
@@ -38,9 +38,9 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
 _EVENT = TypeAdapter(Event)
 OUTCOMES = {
-    Outcome.OK: "Flight verified: all criteria within limits.",
-    Outcome.FAILED: "Flight FAILED: at least one criterion outside its limit.",
-    Outcome.UNKNOWN: "Flight not decided: what the vehicles reported is too uncertain for at least one criterion.",
+    FlightOutcome.OK: "Flight verified: all criteria within limits.",
+    FlightOutcome.FAILED: "Flight FAILED: at least one criterion outside its limit.",
+    FlightOutcome.UNKNOWN: "Flight not decided: at least one criterion is not known from what the vehicles reported.",
 }
 TRUE_STATES, REPORTS = "true states", "reports"  # what a flight was judged from
 
@@ -68,7 +68,7 @@ def report_data(
     """Return the report as plain values, for `report.json` and `--json`."""
     return {
         "ok": verdict is not None and verdict.ok,
-        "verdict": (Outcome.UNKNOWN if verdict is None else verdict.outcome).value,
+        "verdict": (FlightOutcome.UNKNOWN if verdict is None else verdict.outcome).value,
         "mission": mission,
         "plan_hash": plan_hash,
         **extra,

@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeGuard
 
 import numpy as np
 from pydantic import Field, Strict, TypeAdapter
 
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic, place_up_m
 from gcs.scenario.schema.mistake import EXACT, plain
-from gcs.scenario.schema.toml_lines import Key
+from gcs.scenario.schema.toml_lines import Key, Table
 from gcs.types import Array
 
 _Degrees = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -36,13 +36,14 @@ _EARTH_M, _WIDER_M = 6.37e6, 0.05
 _ROUNDING_M = 0.02  # of degrees with seven digits
 
 
-def numbers(value: Any, *counts: int) -> tuple[float, ...] | None:
+def numbers(value: object, *counts: int) -> tuple[float, ...] | None:
     """A list as numbers that a person may have written; None for anything else, and for more or fewer of them."""
-    is_list = isinstance(value, list | tuple) and (not counts or len(value) in counts)
-    return tuple(value) if is_list and all(map(is_number, value)) else None
+    if not isinstance(value, list | tuple) or (counts and len(value) not in counts):
+        return None
+    return tuple(value) if all(map(is_number, value)) else None
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a number that a person may have written."""
     return isinstance(value, int | float) and not isinstance(value, bool) and -_WRITTEN_MAX < value < _WRITTEN_MAX
 
@@ -58,7 +59,7 @@ class DegreeKeys:
     degrees: Mapping[str, Any]  # key: its type, with a description
     heights: Mapping[str, Any] = field(default_factory=dict)  # for a position: one of these stands beside it
 
-    def _rows(self, given: Sequence[Any]) -> Iterable[Any]:
+    def _rows(self, given: Sequence[object]) -> Iterable[object]:
         """The places in the values of the keys of one form, whatever stands there."""
         return given[0] if isinstance(given[0], list | tuple) else ()
 
@@ -66,7 +67,7 @@ class DegreeKeys:
         """The values of the keys of one form."""
         return [[list(place) for place in places]]
 
-    def pairs(self, given: Sequence[Any]) -> list[Pair]:
+    def pairs(self, given: Sequence[object]) -> list[Pair]:
         """The places in the values of the keys of one form; none where something else than places stands there."""
         found: list[Pair | None] = [numbers(row, 2) for row in self._rows(given)]
         return [] if None in found else [pair for pair in found if pair]
@@ -79,7 +80,7 @@ class DegreeKeys:
             values = [f"{value[:-1]}, ...]" for value in values]
         return " and ".join(f"{name} = {value}" for name, value in zip(names, values, strict=True))
 
-    def converted(self, values: Values, origin: Origin) -> dict[str, Any]:
+    def converted(self, values: Values, origin: Origin) -> Table:
         """The keys in metres of places without mistakes."""
         lat, lon = np.array(self.pairs([values[name] for name in self.degrees]), dtype=float).reshape(-1, 2).T
         flat_m = _rounded(place_up_m(lat, lon, 0.0, origin)[:, :2])
@@ -94,13 +95,13 @@ class DegreeKeys:
         raise NotImplementedError(f"{name} for {key}")
 
     @property
-    def every(self) -> dict[str, Any]:
+    def every(self) -> Table:
         """All keys that stand only where a place is in degrees, with their types."""
         return {**self.degrees, **self.heights}
 
-    def add_to(self, schema: dict[str, Any]) -> None:
+    def add_to(self, schema: Table) -> None:
         """Add the keys to a table's JSON Schema, each after those in metres; one of both forms is required."""
-        properties: dict[str, Any] = {}
+        properties: Table = {}
         for name, node in schema["properties"].items():
             properties[name] = node
             if name == self.metres[-1]:
@@ -124,7 +125,7 @@ def adapter(kind: Any) -> TypeAdapter[Any]:
 class _Position(DegreeKeys):
     """A place with its height."""
 
-    def _rows(self, given: Sequence[Any]) -> Iterable[Any]:
+    def _rows(self, given: Sequence[object]) -> Iterable[object]:
         return [(numbers(given[0], 2, 3) or ())[:2]]
 
     def values(self, places: Sequence[Pair]) -> list[Any]:
@@ -136,7 +137,7 @@ class _Position(DegreeKeys):
             return f"{text[:-1]}, {height or 'height'}]"
         return f"{text}, height_m = {height}" if height else text
 
-    def converted(self, values: Values, origin: Origin) -> dict[str, Any]:
+    def converted(self, values: Values, origin: Origin) -> Table:
         lat_deg, lon_deg = values["position_deg"]
         if "height_m" in values:
             return {"position_m": _rounded(place_up_m(lat_deg, lon_deg, values["height_m"], origin))}
@@ -156,7 +157,7 @@ class _Position(DegreeKeys):
 class _Centre(DegreeKeys):
     """One place, with a key for each of its numbers."""
 
-    def _rows(self, given: Sequence[Any]) -> Iterable[Any]:
+    def _rows(self, given: Sequence[object]) -> Iterable[object]:
         return [given]
 
     def values(self, places: Sequence[Pair]) -> list[Any]:
@@ -166,13 +167,13 @@ class _Centre(DegreeKeys):
 class _Columns(DegreeKeys):
     """Places, with a list for each of their numbers."""
 
-    def _rows(self, given: Sequence[Any]) -> Iterable[Any]:
+    def _rows(self, given: Sequence[object]) -> Iterable[object]:
         return zip(*given, strict=False) if all(map(numbers, given)) else [()]
 
     def values(self, places: Sequence[Pair]) -> list[Any]:
         return [list(column) for column in zip(*places, strict=True)] or [[], []]
 
-    def converted(self, values: Values, origin: Origin) -> dict[str, Any]:
+    def converted(self, values: Values, origin: Origin) -> Table:
         sizes = [len(values[name]) for name in self.degrees]  # where one is shorter, the model tells that
         full = super().converted({name: np.resize(values[name], max(sizes)).tolist() for name in self.degrees}, origin)
         return {name: column[:size] for (name, column), size in zip(full.items(), sizes, strict=True)}
@@ -181,7 +182,7 @@ class _Columns(DegreeKeys):
 class _Box(_Columns):
     """A range on each axis."""
 
-    def converted(self, values: Values, origin: Origin) -> dict[str, Any]:
+    def converted(self, values: Values, origin: Origin) -> Table:
         """The largest box in metres between two parallels and two meridians."""
         lat_deg, (west, east) = values["lat_deg"], values["lon_deg"]
         wide = (east - west) % 360.0

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema
 
 from gcs.scenario.schema.degree_keys import DegreeKeys
 from gcs.scenario.schema.mistake import sentence
-from gcs.scenario.schema.toml_lines import Key
+from gcs.scenario.schema.toml_lines import Key, Table
 
 # Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -48,8 +48,6 @@ def left_out(text: str) -> Any:
     return Field(default=None, description=text, exclude_if=lambda value: value is None)
 
 
-Table = dict[str, Any]  # of a file, before it is checked
-
 # A key inside a table, () for the table itself; what is wrong with it; perhaps what to do.
 Finding = tuple[Key, str] | tuple[Key, str, str]
 Findings = Iterator[Finding]
@@ -70,7 +68,7 @@ class Part(BaseModel):
     degree_keys: ClassVar[tuple[DegreeKeys, ...]] = ()  # that a file may have instead of those in metres
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> Table:
         schema = handler(core)
         for keys in cls.degree_keys:
             keys.add_to(handler.resolve_ref_schema(schema))

@@ -36,7 +36,7 @@ class Mistake:
 
     key: Key
     text: str
-    value: Any = None
+    value: object = None
     remedy: str = ""  # with {} for each of the settings
     settings: tuple[KeyChange, ...] = ()
     line: int | None = None  # where the text of the file itself is wrong
@@ -112,7 +112,7 @@ def plain(value: float | Sequence[Any], digits: int = _DIGITS) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")
 
 
-def from_e7(value: Any) -> float | None:
+def from_e7(value: object) -> float | None:
     """The degrees in an integer as MAVLink has them; None for what may be metres."""
     return value / _E7 if isinstance(value, int) and _E7_LEAST < abs(value) <= 180 * _E7 else None
 
@@ -122,7 +122,7 @@ def degrees(value: float) -> str:
     return plain(float(value), EXACT)
 
 
-def toml(value: Any, digits: int = _DIGITS, depth: int = 0) -> str:
+def toml(value: object, digits: int = _DIGITS, depth: int = 0) -> str:
     """The value in TOML, cut when it is long or nested deeply. What may stand without quotes has none."""
     if depth > _SHOWN_DEPTH:
         text = "..."

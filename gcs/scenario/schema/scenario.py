@@ -6,7 +6,7 @@ degrees); `gcs.scenario.values.si` converts them to SI, NED and radians.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field, Strict
 
@@ -40,6 +40,7 @@ from gcs.scenario.schema.fields import (
 from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Formation, Generator
 from gcs.scenario.schema.heightmap import Relief
 from gcs.scenario.schema.places import ROUTE_MAX, KeepIn, Mountains, NoFlyZone, Ripple, RoutePoint, SurveyTable, Terrain
+from gcs.scenario.schema.toml_lines import Table
 
 __all__ = ["START_SHAPE", "ChangeTable", "Formation", "Generator"]  # of the tables beside these, for all users
 __all__ += ["KeepIn", "Mountains", "NoFlyZone", "Relief", "Ripple", "RoutePoint", "SurveyTable", "Terrain"]
@@ -284,7 +285,7 @@ class SensorsTable(Part):
     )
 
 
-def _or_at_start(schema: dict[str, Any]) -> None:
+def _or_at_start(schema: Table) -> None:
     """The end may be the word "start" instead of a table: the leader's place at t = 0, at rest."""
     table = {key: schema.pop(key) for key in list(schema)}
     schema["anyOf"] = [table, {"const": AT_START, "description": "the start's position and attitude, at rest"}]

@@ -12,10 +12,10 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
-from gcs.scenario.schema.fields import Part, Table
+from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.mistake import Mistake, dotted, nearest, value_at
 from gcs.scenario.schema.scenario import AT_START, Scenario
-from gcs.scenario.schema.toml_lines import Key, key_lines, line_of
+from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.schema_words import from_pydantic

@@ -7,7 +7,7 @@ others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +86,7 @@ def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
                 f"puts {counted(outside, 'place')} of the last shape, {name}, {_outside(scenario, axis)}; the shape "
                 f"would reach from {plain(along.min())} to {plain(along.max())}"
             )
-            yield _into_the_box(scenario, Mistake(("end", "position_m", axis), text, own), along)
+            yield _into_the_box(scenario, ("end",), axis, own, along, text)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain")
@@ -187,8 +187,7 @@ def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
             f"puts {_vehicles(stop, beyond > SLACK)} {_outside(scenario, axis)}; "
             f"vehicle {stop.sysids[worst]} would be at {plain(along[worst])}"
         )
-        mistake = Mistake((*stop.key, "position_m", axis), text, stop.position_m[axis])
-        yield _into_the_box(scenario, mistake, along)
+        yield _into_the_box(scenario, stop.key, axis, stop.position_m[axis], along, text)
 
 
 def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
@@ -264,19 +263,18 @@ def _outside(scenario: Scenario, axis: int) -> str:
     return f"outside the box, {BOX[axis].removesuffix('_m')} {plain(low)} to {plain(high)} m"
 
 
-def _into_the_box(scenario: Scenario, mistake: Mistake, along_m: Array) -> Mistake:
+def _into_the_box(scenario: Scenario, table: Key, axis: int, own: float, along_m: Array, text: str) -> Mistake:
     """The mistake of a position, with how to bring vehicles into the box: by another position, else by a wider box."""
-    axis, own = int(mistake.key[-1]), mistake.value
-    wider = _wider(scenario, axis, along_m)
+    key, wider = (*table, "position_m", axis), _wider(scenario, axis, along_m)
     (low, high), least, most = getattr(scenario.limits, BOX[axis]), float(along_m.min()), float(along_m.max())
     if most - least > high - low:
-        return replace(mistake, remedy="set {}", settings=(wider,))
+        return Mistake(key, text, own, "set {}", (wider,))
     moved = own + (low - least if least < low else high - most)
-    step = f"set {{}}{_vehicles_move_with(scenario, axis, moved) if mistake.key[:1] == _START else ''}, or {{}}"
+    step = f"set {{}}{_vehicles_move_with(scenario, axis, moved) if table == _START else ''}, or {{}}"
     feet_m = _FOOT_M * own
     if axis == _HEIGHT and most > high and low <= feet_m <= high:
         step += f"; is it in feet? {plain(own)} ft are {plain(feet_m)} m"
-    return replace(mistake, remedy=step, settings=(KeyChange(mistake.key, moved), wider))
+    return Mistake(key, text, own, step, (KeyChange(key, moved), wider))
 
 
 def _wider(scenario: Scenario, axis: int, along_m: Array) -> KeyChange:

@@ -10,10 +10,10 @@ from difflib import SequenceMatcher
 from typing import Any
 
 from gcs.scenario.schema.degree_keys import CENTRE, POSITION, is_number, numbers
-from gcs.scenario.schema.fields import Part, Table, tables
+from gcs.scenario.schema.fields import Part, tables
 from gcs.scenario.schema.mistake import EXACT, Mistake, name_of, nearest, plain, toml
-from gcs.scenario.schema.toml_lines import Key
-from gcs.scenario.validation.schema_words import Schema, inside, json_schema
+from gcs.scenario.schema.toml_lines import Key, Table
+from gcs.scenario.validation.schema_words import inside, json_schema
 
 _ALIKE = 0.75  # below, the key may mean something else, whose value fits nothing
 _KEPT_MAX = 20  # slips that one error lists
@@ -71,7 +71,7 @@ class Meant:
         """Whether a mistake only follows from a guess."""
         return any(mistake.key[: len(key)] == key for key in self.guessed)
 
-    def mend(self, table: Table, node: Schema, key: Key, also: tuple[str, ...] = ()) -> None:
+    def mend(self, table: Table, node: Table, key: Key, also: tuple[str, ...] = ()) -> None:
         """Make one table of the file what was meant, and tell its slips."""
         known, given = (*node["properties"], *also), dict(table)
         table.clear()
@@ -80,7 +80,7 @@ class Meant:
             target, own = (name, value) if name in known else self._renamed(name, value, node, free, key)
             table[target] = self._value(own, inside(node, target), (*key, target))
 
-    def _renamed(self, name: str, value: Any, node: Schema, free: list[str], key: Key) -> tuple[str, Any]:
+    def _renamed(self, name: str, value: Any, node: Table, free: list[str], key: Key) -> tuple[str, Any]:
         """The known key that an unknown one means, or the unknown one, and the value in the unit of that key."""
         stem, own = _stem(name), value
         target = f"{stem}_deg" if f"{stem}_deg" in free and _has_degrees(value) else None
@@ -93,10 +93,7 @@ class Meant:
             return name, value
         text, step = f"unknown key; the nearest known one is {target}", f"write {target} instead of {name}"
         if is_converted:
-            text, step = (
-                f"unknown key; Skein has it as {target}",
-                f"write {target} = {plain(own, EXACT)}",
-            )
+            text, step = f"unknown key; Skein has it as {target}", f"write {target} = {plain(own, EXACT)}"
         elif not target.startswith(f"{name}_") and SequenceMatcher(None, name.lower(), target).ratio() < _ALIKE:
             self.guessed.add((*key, target))
             text += f" ({inside(node, target).get('description')})"
@@ -124,14 +121,13 @@ class Meant:
         self.guessed |= {(*key, name) for name in (*keys.metres, *keys.every)}
         return rest
 
-    def _value(self, value: Any, node: Schema, key: Key) -> Any:
+    def _value(self, value: Any, node: Table, key: Key) -> Any:
         is_list = isinstance(value, list) and node.get("type") == "array"
         given = value if is_list else [value]
         parts = [inside(node, row) for row in range(len(value))] if is_list else [node]
-        kinds = [part.get("type") for part in parts]
         found = [
-            reading(one, name_of(key)) if isinstance(one, str) and kind in ("number", "integer") else None
-            for one, kind in zip(given, kinds, strict=True)
+            reading(one, name_of(key)) if isinstance(one, str) and part.get("type") in ("number", "integer") else None
+            for one, part in zip(given, parts, strict=True)
         ]
         if any(found):
             read = [one[0] if one else old for one, old in zip(found, given, strict=True)]
@@ -145,7 +141,7 @@ class Meant:
             ]
         return value
 
-    def _told(self, key: Key, text: str, step: str, value: Any = None) -> None:
+    def _told(self, key: Key, text: str, step: str, value: object = None) -> None:
         self.mistakes.append(Mistake(key, text, value, remedy=step))
 
 
@@ -164,10 +160,10 @@ def _stem(name: str) -> str:
     return name.lower().removesuffix("_deg").removesuffix("_m")
 
 
-def _has_degrees(value: Any) -> bool:
+def _has_degrees(value: object) -> bool:
     """Whether a place, or a list of them, has as many digits as degrees need."""
-    if numbers(value):
-        return any(round(one, _METRES_DIGITS) != one for one in value[:2])
+    if found := numbers(value):
+        return any(round(one, _METRES_DIGITS) != one for one in found[:2])
     return isinstance(value, list) and any(numbers(one) and _has_degrees(one) for one in value)
 
 

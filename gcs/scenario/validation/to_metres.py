@@ -9,7 +9,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
@@ -19,7 +19,7 @@ from gcs.scenario.schema.degree_keys import DegreeKeys, Pair, adapter, is_number
 from gcs.scenario.schema.fields import FARTHEST_M, tables
 from gcs.scenario.schema.mistake import KeyChange, Mistake, from_e7, plain, value_at
 from gcs.scenario.schema.scenario import OriginTable, Scenario
-from gcs.scenario.schema.toml_lines import Key
+from gcs.scenario.schema.toml_lines import Key, Table
 from gcs.scenario.validation.schema_words import from_pydantic
 
 _SPOILT = ""  # no number: it makes a table invalid, and keeps rules about other tables away from it
@@ -31,9 +31,9 @@ class InDegrees:
 
     table: Key
     keys: DegreeKeys
-    values: dict[str, Any]
+    values: Table
     origin: Origin
-    metres: dict[str, Any]
+    metres: Table
 
     def in_file(self, key: Key) -> Key:
         """The key inside this table in the file for one in metres; empty for any other key."""
@@ -54,7 +54,7 @@ class InDegrees:
 class InMetres:
     """The tables in metres, the mistakes in their degrees, the places that were converted, and those with mistakes."""
 
-    data: dict[str, Any]
+    data: Table
     origin: Origin | None  # None where it has mistakes of its own
     mistakes: list[Mistake] = field(default_factory=list)
     places: list[InDegrees] = field(default_factory=list)
@@ -65,7 +65,7 @@ class InMetres:
         """The keys in metres whose places were in degrees: nothing needs to be asked about their numbers."""
         return {(*place.table, name) for place in self.places for name in place.keys.metres}
 
-    def replace(self, keys: DegreeKeys, table: dict[str, Any], key: Key) -> None:
+    def replace(self, keys: DegreeKeys, table: Table, key: Key) -> None:
         """Replace one place of a table."""
         values = {name: table.pop(name) for name in keys.every if name in table}
         values = {name: value for name, value in values.items() if value is not None}  # as JSON has what is left out
@@ -83,7 +83,7 @@ class InMetres:
             self.spoilt |= {(*key, name) for name in keys.metres}
 
 
-def in_metres(data: dict[str, Any]) -> InMetres:
+def in_metres(data: Table) -> InMetres:
     """The tables of a scenario with known keys, each place in metres from [origin]."""
     try:
         origin = Origin(**OriginTable.model_validate(data.get("origin")).model_dump())
@@ -97,7 +97,7 @@ def in_metres(data: dict[str, Any]) -> InMetres:
 
 
 def _place_mistakes(
-    keys: DegreeKeys, values: dict[str, Any], in_metres: list[str], origin: Origin | None, key: Key
+    keys: DegreeKeys, values: Table, in_metres: list[str], origin: Origin | None, key: Key
 ) -> Iterator[Mistake]:
     """The mistakes of one place in degrees: of its keys, of where it is, and of each number."""
     names, heights = list(keys.degrees), [name for name in keys.heights if name in values]
@@ -128,7 +128,7 @@ def _place_mistakes(
 
 
 def _misplaced(
-    keys: DegreeKeys, values: dict[str, Any], third: Pair | None, origin: Origin | None, key: Key
+    keys: DegreeKeys, values: Table, third: Pair | None, origin: Origin | None, key: Key
 ) -> Iterator[Mistake]:
     """Places that are not near the origin, and lists that are none of places."""
     name, *_ = keys.degrees

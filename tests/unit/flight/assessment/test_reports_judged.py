@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.flight.assessment.criterion import Criterion, Outcome
+from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.judge import Truth, Verdict, judge
 from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
 from gcs.flight.monitoring.plan_time import PlanTime
@@ -67,21 +67,21 @@ def both(
 @pytest.mark.parametrize(
     ("lowest", "highest", "at_least", "outcome", "words"),
     [
-        (1.1, 1.5, True, Outcome.OK, "ok"),
-        (0.5, 0.9, True, Outcome.FAILED, "FAILED"),
-        (0.9, 1.7, True, Outcome.UNKNOWN, "not known within ±0.4 m"),
-        (0.5, 0.9, False, Outcome.OK, "ok"),
-        (1.1, 1.5, False, Outcome.FAILED, "FAILED"),
-        (0.9, 1.7, False, Outcome.UNKNOWN, "not known within ±0.4 m"),
-        (-math.inf, math.inf, True, Outcome.UNKNOWN, "not known"),
-        (math.nan, math.nan, True, Outcome.UNKNOWN, "not known"),
+        (1.1, 1.5, True, FlightOutcome.OK, "ok"),
+        (0.5, 0.9, True, FlightOutcome.FAILED, "FAILED"),
+        (0.9, 1.7, True, FlightOutcome.UNKNOWN, "not known within ±0.4 m"),
+        (0.5, 0.9, False, FlightOutcome.OK, "ok"),
+        (1.1, 1.5, False, FlightOutcome.FAILED, "FAILED"),
+        (0.9, 1.7, False, FlightOutcome.UNKNOWN, "not known within ±0.4 m"),
+        (-math.inf, math.inf, True, FlightOutcome.UNKNOWN, "not known"),
+        (math.nan, math.nan, True, FlightOutcome.UNKNOWN, "not known"),
     ],
 )
 def test_a_limit_inside_the_range_of_the_true_value_is_not_decided(
-    lowest: float, highest: float, at_least: bool, outcome: Outcome, words: str
+    lowest: float, highest: float, at_least: bool, outcome: FlightOutcome, words: str
 ) -> None:
     found = Criterion("separation", "m", 1.3, 1.0, at_least, lowest=lowest, highest=highest)
-    assert (found.outcome, found.verdict, found.ok) == (outcome, words, outcome is Outcome.OK)
+    assert (found.outcome, found.verdict, found.ok) == (outcome, words, outcome is FlightOutcome.OK)
 
 
 def test_a_failed_criterion_outweighs_one_that_is_not_known() -> None:
@@ -89,9 +89,9 @@ def test_a_failed_criterion_outweighs_one_that_is_not_known() -> None:
         Criterion("x", "m", 1.0, 1.0, True, lowest=low, highest=high) for low, high in ((1, 1), (0, 2), (0, 0.5))
     )
     for criteria, outcome in (
-        ((ok, ok), Outcome.OK),
-        ((ok, unknown), Outcome.UNKNOWN),
-        ((failed, unknown, ok), Outcome.FAILED),
+        ((ok, ok), FlightOutcome.OK),
+        ((ok, unknown), FlightOutcome.UNKNOWN),
+        ((failed, unknown, ok), FlightOutcome.FAILED),
     ):
         assert Verdict(criteria, {}, {}, 0.0).outcome is outcome
 
@@ -143,8 +143,8 @@ def test_a_verdict_from_reports_is_that_of_the_true_states_or_not_known(hop: Pla
             assert found.lowest is not None
             assert found.highest is not None
             assert found.lowest - 1e-3 <= true.value <= found.highest + 1e-3 or true.unit == "s", true.name
-            decided += found.outcome is not Outcome.UNKNOWN
-            wrong += found.outcome not in (Outcome.UNKNOWN, true.outcome)
+            decided += found.outcome is not FlightOutcome.UNKNOWN
+            wrong += found.outcome not in (FlightOutcome.UNKNOWN, true.outcome)
     assert wrong == 0
     assert decided >= 12
 
@@ -155,14 +155,14 @@ def test_a_collision_is_seen_in_reports(hop: Plan) -> None:
         states[2, now, :6] = states[1, now, :6]
 
     true, found = both(hop, meet)
-    assert true.outcome is found.outcome is Outcome.FAILED
+    assert true.outcome is found.outcome is FlightOutcome.FAILED
     (separation,) = (c for c in found.criteria if c.name == "separation")
-    assert (separation.outcome, separation.vehicles) == (Outcome.FAILED, "vehicles 2, 3")
+    assert (separation.outcome, separation.vehicles) == (FlightOutcome.FAILED, "vehicles 2, 3")
 
 
 def test_nothing_is_known_of_a_vehicle_without_a_fix(hop: Plan) -> None:
     _, found = both(hop, fixes=lambda t_s: np.abs(t_s - 15.0) > 2.0)
-    assert found.outcome is Outcome.UNKNOWN
+    assert found.outcome is FlightOutcome.UNKNOWN
     words = {c.name: c.verdict for c in found.criteria}
     assert words["position error (RMS)"] == "not known"
     assert words["separation"].startswith("not known within ±")

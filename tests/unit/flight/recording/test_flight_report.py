@@ -12,7 +12,7 @@ from gcs.flight.assessment.judge import Verdict
 from gcs.flight.contingency.options import FlightMode, FlightOptions
 from gcs.flight.contingency.policy import OnLoss
 from gcs.flight.monitoring.progress import FlightTimes
-from gcs.flight.recording.flight_folder import report_data
+from gcs.flight.recording.flight_folder import TRUE_STATES, report_data
 from gcs.flight.recording.flight_report import DEFINITIONS, emulation_data, repeat_command, write_report
 from gcs.flight.setup.build_loads import TimeKeeping
 from gcs.flight.setup.simulator_process import Emulated
@@ -30,6 +30,7 @@ def written(folder: Path, scenario: Scenario, *, wind: str | None, gusts: str | 
     verdict = Verdict(criteria, {1: 0.487, 5: 2.0523}, {1: 0.836, 5: 2.671}, 1.989)
     emulation = emulation_data(scenario, Emulated("max", seed, ("3:die@60",), wind, gusts))
     extra = {
+        "judged": TRUE_STATES,
         "mode": "stream",
         "navigator": None,
         "skew_s": 0.0074,

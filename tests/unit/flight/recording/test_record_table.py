@@ -207,7 +207,7 @@ def test_columns_by_name(folder: Path) -> None:
     assert len(one.formation_error_m) == len(one.t_s)
     with pytest.raises(KeyError, match="vehicle 9 has no row; those with one are 1, 2, 3"):
         reports.of(9)
-    with pytest.raises(KeyError, match="'north' is no column; there are t_s, sysid"):
+    with pytest.raises(KeyError, match="'north' is no column; there are t_s, unix_s, sysid"):
         reports.column("north")
 
 
