@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim_bridge.fleet import Fleet, NotInTime, TrueState
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 __all__ = ["Fleet", "NotInTime", "TrueState"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import `fleet` only when a name is used, so that `sim-bridge --help` answers at once."""
     if name in __all__:
         from sim_bridge import fleet  # noqa: PLC0415

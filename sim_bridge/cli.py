@@ -12,7 +12,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -132,12 +132,12 @@ def fly(
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: fleet.stop())
         if until_eof:
-            fleet.stop_at_end_of(sys.stdin.fileno())
+            fleet.traffic.watch(sys.stdin.fileno())  # it ends when the parent dies
         _warn(links)
         print(json.dumps(_ready(fleet, links, seed)), flush=True)
         fleet.run()
-        if truth is not None:
-            fleet.save_truth(truth)
+        if truth is not None and fleet.truth is not None:
+            fleet.truth.save(truth)
 
 
 def parse_links(
@@ -159,7 +159,7 @@ def _warn(links: Sequence[EndpointSpec]) -> None:
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
-def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, Any]:
+def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, object]:
     """The line on stdout: `ports` are those of the first link that has any, `places` are all addresses."""
     called = next((host_port(spec.host, spec.port) for spec in links if spec.kind is EndpointKind.UDP_OUT), None)
     places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}

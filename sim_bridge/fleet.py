@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 from gcs.errors import GcsError, UsageError
 from gcs.link.endpoints.ip_address import Address
@@ -248,7 +248,7 @@ def scenario_for(scenario: Scenario | Path | str | None, vehicles: int | None) -
 def plain_scenario(vehicles: int) -> Scenario:
     """Return a scenario of `field` vehicles with RTK-grade receivers, `SPACING_M` apart, on level ground."""
     body = FIELD.quadrotor
-    data: dict[str, Any] = {
+    data = {
         "schema_version": 1,
         "name": "plain",
         "origin": {"lat_deg": -35.363262, "lon_deg": 149.165237, "alt_amsl_m": 584.0},
@@ -287,6 +287,6 @@ def plain_scenario(vehicles: int) -> Scenario:
     return Scenario.model_validate(data)
 
 
-def _grid(vehicles: int) -> dict[str, Any]:
+def _grid(vehicles: int) -> dict[str, object]:
     shape = {"name": "grid", "generator": "grid", "spacing_m": SPACING_M}
     return {"leader": 1, "count": vehicles, "start_shape": "grid", "shape": [shape]}

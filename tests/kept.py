@@ -12,24 +12,34 @@ import hashlib
 import inspect
 import os
 import pickle
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-import pytest
-
+import gcs
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.util.atomic_write import atomic_write
 
+if TYPE_CHECKING:
+    import pytest
+
 P = ParamSpec("P")
 R = TypeVar("R")
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(gcs.__file__).resolve().parent.parent  # what runs: it may be a copy of the tree
 WEEK_S = 7 * 86400.0
 PATCHES: list[pytest.MonkeyPatch] = []  # of the test under way
 MAKERS = ("gcs/*.py", "gcs/autopilots", "gcs/physics", "gcs/scenario", "gcs/plan", "requirements.lock")
+
+# The environment of a program that shares plans with the tests, and the command `gcs` as such a program.
+SHARING = {"PYTHONPATH": str(Path(__file__).resolve().parent / "sharing")}
+GCS = [
+    *("env", *(f"{name}={value}" for name, value in SHARING.items())),
+    *(sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"),
+]
 
 
 def folder() -> Path:
@@ -68,16 +78,22 @@ def _is_patched() -> bool:
     return any(p._setattr or any(table is not os.environ for table, *_ in p._setitem) for p in PATCHES)
 
 
-def kept(function: Callable[P, R], *makers: str) -> Callable[P, R]:
-    """The function; its result is read from disk where an earlier call with equal arguments left it."""
+def kept(function: Callable[P, R], *makers: str, apart_from: tuple[str, ...] = ()) -> Callable[P, R]:
+    """The function; its result is read from disk where an earlier call with equal arguments left it.
+
+    Arguments `apart_from` which it was made (workers, reports of progress) make no other result.
+    """
+    signature = inspect.signature(function)
 
     @functools.wraps(function)
     def reading(*args: P.args, **named: P.kwargs) -> R:
         if _is_patched():
             made: R = inspect.unwrap(function)(*args, **named)
             return made
+        given = signature.bind(*args, **named).arguments
+        telling = {key: value for key, value in given.items() if value is not signature.parameters[key].default}
         try:
-            arguments = _text(tuple(args)) + _text(tuple(sorted(named.items())))
+            arguments = _text(tuple((key, telling[key]) for key in sorted(telling) if key not in apart_from))
         except TypeError:
             return function(*args, **named)
         name = hashlib.sha256(f"{source(*MAKERS, *makers)} {function.__qualname__} {arguments}".encode()).hexdigest()
@@ -87,7 +103,8 @@ def kept(function: Callable[P, R], *makers: str) -> Callable[P, R]:
             os.utime(file)
         except (OSError, EOFError, pickle.UnpicklingError):
             result = function(*args, **named)
-            atomic_write(file, pickle.dumps(result))
+            with suppress(OSError):  # a program under test may have no disk
+                atomic_write(file, pickle.dumps(result))
         return result
 
     return reading

@@ -11,13 +11,13 @@ import math
 import selectors
 from collections.abc import Awaitable, Callable
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle
@@ -167,18 +167,8 @@ class PointFleet:
         self.streamer = Streamer(plan, build_stream(plan, 10.0), self.vehicles, self.time, options)
         self.events: list[Event] = []
         self.carrier = OrderCarrier(lambda i: self.sessions[i].armed, lambda i: self.sessions[i].silent_s() < 5.0)
-        self.executor = ContingencyExecutor(
-            plan=plan,
-            vehicles=self.vehicles,
-            monitor=self.monitor,
-            streamer=self.streamer,
-            time=self.time,
-            returns=returns,
-            model=battery_model(plan),
-            carrier=self.carrier,
-            options=options,
-            on_event=self.events.append,
-        )
+        fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options)
+        self.executor = ContingencyExecutor(fleet, self.carrier, returns, battery_model(plan), self.events.append)
         self.error: BaseException | None = None
         self._begin_s = t_s
 
@@ -198,8 +188,8 @@ class PointFleet:
         if starting:
             self.executor.starts()
         else:
-            self.monitor.t0_unix_s = EPOCH_S + host_s(self.loop) - self._begin_s
-            self.streamer._schedule(self.monitor.t0_unix_s, ends=True)
+            self.monitor.begin(EPOCH_S + host_s(self.loop) - self._begin_s)
+            self.streamer._schedule(self.monitor.t0_s, ends=True)
             self.executor.flies()
         tasks = [reports, asyncio.ensure_future(self.streamer.run()), asyncio.ensure_future(self.executor.run())]
         try:
@@ -242,6 +232,5 @@ def flown(
         await fleet.fly(story, starting=starting)
         return fleet
 
-    # The executor looks every 0.1 s of the vehicles' time; to wake up 200 times a second costs these tests most.
-    with patch("gcs.flight.execution.executor._SLEEP_S", 0.025), asyncio.Runner(loop_factory=StandingLoop) as runner:
+    with asyncio.Runner(loop_factory=StandingLoop) as runner:
         return runner.run(run())

@@ -1,1 +1,1 @@
-"""Measurements, pictures and files that are made again by hand; nothing that flies needs them."""
+"""Programs run by hand: benchmarks, pictures, and files that are generated. No flight needs them."""

@@ -1,4 +1,4 @@
-"""The public Python API as a page, docs/api.md, from signatures and docstrings; `tools/reference.py` writes it."""
+"""docs/api.md, the public Python API, from signatures and docstrings; `tools/reference.py` writes it."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
-"""How fast do emulated vehicles fly? Steps, filters and messages of 1, 6, 50 and 200 vehicles on one core.
+"""Benchmark of emulated vehicles: steps, filters and messages of 1, 6, 50 and 200 vehicles on one core.
 
 ./tools/run python tools/bench_bridge.py [--vehicles 1 6 50 200] [--autopilot px4] [--seconds 8] [--json FILE]
 
-Vehicles of the `field` preset fly a mission on board, each with its filter, and tell forty messages a second of flight,
-each from a port of its own. Nothing waits and nothing sleeps; seconds are those of the processor, so that whatever else
-runs on the machine takes no part: `--seconds` for each size, which has a process of its own, so that none finds warm
-what another left behind.
+Vehicles of the `field` preset fly a mission on board, each with its filter, and send forty messages a second of flight,
+each from a port of its own. Nothing waits or sleeps. Times are CPU times, so other programs do not count: `--seconds`
+for each size, in a process of its own, so that none profits from warm caches of another.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""What is flown of what was planned? Emulated flights in wind, by stream, mission and following, many seeds each.
+"""Flown against planned: emulated flights in wind, by stream, mission and following, many seeds each.
 
 ./tools/run python tools/bench_flights.py [--seeds 20] [--mission simulation1 simulation2 field]
     [--mode stream mission follow] [--together 2] [--json FILE]
 
 Each flight is `gcs.fly` in a process of its own: sensor noise, gusts and clocks by its seed, wind as in WIND. Position
-errors are of true against planned places at equal time, from T0 to the planned arrival; times are arrivals. The table
+errors compare true and planned places at equal time, from T0 to the planned arrival; times are arrivals. The table
 has the mean over the flights, the 95th percentile and the worst. Missions fly as `--nav auto` does.
 `--together` flights fly at a time; each wants a core.
 """

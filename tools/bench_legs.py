@@ -2,8 +2,8 @@
 
 Simulation 1's leader flies through the five points of `bench_route.drawn(5, 1)`: six legs, each a phase of free
 duration, in a given time. Objective, bounds, scaling, guess, tolerance and mesh (Skein's first one) are the same for
-all. A peer is done at its first solution; Skein goes on to the verified plan, with take-off, run-up and landing. What
-every solver calls a solution is then looked at between its nodes. Times are CPU times, so other programs count little.
+all. A peer is done at its first solution; Skein goes on to the verified plan, with take-off, run-up and landing. Every
+solver's solution is then checked between its nodes. Times are CPU times, so other programs count little.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Simulation 1's leader alone from A to B, with the same objective, bounds, scaling, guess and tolerance for every
 contender, `--repetitions` runs of each on every mesh; medians count. `--quick`: one run each, yapss as the only peer.
-What every solver calls a solution is then looked at between its nodes by Skein's verifier.
+Skein's verifier then checks every solver's solution between its nodes.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""How quickly does a plan change in flight? Re-plans from disturbed states, counted, timed and verified.
+"""Benchmark of re-planning: re-plans from disturbed states, counted, timed and verified.
 
 ./tools/run python tools/bench_replan.py [--replans 100] [--seed 1] [--missions simulation1,field] [--json FILE]
 
 Each re-plan: a random time of the mission, the leader up to 20 m beside its place and some tenths of a m/s off; every
-second one with a new disk of 10 to 30 m on the way ahead. States that no flight may begin from (inside of
-a zone, under the clearance, over a limit) are drawn again. Beside it the first plan, made anew between re-plans, so
-that whatever else the machine does slows both; seconds are the processor's.
+second one with a new disk of 10 to 30 m on the way ahead. States that no flight may begin from (inside a
+zone, under the clearance, over a limit) are drawn again. The first plan is made again between re-plans for
+comparison, so that other load slows both; seconds are CPU seconds.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How long does a drawn route take to plan? 2 to 100 points over Simulation 1's mountains, against A to B.
+"""Benchmark of drawn routes: 2 to 100 points over Simulation 1's mountains, against A to B.
 
 ./tools/run python tools/bench_route.py [--points 2 5 20 50 100] [--repeat 3] [--json FILE]
 ./tools/run python tools/bench_route.py --random 100 [--seed 1] [--jobs 2] [--json FILE]

@@ -1,9 +1,9 @@
-"""What does a larger formation cost? The same flight planned for 6, 50, 200 and 1,000 vehicles.
+"""Benchmark of formation size: the same flight planned for 6, 50, 200 and 1,000 vehicles.
 
 ./tools/run python tools/bench_scale.py [--vehicles 6 50 200 1000] [--repeat 5] [--changes] [--json FILE]
 
 Simulation 1 over its seven mountains under a ceiling of 35 m, on a map a little wider; a square grid with 0.5 m between
-neighbours, as near as the paper's vehicles are. Mountains stand in the way of all vehicles, so the ground binds all
+neighbours, as near as the paper's vehicles are. The mountains are in the way of all vehicles, so the ground binds all
 along. Every run is a process of its own, sizes take turns. Time and memory of planning and of the verifier are
 reported apart; ratios are to the smallest formation. `--changes` adds a shrink, a turn and a reshape on schedule.
 """

@@ -1,4 +1,4 @@
-"""How fast, and how surely, do missions reach vehicles over bad links? Item by item, as one file, and by MAVSDK.
+"""Benchmark of uploads over bad links: item by item, as one file, and by MAVSDK.
 
 ./tools/run python tools/bench_upload.py [--uploads 200] [--items 100] [--autopilot ardupilot]
 ./tools/run python tools/bench_upload.py --uploads 0 --race 0.05:0 0.05:0.2 [--autopilot px4]

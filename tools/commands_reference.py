@@ -1,4 +1,4 @@
-"""Every command with its options as a page, docs/commands.md; `tools/reference.py` writes it."""
+"""docs/commands.md, every command with its options; `tools/reference.py` writes it."""
 
 from __future__ import annotations
 

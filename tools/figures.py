@@ -1,4 +1,4 @@
-"""Draws the pictures of the documents from the scenarios: ./tools/run python tools/figures.py [MISSION ...]"""
+"""The pictures of the documents, drawn from the scenarios: ./tools/run python tools/figures.py [MISSION ...]"""
 
 from __future__ import annotations
 

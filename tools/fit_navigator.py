@@ -1,9 +1,9 @@
-"""Fit the navigators to recordings of real autopilots, and tell how well they predict a mission they have not seen.
+"""Fit of the navigator models to recordings of real autopilots, with their errors on missions left out of the fit.
 
     ./tools/run python tools/fit_navigator.py [--recordings tests/recorded/timed_legs] [--only ardupilot|px4] [--no-fit]
 
-Fitted are two numbers each: on ArduPilot the lag and the drag of the vehicle, on PX4 (whose simulator's drag is known)
-what its integral gives back in descents and the error of home's height. Everything else is what the autopilot reported.
+Two numbers are fitted for each: on ArduPilot the lag and the drag of the vehicle, on PX4 (whose simulator's drag is
+known) what its integral gives back in descents and the error of home's height. The autopilot reported everything else.
 Prints the parameters and the residuals for gcs/autopilots/waypoint_models/calibration.py; with `--no-fit` those of the
 parameters as they are. A few minutes.
 """

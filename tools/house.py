@@ -1,4 +1,4 @@
-"""The folders of the code, in the order of their imports: the picture and the table of docs/design.md."""
+"""The picture and the table of folders in docs/design.md, in the order of imports."""
 
 from __future__ import annotations
 

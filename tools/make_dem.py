@@ -1,4 +1,4 @@
-"""Makes the elevation model of missions/ridge, which is synthetic: ./tools/run python tools/make_dem.py
+"""The synthetic elevation model of missions/ridge: ./tools/run python tools/make_dem.py
 
 Rolling ground and a ridge 75 m high and 80 m wide across the way, with a pass; in pixels of 10 m of UTM zone 19 south.
 """

@@ -1,4 +1,4 @@
-"""How well do emulated vehicles hold their place and their way in wind?
+"""Position errors of emulated vehicles in wind, in hover and in flight.
 
 ./tools/run python tools/measure_wind.py [--seconds 60] [--seed 1]
 

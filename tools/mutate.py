@@ -1,4 +1,4 @@
-"""Mutation check: puts one small bug at a time into drawn lines of the code and lists the bugs that no test notices.
+"""Mutation check: puts one small bug at a time into random lines of the code and lists those that no test notices.
 
     ./tools/run python tools/mutate.py                               # 60 lines of the six folders that protect a flight
     ./tools/run python tools/mutate.py gcs/plan/nlp --count 20 --seed 7

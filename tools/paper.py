@@ -1,4 +1,4 @@
-"""The paper reproduced on one page, docs/paper.md, from nothing but the scenarios: ./tools/run python tools/paper.py"""
+"""docs/paper.md, the paper reproduced on one page from the scenarios alone: ./tools/run python tools/paper.py"""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Writes the reference pages of docs, and the tables of other pages that are made from the code.
+"""The generated parts of docs: the reference pages, and the tables of other pages that are made from the code.
 
 ./tools/run python tools/reference.py
 """
@@ -23,7 +23,7 @@ from gcs.link.protocols.mission.receiver import RECEIVER
 from gcs.link.protocols.mission.sender import SENDER
 from gcs.link.protocols.mission.verified_upload import UPLOAD
 from gcs.mission.drawings import xml_drawing
-from gcs.mission.formats.maps import geojson, kml
+from gcs.mission.drawings.route_formats import ROUTE_FORMATS
 from gcs.mission.formats.plan_items import ITEMS_MAX
 from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
 from gcs.mission.formats.vendor_quirks import Odd
@@ -180,9 +180,8 @@ def _transition(row: Transition[Any]) -> tuple[str, ...]:
 
 
 FILE_LIMITS = f"""
-- JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
+- JSON has at most {JSON_VALUES_MAX:,} values.
 - A mission has at most {ITEMS_MAX:,} items.
-- A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
 - A drawn KMZ unpacks to at most {in_mib(xml_drawing.UNPACKED_MAX_BYTES)}. Drawn XML has at most {XML_ELEMENTS_MAX:,}
   elements, and no document type.
 - Parquet has at most {ROWS_MAX:,} rows.
@@ -192,18 +191,20 @@ FILE_LIMITS = f"""
 
 
 def formats_reference() -> tuple[str, ...]:
-    """Formats; what is read although other programs write it otherwise; limits; arrays of a plan file; contents."""
+    """The tables of formats.md, in their order."""
     sizes = ((kind.name, in_mib(kind.largest_bytes)) for kind in FILE_KINDS)
     arrays = (
         (f"`{name}`", f"`{kind.dtype}`", str(kind.dimensions), in_mib(kind.largest_bytes))
         for name, kind in ARRAYS.items()
     )
+    routes = ((" ".join(f"`{suffix}`" for suffix in row.suffixes), row.route) for row in ROUTE_FORMATS)
     contents = (
         (f"`{content.name}`", "each vehicle" if content.per_vehicle else "the formation", f"`{content}`")
         for content in Content
     )
     return (
         table(("name", "files", "what it is for", "content"), map(_format, FORMATS)),
+        table(("files", "their route"), routes),
         "".join(f"- {odd}\n" for odd in Odd),
         table(("file", "largest size"), sizes) + FILE_LIMITS,
         table(("array", "type", "dimensions", "largest size"), arrays),

@@ -1,4 +1,4 @@
-"""Does a long flight cost memory or handles? A formation is flown for hours, and both processes are sampled.
+"""Soak test: a formation flies for hours, and memory and handles of both processes are sampled.
 
 ./tools/run python tools/soak.py TO --hours 10 [--speedup 1] [--vehicles 6] [--leg 7200] [--every 60] [--autopilot px4]
 

@@ -1,8 +1,8 @@
 """Altitudes of mission items as each autopilot stores them.
 
-ArduPilot multiplies by 100 in single precision and cuts towards zero. An altitude written with millimetres is stored
-up to 1 cm lower, and the legs at both of its ends change in length: by 25 ms for each 5 mm of a slow leg of 0.2 m/s,
-which is 0.15 m where the formation flies 6 m/s.
+ArduPilot multiplies by 100 in single precision and truncates towards zero. An altitude in millimetres is stored up to
+1 cm lower, which changes the length of the legs at both ends: 5 mm of a slow leg of 0.2 m/s are 25 ms, and 0.15 m where
+the formation flies 6 m/s.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def kept_alt_m(alt_m: float, firmware: Autopilot) -> float:
 
 
 def written_alt_m(alt_m: float, firmware: Autopilot) -> float:
-    """Return the altitude to write, in whole millimetres: the vehicle then stores the nearest to `alt_m` it can."""
+    """Return the altitude to write, in whole millimetres, for which the vehicle stores the value nearest to `alt_m`."""
     decimals = firmware.traits.missions.altitude_decimals
     if decimals is None:
         return round(alt_m, _MILLIMETRES)

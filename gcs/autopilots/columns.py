@@ -1,4 +1,4 @@
-"""The columns of the table of autopilots: everything that may differ between two of them, with its unit.
+"""The columns of the autopilot table: everything in which autopilots may differ, with its unit.
 
 The values are rows: `gcs.autopilots.ardupilot`, `gcs.autopilots.px4`. Code elsewhere reads a column; it never asks
 which autopilot it is.
@@ -102,7 +102,7 @@ class LandingProfile:
 
 @dataclass(frozen=True)
 class LandingBehaviour:
-    """How an autopilot lands by itself: the parameters that set its descent, with defaults, and what follows."""
+    """An autopilot's own landing: the parameters of its descent, with defaults, and the resulting profile."""
 
     parameters: Mapping[str, float]
     profile_of: Callable[[Mapping[str, float]], LandingProfile]
@@ -114,7 +114,7 @@ class LandingBehaviour:
 
 
 class CommandSource(StrEnum):
-    """How it is known whether an autopilot executes a mission command."""
+    """The source of what is known about a mission command on an autopilot."""
 
     MANUAL = "its manual lists it"
     RECORDED = "a recorded vehicle accepted it"
@@ -184,7 +184,7 @@ class ReturnBehaviour:
 
 @dataclass(frozen=True)
 class EstimatorReport:
-    """The message whose flags show that the position estimate is ready, and these flags."""
+    """The message, and its flags, that show that the position estimate is ready."""
 
     message: MessageId
     required: int
@@ -296,7 +296,7 @@ class ParameterRenaming:
 
 @dataclass(frozen=True)
 class LinkBehaviour:
-    """How an autopilot talks. The defaults are for a vehicle whose autopilot is not in the table."""
+    """How an autopilot communicates. The defaults are for a vehicle whose autopilot is not in the table."""
 
     home_is_item_0: bool = False  # a mission on the wire, and in a .waypoints file, begins with home
     mission_files: bool = False  # it takes a mission as a file (MAVLink FTP, @MISSION)

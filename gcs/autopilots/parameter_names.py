@@ -1,7 +1,7 @@
 """The names of one parameter in several versions of an autopilot, and its value in the unit of each name.
 
-Rows have the tables (`LinkBehaviour.renaming`). A vehicle does not answer for a name that it does not have. So requests
-go out under every name that its version may have, and the answer decides.
+The tables are in the rows (`LinkBehaviour.renaming`). A vehicle does not answer for a name that it does not have, so
+requests go out under every name that its version may have, and the answer decides.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The types of the tables that say how an autopilot stores each field of a mission item.
+"""How an autopilot stores each field of a mission item: the types of these tables.
 
-A table has one row per command, and in a row one rule per field. A rule tells how the field reads back when the item
-is on board as it was meant, and how that is known.
+A table has one row per command, and in a row one rule per field. A rule says how the field reads back when the item
+is stored as intended, and the source of that.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class StoredAs(Enum):
 
 
 class StorageSource(StrEnum):
-    """How it is known what becomes of a field."""
+    """The source of a field's rule."""
 
     RECORDED = "recorded with values that show it"
     PUBLISHED = "the autopilot's published source code"
@@ -69,7 +69,7 @@ class FieldRule:
     source: StorageSource
 
     def survives(self, sent: float, read_back: float) -> bool:
-        """Return whether the field is on board as it was meant."""
+        """Return whether the field is stored as intended."""
         return self.stored.survives(sent, read_back)
 
 

@@ -1,4 +1,4 @@
-"""The autopilots that missions are planned for: their MAVLink numbers, and the table with one row for each.
+"""The supported autopilots: their MAVLink numbers, and the table with one row for each.
 
 To add one: a member of `Autopilot`, a file with its row, an entry in `TRAITS` (docs/extending.md). Vehicles may run
 others: on a link their numbers stay plain ints, and `link_behaviour` has defaults for them.
@@ -45,21 +45,6 @@ class Autopilot(IntEnum):
         return self.traits.link.home_is_item_0
 
     @property
-    def frames(self) -> frozenset[int]:
-        """MAV_FRAME values of items that name a position."""
-        return self.traits.missions.frames
-
-    @property
-    def items_max(self) -> int:
-        """Items that a mission may have, home included where it is item 0."""
-        return self.traits.missions.items_max
-
-    @property
-    def speed_mps(self) -> tuple[float, float]:
-        """Slowest and fastest ground speed that it accepts from DO_CHANGE_SPEED."""
-        return self.traits.missions.speed_mps
-
-    @property
     def navigator(self) -> Navigator:
         """The model that predicts its flight of waypoints, as it was recorded."""
         return self.traits.navigator
@@ -86,7 +71,7 @@ def traits_of(autopilot: int) -> AutopilotTraits | None:
 
 
 def link_behaviour(autopilot: int) -> LinkBehaviour:
-    """Return how MAV_AUTOPILOT `autopilot` talks; careful defaults for one that is not in the table."""
+    """Return how MAV_AUTOPILOT `autopilot` communicates; careful defaults for one that is not in the table."""
     row = traits_of(autopilot)
     return _UNKNOWN if row is None else row.link
 

@@ -1,8 +1,8 @@
 """The `gcs` command: its commands, exit codes and error output.
 
 A command is a function; its docstring is its help. Its folder is its panel in `gcs --help`.
-Heavy imports stand inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test
-holds this). A traceback is printed with `--debug` only.
+Heavy imports are inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test checks
+this). A traceback is printed with `--debug` only.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import difflib
 import errno
 import os
 import re
-import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -36,7 +35,7 @@ from gcs.cli.planning.show import show
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.safe_stdout import install
 from gcs.errors import FileFormatError, GcsError, UsageError
-from gcs.util.aio import Stopped, ignore_stops, stop_at_signals
+from gcs.util.aio import StopSignals
 
 NAME, COMPLETING = "gcs", "_GCS_COMPLETE"
 STOPPED = 130  # typer's, for every KeyboardInterrupt
@@ -118,16 +117,16 @@ def run(arguments: Sequence[str] | None = None) -> int:
     is_the_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if not is_the_process:
-        return _run(arguments)
-    outlets = install()
-    stop_at_signals()
+        return _run(arguments, StopSignals())
+    streams, stops = install(), StopSignals()
+    stops.listen()
     try:
-        code = _run(arguments)
-        for outlet in outlets:
-            outlet.end()
+        code = _run(arguments, stops)
+        for safe in streams:
+            safe.end()
     except KeyboardInterrupt:  # while the last lines were printed
-        code = Stopped.exit_code()
-    lost = outlets[0].lost
+        code = stops.exit_code
+    lost = streams[0].lost
     if code == 0 and lost is not None and not set(arguments[:1]) & FOR_VEHICLES:
         code = OUTPUT_LOST
         if not isinstance(lost, BrokenPipeError):  # `gcs schema | head` is no mistake
@@ -135,10 +134,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _run(arguments: list[str]) -> int:
+def _run(arguments: list[str], stops: StopSignals) -> int:
     # Read here because the arguments may be what is wrong.
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
-    Stopped.latest = signal.SIGINT  # of this command
     try:
         if any("\0" in argument for argument in arguments):  # no path and no name has one
             raise UsageError("an argument has a NUL character", hint="leave it out")
@@ -178,8 +176,8 @@ def _run(arguments: list[str]) -> int:
         _trace(debug)
         _say_bug(screen, error)
     if code == STOPPED:
-        code = Stopped.exit_code()
-        ignore_stops()  # a second Ctrl-C must not print a traceback
+        code = stops.exit_code
+        stops.ignore()  # a second Ctrl-C must not print a traceback
         screen.stopped(code)
     return int(code)
 

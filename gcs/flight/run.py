@@ -5,21 +5,25 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError
-from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
+from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
     Event,
@@ -28,16 +32,24 @@ from gcs.flight.monitoring.progress import (
     NearestPair,
     Step,
     Watcher,
-    notice_event,
-    spared,
 )
-from gcs.flight.recording.flight_folder import PLAN, SCENARIO, TELEMETRY, nearest_data, new_folder, report_data
-from gcs.flight.recording.flight_record import FlightRecord
+from gcs.flight.recording.flight_folder import (
+    EVENTS,
+    PLAN,
+    REPORTS,
+    SCENARIO,
+    TRUE_STATES,
+    nearest_data,
+    new_folder,
+    read_events,
+    report_data,
+)
+from gcs.flight.recording.flight_journal import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.record_table import write_record
 from gcs.flight.setup.build_loads import (
-    TimeKeeping,
     export_for_flight,
     loads_built_aside,
     missions_only,
@@ -49,7 +61,8 @@ from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simul
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.link.session.unknown_systems import LinkNotice
+from gcs.link.session.upload_fleet import Holdings
+from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.setpoint_stream import build_stream
@@ -60,11 +73,12 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
-from gcs.util.aio import Stoppable, insisted
+from gcs.util.aio import Stoppable, ended, insisted
 from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
+_DRAWN_S = 0.2
 MIXED_FOLLOWING = (
     "the vehicles run different autopilots, whose tracking errors differ: --follow brings them no closer together. "
     "Leave --follow out"
@@ -94,7 +108,7 @@ class Flown:
     folder: Path
     times: FlightTimes
     late_s: dict[int, float]  # delay of each vehicle behind the plan, by its own clock
-    verdict: Verdict | None  # None without true states, as with a link
+    verdict: Verdict | None  # from true states, or from reports; None without telemetry
     data: dict[str, Any]  # report.json
     nearest: tuple[NearestPair, ...] = ()  # as reported: the least separation before T0, on the plan and in the landing
 
@@ -151,34 +165,51 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
-    now = _Prepared(
-        order, watcher, folder, index, navigator, build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-    )
+    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+    now, ctrl_c = _Prepared(order, watcher, folder, index, navigator, stream), Stoppable()
     with held_folder(folder):
-        times, monitor, gaps = now.ctrl_c.run(_fly(now))
-    late_s, nearest = monitor.late_s, tuple(monitor.nearest.values())
-    missions, checks = sent_data(now.sent), now.checks
+        flew = ctrl_c.run(_fly(now, ctrl_c))
     watcher.lap("fly")
-    if order.link is not None:
-        data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), "missions": missions}
-        data |= {"incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
-        return Flown(folder, times, late_s, None, data, nearest)
-    truth = load_truth(folder / "truth.npz")
-    verdict = judge(plan, truth, times)
+    noted = ((event.unix_s, event.t_s) for event in read_events(folder / EVENTS))
+    times = replace(flew.times, clock=PlanTime.of(flew.times.t0_unix_s, noted))
+    verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
+    extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
     watcher.lap("judge")
-    with gaps.kept("map.png"):
-        _draw(plan, truth, times, folder)
+    gaps, late_s, nearest = flew.gaps, flew.monitor.late_s, tuple(flew.monitor.nearest.values())
+    if tracks is not None:
+        with gaps.kept("map.png"):
+            _draw(plan, tracks, folder)
     watcher.lap("pictures")
-    flew = navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
-    extra: dict[str, object] = {"mode": order.keeping.mode.value, "navigator": flew, "folder": str(folder)}
-    extra["time_s"] = watcher.laps_s
-    emulation = emulation_data(plan.scenario, order.emulated)
-    extra |= {"emulation": emulation, "repeat": repeat_command(order.keeping, order.options, emulation)}
-    extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
+    extra |= {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
+    extra |= {"missions": sent_data(flew.sent), "incomplete": gaps.data()}
+    extra |= {**_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
-    with gaps.kept("report.md"):
-        write_report(folder, data, verdict)
+    if verdict is not None:
+        with gaps.kept("report.md"):
+            write_report(folder, data, verdict)
     return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
+
+
+def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
+    """The verdict on emulated vehicles, their true tracks, and what the report says of the emulation."""
+    order, plan = now.order, now.order.plan
+    truth = load_truth(now.folder / "truth.npz")
+    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
+    tracks = Tracks(times.plan_time.t_s(truth.unix_s), truth.states[rows][..., POSITION])
+    flew = now.navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
+    emulation = emulation_data(plan.scenario, order.emulated)
+    repeat = repeat_command(order.keeping, order.options, emulation)
+    extra = {"judged": TRUE_STATES, "navigator": flew, "emulation": emulation, "repeat": repeat}
+    return judge(plan, truth, times), tracks, extra
+
+
+def _judged_reports(now: _Prepared, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
+    """The verdict on vehicles of a link, and their reported tracks; no verdict without telemetry."""
+    plan, link = now.order.plan, now.order.link
+    record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
+    tracks = reported_tracks(plan, record, times.plan_time)
+    verdict = None if tracks is None else judge_reports(plan, tracks)
+    return verdict, tracks, {"judged": REPORTS}
 
 
 def refuse_late_starts(scenario: Scenario) -> None:
@@ -188,138 +219,139 @@ def refuse_late_starts(scenario: Scenario) -> None:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """A flight whose folder and files are made. `checks` takes its pre-flight, `sent` how each mission was sent."""
+    """A flight whose folder and files are made."""
 
     order: FlightRun
     watcher: Watcher
     folder: Path
     exported: ExportIndex
-    navigator: str
+    navigator: NavigatorChoice
     stream: SetpointStream
-    checks: list[PreflightCheck] = field(default_factory=list)
-    sent: dict[int, SentAs] = field(default_factory=dict)
-    ctrl_c: Stoppable = field(default_factory=Stoppable)
 
 
-async def _fly(now: _Prepared) -> tuple[FlightTimes, Monitor, RecordGaps]:
-    """Return the times of the flight, what its monitor saw, and what the folder lacks."""
-    order, watcher, folder, sent = now.order, now.watcher, now.folder, now.sent
-    plan, options = order.plan, order.options
-    say = spared(watcher.say, "the screen")
-    time: FleetTime | None = None
-    t0_unix_s: float | None = None
+@dataclass(frozen=True)
+class _Ended:
+    """What is known of a flight after its landing. `checks` are its pre-flight, `gaps` what the folder lacks."""
 
-    def on_event(event: Event) -> None:
-        record.write_event(event)
-        say(str(event))
+    times: FlightTimes
+    monitor: Monitor
+    gaps: RecordGaps
+    checks: tuple[PreflightCheck, ...]
+    sent: Mapping[int, SentAs]  # how each mission was sent
 
-    def on_notice(notice: LinkNotice) -> None:
-        on_event(notice_event(notice, known.systems, time.now_s() if time else None, t0_unix_s))
 
-    async with AsyncExitStack() as stack:
-        record = stack.enter_context(
-            FlightRecord(folder, spared(watcher.warn, "the screen"), lambda: time.now_s() if time else None)
+class _LinkedFlight:
+    """One flight between the opening and the closing of its links."""
+
+    def __init__(self, now: _Prepared, ctrl_c: Stoppable) -> None:
+        order = now.order
+        self._now, self._order, self._plan, self._ctrl_c = now, order, order.plan, ctrl_c
+        self._known = replace(order.link or Connection((SIM_LINK,)), also_to=order.also_to)
+        state = FlightState(
+            mission=self._plan.scenario.name,
+            plan_hash=self._plan.hash,
+            links=() if order.link is None else order.link.links,
+            systems=self._known.systems,
+            mode=order.keeping.mode.value,
+            follow=order.options.follow,
+            step=Step.READY.value,
+            t0_unix_s=None,
+            pid=os.getpid(),
+            waived=tuple(sorted(order.options.waived)),
         )
-        known = replace(order.link or Connection((SIM_LINK,)), also_to=order.also_to)
-        on_frame = spared(record.write_frame, TELEMETRY, say)
-        fleet = await stack.enter_async_context(
-            known.open(on_frame, vehicles=plan.sysids, on_notice=spared(on_notice, "the report of events"))
-        )
-        time = FleetTime(fleet.sessions, [known.systems.get(sysid, sysid) for sysid in plan.sysids])
-        if order.link is None:
-            log, truth, port = folder / "simulator.log", folder / "truth.npz", fleet.local_address[1]
-            simulated = SimulatorOptions(folder / SCENARIO, port, order.emulated, log, truth, now.navigator)
-            await stack.enter_async_context(simulator(simulated))
-        sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
+        self._journal = FlightJournal(now.folder, state, now.watcher.say, now.watcher.warn)
+        self._checks: tuple[PreflightCheck, ...] = ()
+        self._sent: Mapping[int, SentAs] = {}
 
-        def on_step(step: Step, t0_s: float | None) -> None:
-            nonlocal t0_unix_s
-            t0_unix_s = t0_s
-            if flight.held is not None and not sent:
-                sent.update(flight.held.sent_as)
-                say(f"missions read back and equal; {sent_words(sent)}")
-            state = FlightState(
-                mission=plan.scenario.name,
-                plan_hash=plan.hash,
-                links=() if order.link is None else order.link.links,
-                systems=known.systems,
-                mode=order.keeping.mode.value,
-                follow=options.follow,
-                step=step.value,
-                t0_unix_s=t0_unix_s,
-                pid=os.getpid(),
-                waived=tuple(sorted(options.waived)),
-                missions=tuple(sent_data(sent)),
+    async def run(self) -> _Ended:
+        """Fly, and restore what was changed on board, however the flight ends."""
+        plan, order, journal, systems = self._plan, self._order, self._journal, self._known.systems
+        async with AsyncExitStack() as stack:
+            stack.enter_context(journal.record)
+            fleet = await stack.enter_async_context(
+                self._known.open(journal.on_frame, vehicles=plan.sysids, on_notice=journal.on_notice)
             )
-            record.write_state(state)
+            journal.keep_time(FleetTime(fleet.sessions, [systems.get(sysid, sysid) for sysid in plan.sysids]))
+            if order.link is None:
+                await stack.enter_async_context(simulator(self._simulated(fleet)))
+            sessions = await fleet.vehicles(plan.sysids, order.options.find_timeout_s, systems=systems)
+            flight = await self._flight(fleet, sessions)
+            self._ctrl_c.again_calls(flight.landing.tell_aloft)
+            showing = asyncio.ensure_future(self._show(flight))
+            try:
+                times = await flight.run()
+                return _Ended(times, flight.monitor, journal.record.gaps, self._checks, self._sent)
+            finally:
+                await ended(showing)
+                if flight.held is not None:
+                    await insisted(restore_parameters(sessions, flight.held.changes, journal.say))
 
-        hooks = FlightHooks(on_event, on_step)
-        flight = await _flight(now, fleet, sessions, hooks)
-        now.ctrl_c.on_again = flight.landing.tell_aloft
-        showing = asyncio.ensure_future(_show(watcher, flight, say))
+    def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
+        folder, port = self._now.folder, fleet.local_address[1]
+        log, truth = folder / "simulator.log", folder / "truth.npz"
+        return SimulatorOptions(folder / SCENARIO, port, self._order.emulated, log, truth, self._now.navigator)
+
+    async def _show(self, flight: FlightSequence) -> None:
         try:
-            times = await flight.run()
-            return times, flight.monitor, record.gaps
-        finally:
-            showing.cancel()
-            await asyncio.gather(showing, return_exceptions=True)
-            if flight.held is not None:
-                await insisted(restore_parameters(sessions, flight.held.changes, say))
+            await self._now.watcher.follow(flight)
+        except Exception as failure:
+            self._journal.say(f"WARNING: the flight goes on without its display: {type(failure).__name__}: {failure}")
 
+    def _note_sent(self, held: Holdings) -> None:
+        self._sent = held.sent_as
+        self._journal.on_sent(held.sent_as)
+        self._journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
 
-async def _show(watcher: Watcher, flight: FlightSequence, say: Callable[[str], None]) -> None:
-    try:
-        await watcher.follow(flight)
-    except Exception as failure:
-        say(f"WARNING: the flight goes on without its display: {type(failure).__name__}: {failure}")
-
-
-async def _flight(
-    now: _Prepared, fleet: LinkedFleet, sessions: dict[int, VehicleSession], hooks: FlightHooks
-) -> FlightSequence:
-    """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
-    order, watcher, exported, checks = now.order, now.watcher, now.exported, now.checks
-    plan = order.plan
-    lead_s = SIM_LEAD_S if order.link is None else 0.0
-    if order.options.follow and len({session.autopilot for session in sessions.values()}) > 1:
-        watcher.warn(MIXED_FOLLOWING)
-    options = replace(order.options, mode=order.keeping.mode, lead_s=lead_s, watched_elsewhere=bool(order.also_to))
-    if order.link is None:
-        loads = missions_only(exported.missions)
-    else:
+    async def _flight(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> FlightSequence:
+        """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
+        order, plan, exported = self._order, self._plan, self._now.exported
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
+        if order.options.follow and len(set(autopilots.values())) > 1:
+            self._now.watcher.warn(MIXED_FOLLOWING)
+        hooks = FlightHooks(
+            self._journal.on_event, self._journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
+        )
+        return FlightSequence(
+            plan,
+            sessions,
+            replace(
+                order.options,
+                mode=order.keeping.mode,
+                lead_s=SIM_LEAD_S if order.link is None else 0.0,
+                watched_elsewhere=bool(order.also_to),
+            ),
+            loads=missions_only(exported.missions) if order.link is None else await self._loads(autopilots),
+            stream=self._now.stream,
+            returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
+            hooks=hooks,
+        )
+
+    async def _loads(self, autopilots: Mapping[int, int]) -> tuple[VehicleLoad, ...]:
+        order, plan = self._order, self._plan
         if order.keeping.mode is FlightMode.MISSION:
             rows = [(sysid, autopilots[sysid]) for sysid in plan.sysids]
             refuse_no_hour(rows)  # first: the scenario may name no autopilot, and has the default then
             refuse_other_autopilots(plan, (number for _, number in rows))
-        loads = await loads_built_aside(
-            plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported
-        )
+        warn, exported = self._now.watcher.warn, self._now.exported
+        return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
 
-    async def get_ready() -> None:
+    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> None:
+        order, plan, watcher = self._order, self._plan, self._now.watcher
         if order.link is not None:
-            limits, waived = order.limits or plan.scenario.preflight, options.waived
-            checks.extend(await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived))
-            for event in _waived(checks, sessions):
-                hooks.on_event(event)
+            limits, waived = order.limits or plan.scenario.preflight, order.options.waived
+            self._checks = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
+            for event in _waived(self._checks, sessions):
+                self._journal.on_event(event)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
 
-    same = exported.autopilots == tuple(sessions[sysid].autopilot for sysid in plan.sysids)
-    returns = exported.safety.returns if same else None
-    return FlightSequence(
-        plan,
-        sessions,
-        options,
-        loads=loads,
-        stream=now.stream,
-        returns=returns,
-        hooks=replace(hooks, on_ready=get_ready),
-    )
+
+async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
+    return await _LinkedFlight(now, ctrl_c).run()
 
 
-def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
+def _waived(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
     """Return an event for each check that failed and was waived, for the flight's folder."""
     now_s = host_s(asyncio.get_running_loop())
     times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
@@ -343,10 +375,8 @@ def _skew(late_s: dict[int, float]) -> dict[str, object]:
     return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}
 
 
-def _draw(plan: Plan, truth: Truth, times: FlightTimes, folder: Path) -> None:
+def _draw(plan: Plan, tracks: Tracks, folder: Path) -> None:
     from gcs.flight.plots.flight_plot import draw_all  # noqa: PLC0415 (matplotlib takes long to load)
 
-    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
-    step = max(1, round(0.2 / float(np.median(np.diff(truth.unix_s)))))
-    tracks = truth.states[rows, ::step, POSITION]
-    draw_all(plan, truth.unix_s[::step] - times.t0_unix_s, tracks, folder)
+    step = max(1, round(_DRAWN_S / float(np.median(np.diff(tracks.t_s)))))
+    draw_all(plan, tracks.t_s[::step], tracks.ned_m[:, ::step], folder)

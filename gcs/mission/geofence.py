@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from gcs.frames import from_degE7, to_degE7
 from gcs.mavlink import FenceCommand
 from gcs.mission.model import Frame, MissionItem
 
@@ -29,6 +30,16 @@ class GeoPoint:
 
     lat_degE7: int
     lon_degE7: int
+
+    @classmethod
+    def at(cls, lat_deg: float, lon_deg: float) -> GeoPoint:
+        """The nearest point that the wire has."""
+        return cls(to_degE7(lat_deg), to_degE7(lon_deg))
+
+    @property
+    def place_deg(self) -> tuple[float, float]:
+        """Its latitude and longitude, degrees."""
+        return from_degE7(self.lat_degE7), from_degE7(self.lon_degE7)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ a grid that is far coarser than round-off, and of equal candidates the first one
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -37,7 +36,7 @@ def rounded_down(bound: float, decimals: int = _INDEX_DECIMALS) -> float:
     return math.floor((bound - _CERTAIN) * scale) / scale if math.isfinite(bound) else bound
 
 
-def rounded(document: Any) -> Any:
+def rounded(document: object) -> object:
     """A JSON document with every number rounded to hundredths of a millimetre, and of a millisecond."""
     if isinstance(document, float):
         return round(document, _INDEX_DECIMALS) + 0.0

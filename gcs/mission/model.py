@@ -7,6 +7,7 @@ from enum import IntEnum, StrEnum
 
 import numpy as np
 
+from gcs.frames import from_degE7
 from gcs.mavlink import MavCommand
 from gcs.types import Array
 
@@ -58,6 +59,11 @@ class MissionItem:
     lon_degE7: int
     alt_m: float
     autocontinue: bool = True
+
+    @property
+    def place_deg(self) -> tuple[float, float]:
+        """Its latitude and longitude, degrees."""
+        return from_degE7(self.lat_degE7), from_degE7(self.lon_degE7)
 
 
 @dataclass(frozen=True)

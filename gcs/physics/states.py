@@ -1,4 +1,4 @@
-"""States and controls of Eq. 1: how many, their columns, and their names."""
+"""States and controls of Eq. 1: their number, columns and names."""
 
 from __future__ import annotations
 

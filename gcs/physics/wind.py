@@ -1,4 +1,4 @@
-"""Steady horizontal wind that grows with height by a power law, as plans assume it. Gusts exist in `sim_bridge` only.
+"""Steady horizontal wind that grows with height by a power law. Plans assume it; gusts exist in `sim_bridge` only.
 
 `xp` supplies sqrt, so that arrays and CasADi symbols use the same lines.
 """

@@ -25,7 +25,8 @@ from gcs.errors import FileFormatError
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.passages import passages_contradiction
-from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan, phases_of
+from gcs.plan.trajectory.phases import Phase, phases_of
+from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import Check, Report, verify
 from gcs.scenario.schema.scenario import Scenario

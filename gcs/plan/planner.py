@@ -20,7 +20,8 @@ from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem, run_up_
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
-from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan, phases_of
+from gcs.plan.trajectory.phases import Phase, phases_of
+from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.plan.trajectory.zone_margin import first_with_room
 from gcs.scenario.schema.scenario import Scenario

@@ -1,4 +1,4 @@
-"""Helpers for asyncio: one action for several vehicles at once, background work, and waits that end."""
+"""Helpers for asyncio: one action for several vehicles at once, background work, bounded waits."""
 
 from __future__ import annotations
 
@@ -55,53 +55,63 @@ async def insisted(work: Coroutine[Any, Any, None]) -> None:
 class Stopped(KeyboardInterrupt):
     """A signal stopped this program: SIGINT (Ctrl-C), SIGTERM, or SIGHUP (its terminal was closed)."""
 
-    latest: int = signal.SIGINT  # some libraries make a plain KeyboardInterrupt of it
-
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
-        self.number = Stopped.latest = number
-
-    @staticmethod
-    def exit_code() -> int:
-        """The exit code of a program that was stopped: 128 and the number of the signal, as shells count."""
-        return 128 + Stopped.latest
 
 
-def stop_at_signals() -> None:
-    """Let SIGINT, SIGTERM and SIGHUP raise `Stopped`. For programs, not for libraries.
+class StopSignals:
+    """Makes SIGINT, SIGTERM and SIGHUP raise `Stopped`, once it listens. For programs, not for libraries.
 
-    A shell's background job has SIGINT ignored, so the handler is set in any case. Only SIGHUP stays ignored where it
-    is: `nohup` means that the program outlives its terminal.
+    It remembers the last one: some libraries make a plain KeyboardInterrupt of `Stopped`.
     """
-    for number in _STOPS:
-        if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _raise_stopped)
 
+    def __init__(self) -> None:
+        self._latest: int = signal.SIGINT
 
-def ignore_stops() -> None:
-    """Ignore further signals of a program that listens to them: it is ending."""
-    for number in _STOPS:
-        if signal.getsignal(number) is _raise_stopped:
+    @property
+    def exit_code(self) -> int:
+        """The exit code of a program that was stopped: 128 and the number of the signal, as shells count."""
+        return 128 + self._latest
+
+    def listen(self) -> None:
+        """Handle the signals from now on.
+
+        A shell's background job has SIGINT ignored, so its handler is set in any case. Only SIGHUP stays ignored where
+        it is: `nohup` means that the program outlives its terminal.
+        """
+        for number in _STOPS:
+            if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self)
+
+    def ignore(self) -> None:
+        """Ignore further signals: the program is ending."""
+        for number in _STOPS:
+            if signal.getsignal(number) is self:
+                signal.signal(number, signal.SIG_IGN)
+
+    def __call__(self, number: int, frame: FrameType | None = None) -> None:
+        """Handle one signal: raise `Stopped`."""
+        self._latest = number
+        if number != signal.SIGINT:  # closing a terminal sends two: the second must not interrupt the clean-up
             signal.signal(number, signal.SIG_IGN)
-
-
-def _raise_stopped(number: int, frame: FrameType | None) -> None:
-    if number != signal.SIGINT:  # closing a terminal sends two: the second must not interrupt the clean-up
-        signal.signal(number, signal.SIG_IGN)
-    raise Stopped(number)
+        raise Stopped(number)
 
 
 class Stoppable:
-    """Runs work that SIGINT (Ctrl-C), SIGTERM or SIGHUP cancels once. Each further one calls `on_again`.
+    """Runs work that SIGINT (Ctrl-C), SIGTERM or SIGHUP cancels once. Each further one calls what `again_calls` has.
 
     The work then ends by itself. `asyncio.run` alone would cancel every task at the second Ctrl-C, those that land
     vehicles too, and would die at SIGTERM and SIGHUP.
     """
 
     def __init__(self) -> None:
-        self.on_again: Callable[[], None] = lambda: None
+        self._on_again: Callable[[], None] = lambda: None
         self._stopped: int | None = None  # the signal
         self._work: asyncio.Future[Any] | None = None
+
+    def again_calls(self, call: Callable[[], None]) -> None:
+        """Have every further signal call this."""
+        self._on_again = call
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
         """Run `work` in an event loop of its own. Raises `Stopped` if it was stopped.
@@ -114,15 +124,18 @@ class Stoppable:
             with asyncio.Runner(loop_factory=SteadyLoop) as runner:
                 return self._to_its_end(runner.get_loop(), self._main(work, tuple(before)))
         except asyncio.CancelledError:
-            if self._stopped is not None:
-                raise Stopped(self._stopped) from None
-            raise
+            if self._stopped is None:
+                raise
+            handler = before.get(self._stopped)
+            if isinstance(handler, StopSignals):
+                handler(self._stopped)
+            raise Stopped(self._stopped) from None
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
     def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, T]) -> T:
-        """Run the loop on, though a task ended it by KeyboardInterrupt or SystemExit: that stops the work, no more."""
+        """Run the loop on after a task ended it by KeyboardInterrupt or SystemExit, which stops the work only."""
         task: asyncio.Task[T] = loop.create_task(main)
         while True:
             try:
@@ -147,16 +160,15 @@ class Stoppable:
 
     def _stop(self, task: asyncio.Future[Any], number: int) -> None:
         if self._stopped is not None:
-            self.on_again()
+            self._on_again()
         else:
             self._stopped = number
             task.cancel()
 
 
 def _is_default(number: int, handler: object) -> bool:
-    if number == signal.SIGINT:
-        return handler in (signal.default_int_handler, _raise_stopped)
-    return handler in (signal.SIG_DFL, _raise_stopped)
+    default = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+    return handler is default or isinstance(handler, StopSignals)
 
 
 @asynccontextmanager
@@ -183,6 +195,15 @@ async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
             raise
         failure = None if task.cancelled() else task.exception()
         raise failure or ProtocolMisuse("a part of the work ended by itself.") from None
+
+
+async def set_within(event: asyncio.Event, seconds: float) -> None:
+    """Wait until an event is set; after this time it is set in any case."""
+    timer = asyncio.get_running_loop().call_later(seconds, event.set)
+    try:
+        await event.wait()
+    finally:
+        timer.cancel()
 
 
 async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:

@@ -1,4 +1,4 @@
-"""Zip archives from others: members, sizes, types and shapes are checked before anything is unpacked.
+"""Untrusted zip archives: members, sizes, types and shapes are checked before anything is unpacked.
 
 An archive of 2 MB can hold 2 GB of zeros. Its directory says how large each member is, and the header of an array says
 its type and shape: both are compared with what the reader expects, and no more than that is unpacked.

@@ -1,6 +1,6 @@
-"""Files of others, with bounds: every kind of file has a largest size, and only regular files are read.
+"""Bounded reading of untrusted files: every kind has a largest size, and only regular files are read.
 
-No pipe makes a command wait, and no device fills the memory. JSON has a largest number of values and a deepest nesting.
+So no pipe blocks a command, and no device fills the memory. JSON has bounds on the number of values and on nesting.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SHEETS = (".csv", ".xlsx", ".xls", ".ods")  # suffixes of spreadsheets, which pe
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file that is read, as sentences name it, and its largest size."""
+    """A kind of file, as messages name it, and its largest size."""
 
     name: str
     largest_bytes: int
@@ -121,14 +121,14 @@ def read_json(data: bytes | str, *, not_finite: bool = False) -> Any:
         raise ValueError("values are nested too deeply") from None
 
 
-def refuse_crowded_json(data: bytes | str, most: int = JSON_VALUES_MAX) -> None:
+def refuse_crowded_json(data: bytes | str) -> None:
     """Raise ValueError for a text of more values than any file has: each takes many times its length in memory."""
     if isinstance(data, str):
         count = sum(data.count(mark) for mark in ",[{")
     else:
         count = sum(data.count(mark) for mark in (b",", b"[", b"{"))
-    if count > most:
-        raise ValueError(f"about {count:,} values; the limit is {most:,}")
+    if count > JSON_VALUES_MAX:
+        raise ValueError(f"about {count:,} values; the limit is {JSON_VALUES_MAX:,}")
 
 
 def _not_json(constant: str) -> NoReturn:

@@ -1,4 +1,4 @@
-"""Parquet of others: rows, columns and unpacked sizes by the file's own directory, before anything is unpacked."""
+"""Untrusted Parquet: rows, columns and unpacked sizes are checked in its directory before anything is unpacked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""XML of others: no document type and no entities, and bounds on the number of elements and on their nesting."""
+"""Untrusted XML: no document type, no entities, and bounds on the number of elements and on nesting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results that are computed once for equal content: a plan that is loaded again is not verified again."""
+"""A cache of results by content: a plan that is loaded again is not verified again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ KEPT = 32  # results of each function; the least recently used goes first
 
 
 class HasContent(Protocol):
-    """A value that never changes, and knows what it is made of."""
+    """An immutable value with a key of its content."""
 
     @property
     def content(self) -> Hashable:
@@ -25,9 +25,9 @@ R = TypeVar("R")
 
 
 def once(function: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P], R]:
-    """The function, which remembers its result for the content of its first argument and for each set of the others.
+    """The function with a cache of its results, by the content of its first argument and by the other arguments.
 
-    `__wrapped__` is the function that remembers nothing. Errors are not kept.
+    `__wrapped__` is the function without the cache. Errors are not kept.
     """
     known: OrderedDict[tuple[Any, ...], R] = OrderedDict()
 

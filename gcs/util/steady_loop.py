@@ -1,9 +1,9 @@
 """An event loop whose clock skips the pauses of its own process.
 
-A program that was stopped (SIGSTOP), swapped out, suspended with its computer, or busy for seconds wakes up with all
-its timers due and all messages unread. By the clock of this loop nothing has become old meanwhile: a standstill counts
-for `COUNTED_S`. So every timeout, pause and age in the program measures its peers and never the program. What must go
-on while the program stands still, the vehicles' own clocks, is compared with `host_s`, which counts everything.
+A process that was stopped (SIGSTOP), swapped out, suspended with its computer, or busy for seconds resumes with all its
+timers due and all messages unread. The clock of this loop counts such a pause as `COUNTED_S`, so every timeout and age
+in the program measures its peers and never the program. The vehicles' own clocks, which run on during a pause, are
+compared with `host_s`, which counts everything.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ COUNTED_S = 0.1  # so much of a standstill counts
 
 
 class SteadyClock:
-    """Tells standstills of this program from time that passed for it. Time is an argument: the host's clock, s.
+    """Detects pauses of this process. Time is an argument: the host's clock, s.
 
-    `stood_s` is the sum of what was not counted, `count` the number of standstills, `last_s` the length of the last.
+    `stood_s` is the sum of uncounted time, `count` the number of pauses, `last_s` the length of the last.
     """
 
     def __init__(self, host_s: float) -> None:
@@ -33,7 +33,7 @@ class SteadyClock:
         self._turn_counted_s = 0.0
 
     def look(self, host_s: float) -> float:
-        """Return the time at `host_s` without standstills. It never runs back."""
+        """Return the time at `host_s` without pauses. It never runs back."""
         step_s = max(host_s - self._host_s, 0.0)
         room_s = max(LATE_S - self._turn_counted_s, 0.0)
         counted_s = min(step_s if step_s <= LATE_S else COUNTED_S, room_s)
@@ -43,7 +43,7 @@ class SteadyClock:
         return self._host_s - self.stood_s
 
     def turn(self, host_s: float) -> float:
-        """Do as `look`, at the begin and at the end of every wait: a turn of the loop has ended."""
+        """Do as `look`, at the beginning and end of every wait: a turn of the loop has ended."""
         now_s = self.look(host_s)
         took_s = self._host_s - self._turn_began_s
         if took_s > self._turn_counted_s + 1e-6:
@@ -62,7 +62,7 @@ def _host_clock_s() -> float:
 
 
 class _Selector(selectors.DefaultSelector):
-    """Waits at most `PULSE_S` at a time, so that a long wait is no standstill."""
+    """Waits at most `PULSE_S` at a time, so that a long wait is not taken for a pause."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -84,19 +84,19 @@ class SteadyLoop(asyncio.SelectorEventLoop):
 
     @property
     def stalls(self) -> SteadyClock:
-        """The standstills of this program since the loop was made."""
+        """The pauses of this process since the loop was made."""
         return self._watched.stalls
 
     def time(self) -> float:
-        """Return the host's time without standstills."""
+        """Return the host's time without pauses."""
         return self.stalls.look(_host_clock_s())
 
 
 def stalls_of(loop: asyncio.AbstractEventLoop) -> SteadyClock:
-    """Return the standstills that a loop counts; of another kind of loop none."""
+    """Return the pauses that a loop counted; none for another kind of loop."""
     return loop.stalls if isinstance(loop, SteadyLoop) else SteadyClock(0.0)
 
 
 def host_s(loop: asyncio.AbstractEventLoop) -> float:
-    """Return the loop's time with all standstills: what clocks elsewhere, as those of vehicles, run along with."""
+    """Return the loop's time including pauses: the clocks of vehicles run at this rate."""
     return loop.time() + stalls_of(loop).stood_s

@@ -1,4 +1,4 @@
-"""Start-up and arming: why arming is refused, since when the motors turn, and when an idle vehicle disarms."""
+"""Start-up and arming: the reasons against arming, the spin-up of the motors, and idle disarming."""
 
 from __future__ import annotations
 

@@ -58,9 +58,7 @@ class EmulatedAutopilot:
             known = len(self.events)
             for reason in reasons:
                 self.event_queue.add_text(Note.ARM_REFUSED, reason=reason)
-            self.events[known:] = dict.fromkeys(
-                self.events[known:]
-            )  # send a text that is the same for several reasons only once
+            self.events[known:] = dict.fromkeys(self.events[known:])  # one text for several reasons is sent once
             return self.personality.replies.refused
         self.mode_actions.set_home(estimate[:3])
         self.arming.arm(t_s)

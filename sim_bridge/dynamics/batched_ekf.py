@@ -28,7 +28,7 @@ class Stack(np.ndarray):
         return matrices.view(cls)
 
     @property
-    def T(self) -> Any:
+    def T(self) -> Stack:
         """Each matrix transposed."""
         return self.swapaxes(-1, -2)
 
@@ -83,13 +83,12 @@ class BatchedEkf(ExtendedKalmanFilter):  # type: ignore[misc]
         all_vehicles = which.all()
         if not all_vehicles and not which.any():
             return
-        x: Any = self.x
-        p: Any = self.P
+        x, p = self.x, self.P
         if not all_vehicles:
-            self.x, self.P, measured = x[which], p[which], measured[which]
+            self.x, self.P, measured = Stack.of(x[which]), Stack.of(p[which]), measured[which]
         self.update(measured[..., None], _jacobian, _expected, noise, (h,), (h,), residual)
         if not all_vehicles:
-            x, p = x.copy(), p.copy()
+            x, p = Stack.of(x.copy()), Stack.of(p.copy())
             x[which], p[which] = self.x, self.P
             self.x, self.P = x, p
 

@@ -1,4 +1,4 @@
-"""Integrates Eq. 1 for a whole fleet at once, with a step made for it.
+"""The integrator of Eq. 1, for a whole fleet at once.
 
 Arrays have components first, (12, V). Each component is one contiguous row, so a step of six vehicles costs hardly
 more than a step of one. Eq. 1 takes Euler rates for body rates, so it falls into three parts that need no general

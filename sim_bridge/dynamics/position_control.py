@@ -1,4 +1,4 @@
-"""Position controller: compute the wanted rotor force from the position error, by cascaded LQR gains.
+"""The position controller: the wanted rotor force from the position error, by cascaded LQR gains.
 
 The LQR gains act as a cascade. Each stage is limited to what the next can follow: near the reference this is the same
 linear law, far from it a stable one. Where no stage is at a limit, nearly always, the law is one matrix, obtained by
@@ -56,9 +56,8 @@ class PositionController:
         law = np.concatenate(((slopes - at_rest) / _PROBE, at_rest), axis=1)
         law[:9] = np.kron(_CARRY, np.eye(3)) @ law[:9]
         self._law = law
-        lift_max = 0.5 * (
-            q.weight_N + self._lift_max
-        )  # inside the box without limits: less lift, more horizontal force
+        # Inside the box without limits: less lift, more horizontal force.
+        lift_max = 0.5 * (q.weight_N + self._lift_max)
         level_max = math.sqrt((limits.thrust_N**2 - lift_max**2) / 2.0)
         longest = math.sqrt(0.5) * np.array([self._closing_max] * 2 + [self._push_max] * 2)
         high = np.array([*longest, HEIGHT_ERROR_MAX_M, level_max, level_max, lift_max])

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gcs.errors import UsageError
-from gcs.link.protocols.command import command_ack
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavResult
 from sim_bridge.faults import fault_spec as f
@@ -72,11 +71,6 @@ def read_order(message: Message) -> FaultOrder:
         return FaultOrder(MavResult.COMMAND_LONG_ONLY)
     params = [float(message.fields[f"param{i}"]) for i in range(1, 8)]
     return _injected(params) if message.fields["command"] == INJECT_FAILURE else _user_fault(params)
-
-
-def answer(message: Message, order: FaultOrder) -> Message:
-    """Return the COMMAND_ACK."""
-    return command_ack(message, order.result)
 
 
 def _user_fault(params: Sequence[float]) -> FaultOrder:

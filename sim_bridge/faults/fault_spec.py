@@ -1,4 +1,4 @@
-"""The kinds of fault, as one table with their values, and the grammar of fault texts.
+"""The table of fault kinds with their values, and the grammar of fault texts.
 
     SYSID:[up.|down.]KIND[=VALUE,...][@WHEN]        all:down.loss=0.2    3:delay=0.2,0.1@10..30    4:die@30
 

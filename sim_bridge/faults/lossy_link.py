@@ -74,10 +74,6 @@ class LossyLink:
         while self._under_way and self._under_way[0][0] <= t_s:
             yield heapq.heappop(self._under_way)[2]
 
-    def clear(self) -> None:
-        """Drop all frames in transit."""
-        self._under_way.clear()
-
     def _arrive(self, frame: bytes, at_s: float) -> None:
         if len(self._under_way) < _MOST_WAITING:
             self._count += 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.frames import Origin, geodetic_to_ned
 from gcs.mavlink import FenceCommand, Severity
 from gcs.mission.model import MissionItem
 from gcs.types import Array
@@ -106,8 +106,7 @@ def _unfinished(items: Sequence[MissionItem]) -> bool:
 
 def places(items: Sequence[MissionItem], origin: Origin) -> Array:
     """Return the positions of the items, north and east in metres (N, 2)."""
-    lat_deg = np.array([from_degE7(item.lat_degE7) for item in items])
-    lon_deg = np.array([from_degE7(item.lon_degE7) for item in items])
+    lat_deg, lon_deg = np.array([item.place_deg for item in items]).reshape(-1, 2).T
     ned_m = geodetic_to_ned(lat_deg, lon_deg, np.full(len(items), origin.alt_amsl_m), origin)
     return np.asarray(ned_m)[:, :2]
 

@@ -94,9 +94,7 @@ class MissionTraits:
     unknown_type_read: MissionAnswer | None = None  # None: MISSION_COUNT 0
     bad_shape: MissionAnswer
     bad_range: MissionAnswer = SILENCE  # of a partial write
-    home_outside: MissionAnswer = (
-        SILENCE  # sent some time after a fence was stored that is invalid or does not contain home
-    )
+    home_outside: MissionAnswer = SILENCE  # some time after a fence that is invalid or does not contain home
     home_outside_after_s: float = 0.0
     rally_frames: frozenset[int] | None = None  # of points that it returns to; None: of any
     rally_refused: MissionAnswer = SILENCE  # sent again and again while there are points of other frames

@@ -4,30 +4,13 @@ It may import sim_bridge.missions, gcs.autopilots and gcs.mission.
 """
 
 from sim_bridge.personality.ardupilot_behaviour import ARDUPILOT, ARDUPILOT_4_7
-from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
+from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Note
 from sim_bridge.personality.px4_behaviour import PX4
-from sim_bridge.personality.table import Param, Personality, Setting
+from sim_bridge.personality.table import Personality, Setting
 
-__all__ = [
-    "ARDUPILOT",
-    "ARDUPILOT_4_7",
-    "NAMES",
-    "PX4",
-    "Boot",
-    "Intent",
-    "Milestone",
-    "Mode",
-    "Modes",
-    "Note",
-    "Param",
-    "Personality",
-    "Setting",
-    "Stage",
-    "by_name",
-]
+__all__ = ["ARDUPILOT", "PX4", "Boot", "Intent", "Milestone", "Mode", "Note", "Personality", "Setting", "by_name"]
 
 _ALL = {personality.name: personality for personality in (ARDUPILOT, PX4, ARDUPILOT_4_7)}
-NAMES = tuple(_ALL)
 
 
 def by_name(name: str) -> Personality:

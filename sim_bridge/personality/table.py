@@ -1,4 +1,4 @@
-"""The columns of a personality: all that differs between autopilots is a value here, never an `if` elsewhere.
+"""The columns of a personality: everything that differs between emulated autopilots is a value here.
 
 The row of an autopilot leaves out what it does not do: that is False, 0 or nothing here.
 """
@@ -192,9 +192,8 @@ class ArmingTraits:
 class FlightTraits:
     """Take-off, landing, missions and return."""
 
-    brakes_mps2: float | None = (
-        None  # from LAND_LOW_M up, until it descends at LAND_MPS; None: LAND_HIGH_M to LAND_LOW_M
-    )
+    # Braking from LAND_LOW_M up, until it descends at LAND_MPS; None: it slows down from LAND_HIGH_M to LAND_LOW_M.
+    brakes_mps2: float | None = None
     crawl_below_m: float = 0.0  # above home: below this height it descends at CRAWL_MPS
     landed_after_s: float  # duration of ground contact before it counts as landed
     disarm_after_s: float  # from the landing until it disarms

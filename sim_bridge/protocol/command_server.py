@@ -208,10 +208,8 @@ class CommandServer:
 
         Missing coordinates are those of the vehicle.
         """
-        origin, now = (
-            self._telemetry.sources.instruments.origin,
-            self._autopilot.piece.at(self._telemetry.sources.instruments.t_s),
-        )
+        instruments = self._telemetry.sources.instruments
+        origin, now = instruments.origin, self._autopilot.piece.at(instruments.t_s)
         frame = default if request.frame is None else request.frame
         amsl_m = request.z
         if frame in (WireFrame.GLOBAL_RELATIVE_ALT, WireFrame.GLOBAL_RELATIVE_ALT_INT):

@@ -79,7 +79,7 @@ class Conversation:
         self.autopilot.mode_actions.set_clock(self._instruments.unix_at_0_s)
 
     def die(self) -> None:
-        """Act on a fault: the motors stop for good, and the vehicle sends nothing more."""
+        """Act on a fault: the motors stop until the end, and the vehicle sends nothing more."""
         self.dead = True
         self.autopilot.fall()
 

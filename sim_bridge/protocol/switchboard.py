@@ -1,4 +1,4 @@
-"""The lines of vehicles, and which vehicle uses which. One carries the bytes of one vehicle, or of all.
+"""The endpoints that vehicles send on (lines): each carries the bytes of one vehicle, or of all.
 
 Nothing waits for a ground station that does not read: what does not fit is lost, whole frames at a time.
 """

@@ -13,11 +13,12 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+from gcs.link.protocols.command import command_ack
 from gcs.link.protocols.ftp.payload import NAME as FTP
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from sim_bridge.autopilot.guidance.stream import StreamTiming
-from sim_bridge.faults.fault_commands import answer, is_fault_command, read_order
+from sim_bridge.faults.fault_commands import is_fault_command, read_order
 from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.missions.ftp_files import items_in
 from sim_bridge.protocol.conversation import Conversation
@@ -174,7 +175,7 @@ class Traffic:
             self._injector.end(row, order.ends, t_s)
             for fault in order.begins:
                 self._injector.add(row, fault, t_s)
-            self._board.put(row, [self._encoders[row].encode(answer(message, order))])
+            self._board.put(row, [self._encoders[row].encode(command_ack(message, order.result))])
             return
         radio = self._injector.radios.get(row)
         if radio is None:

@@ -124,10 +124,6 @@ class World:
         """Call `work` between two steps; for other threads."""
         self._calls.append(work)
 
-    def stop_at_end_of(self, file: int) -> None:
-        """Make `run` return when this file descriptor (standard input) ends, as it does when the parent dies."""
-        self.traffic.watch(file)
-
     def run(self, until_s: float = math.inf) -> None:
         """Run at the given speed-up until simulated time `until_s` or `stop`."""
         while not self._stopped and self._steps < until_s * _STEPS_PER_S:
@@ -161,11 +157,6 @@ class World:
         motors_on = np.array([vehicle.autopilot.flying for vehicle in vehicles])
         self.airframes.step(self._batch.reference(t_s), motors_on)
         self._steps += 1
-
-    def save_truth(self, path: Path) -> None:
-        """Write the true states recorded because of `record_truth`. Raises `GcsError`."""
-        if self.truth is not None:
-            self.truth.save(path)
 
     def _reboot(self, row: int) -> None:
         """Restart an autopilot. Its motors stop, wherever the vehicle is."""
@@ -282,7 +273,7 @@ class Lockstep:
         self._remind_s = math.inf
 
     def wait_s(self, awaiting: Mapping[int, float], now_s: float, timeout_s: float | None = None) -> float:
-        """Return how long to wait, `TIMEOUT_S` in all if not told; 0 to go on.
+        """Return how long to wait, by default `TIMEOUT_S` in all; 0 to go on.
 
         `awaiting`: the newest stamp of each peer that waits for a newer one.
         """
@@ -319,11 +310,6 @@ class Pace:
         self._rate = rate
         self._t_s = 0.0
         self._now_s = -math.inf
-
-    @property
-    def rate(self) -> float:
-        """Simulated seconds per second."""
-        return self._rate
 
     def wait_s(self, t_s: float, now_s: float, rate: float) -> float:
         """Return how long to wait until `t_s` is due at `rate`; 0 if it is due."""

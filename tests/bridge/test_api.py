@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 import gcs
 from gcs.plan.trajectory.plan import Plan
+from tests.kept import SHARING
 from tests.unit.docs.test_readme import BLOCKS
 
 MISSION = '"missions/simulation1"'
@@ -23,7 +25,13 @@ def test_the_example_plans_exports_and_flies(short_mission: Path, tmp_path: Path
     assert len(block.code.splitlines()) <= 10
     code = block.code.replace(MISSION, repr(str(short_mission)))
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, **SHARING},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     folder, held, rms_m = done.stdout.split()

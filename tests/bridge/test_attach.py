@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,9 +17,9 @@ from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import hop_scenario
 from tests.fleets import free_port, running_fleet
+from tests.kept import GCS
 
-GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
-SPEEDUP = 4.0
+SPEEDUP = 8.0
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,8 +12,7 @@ import pytest
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
-
-GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
+from tests.kept import GCS
 
 
 @pytest.fixture(scope="module")

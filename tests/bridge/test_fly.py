@@ -8,7 +8,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,9 +27,8 @@ from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import step_aside
-from tests.fleets import free_port, running_fleet
-
-GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
+from tests.fleets import StillFleet, free_port, running_fleet, still_commands
+from tests.kept import GCS
 
 
 def fly(*arguments: object, timeout_s: float = 300.0, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -170,18 +168,7 @@ def test_the_same_flight_at_any_speed_up(aside: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_waypoint_missions_hold_as_well(short_mission: Path, tmp_path: Path) -> None:
-    done = fly(
-        short_mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=900.0
-    )
-    report = json.loads(done.stdout)
-    assert done.returncode == 0, report
-    assert (report["mode"], report["navigator"]) == ("mission", "ideal")  # this autopilot would be late
-    assert "mode mission with the ideal navigator." in (Path(report["folder"]) / "report.md").read_text()
-
-
-@pytest.mark.slow
-def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
+def test_waypoint_missions_hold_with_the_ideal_navigator_and_are_another_flight_with_the_autopilots_own(
     short_mission: Path, tmp_path: Path
 ) -> None:
     """Which model flew is said, and seen: the ideal one keeps the times of the plan, a real one does not."""
@@ -193,13 +180,15 @@ def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
     scenario["end"]["position_m"][1] += 3.0
     wide = tmp_path / "scenario.json"
     wide.write_text(json.dumps(scenario))
-    errors_m = {}
-    for nav in ("ideal", "own"):
-        arguments = ("--sim", "--mode", "mission", "--nav", nav, "--speedup", "max", "--json", "--to", tmp_path / nav)
-        report = json.loads(fly(wide, *arguments).stdout)
+    errors_m, ends = {}, {}
+    for nav, chosen in (("ideal", ()), ("own", ("--nav", "own"))):  # this autopilot would be late
+        arguments = ("--sim", "--mode", "mission", *chosen, "--speedup", "max", "--json", "--to", tmp_path / nav)
+        done = fly(wide, *arguments, timeout_s=900.0)
+        report, ends[nav] = json.loads(done.stdout), done.returncode
         assert (report["mode"], report["navigator"]) == ("mission", nav), report
+        assert f"mode mission with the {nav} navigator." in (Path(report["folder"]) / "report.md").read_text()
         errors_m[nav] = max(report["position_rms_m"].values())
-    print(errors_m)
+    assert ends["ideal"] == 0
     assert errors_m["own"] > 2.0 * errors_m["ideal"]
 
 
@@ -208,7 +197,6 @@ def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
     ("fault", "code", "words"),
     [
         ("3:reject-mission", 8, ("vehicle 3",)),
-        ("1:silent", 8, ("vehicle 1",)),
         ("2:die@10", 9, ("vehicle 2", "lost")),
     ],
 )
@@ -248,7 +236,7 @@ def test_px4_is_flown_as_well(aside: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_ctrl_c_stops_everything(hop_skein: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "1", "--to", str(tmp_path)],
+        [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "5", "--to", str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -267,7 +255,7 @@ def test_ctrl_c_stops_everything(hop_skein: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_killed_ground_station_leaves_no_vehicles_behind(hop_skein: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "1", "--to", str(tmp_path)],
+        [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "5", "--to", str(tmp_path)],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -292,48 +280,76 @@ def vehicles_out_there(hop: Plan) -> Iterator[tuple[World, str]]:
         yield fleet, f"udpin:127.0.0.1:{port}"
 
 
+@pytest.fixture
+def still(hop: Plan) -> Iterator[tuple[World, str]]:
+    """The same; they and commands of this process have virtual time."""
+    port = free_port()
+    with still_commands(), StillFleet(hop.scenario, links=[f"udpout:127.0.0.1:{port}"]) as fleet:
+        yield fleet._world, f"udpin:127.0.0.1:{port}"
+
+
 @pytest.mark.slow
 def test_a_link_is_flown_like_the_simulation(
-    hop_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+    hop_skein: Path, tmp_path: Path, still: tuple[World, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    fleet, link = vehicles_out_there
-    done = fly(hop_skein, "--link", link, "--yes-arm", "--to", tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "landed" in done.stdout
-    assert re.search(r"^ +GO *$", done.stdout, re.M)
-    assert "parameters restored" in done.stdout
+    fleet, link = still
+    code = gcs(["fly", str(hop_skein), "--link", link, "--yes-arm", "--to", str(tmp_path)])
+    said = capsys.readouterr()
+    assert code == 0, said
+    assert "landed" in said.out
+    assert re.search(r"^ +GO *$", said.out, re.M)
+    assert "parameters restored" in said.out
     goal = np.array([60.0, 20.0])
     leader = fleet.airframes.truth[0, :2]
     assert np.linalg.norm(leader - goal) < 0.5
 
 
-@pytest.mark.slow
-def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
-    hop_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+def test_a_silent_vehicle_is_named(
+    hop_skein: Path, tmp_path: Path, still: tuple[World, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    fleet, link = vehicles_out_there
-    fleet.call(lambda: fleet.injector.add(1, parse_faults(["2:battery=0.2"], [2])[2][0], fleet.t_s))
-    done = fly(hop_skein, "--link", link, "--yes-arm", "--to", tmp_path)
-    assert done.returncode == 9, done.stdout + done.stderr
-    assert "NO-GO" in done.stdout
-    assert "no-go: vehicle 2: battery: has 20%" in done.stderr
+    fleet, link = still
+    fleet.injector.add(0, parse_faults(["1:silent"], [1])[1][0], fleet.t_s)
+    assert gcs(["fly", str(hop_skein), "--link", link, "--yes-arm", "--to", str(tmp_path)]) == 8
+    said = capsys.readouterr().err
+    sentence = next(line for line in said.splitlines() if line.startswith("error: "))
+    assert "vehicle 1" in sentence
+    assert "next: " in said
+    assert "Traceback" not in said
+
+
+def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
+    hop_skein: Path, tmp_path: Path, still: tuple[World, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet, link = still
+    fleet.injector.add(1, parse_faults(["2:battery=0.2"], [2])[2][0], fleet.t_s)
+    assert gcs(["fly", str(hop_skein), "--link", link, "--yes-arm", "--to", str(tmp_path)]) == 9
+    said = capsys.readouterr()
+    assert "NO-GO" in said.out
+    assert "no-go: vehicle 2: battery: has 20%" in said.err
     (folder,) = tmp_path.iterdir()
-    assert f"\nfolder: {folder}\n" in done.stderr
+    assert f"\nfolder: {folder}\n" in said.err
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 
-@pytest.mark.slow
 def test_without_the_word_nothing_is_uploaded(
-    hop_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+    hop_skein: Path,
+    tmp_path: Path,
+    still: tuple[World, str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    fleet, link = vehicles_out_there
-    done = fly(hop_skein, "--link", link, "--to", tmp_path, input="yes\n")
-    assert done.returncode == 2, done.stdout + done.stderr
-    table, asked, after = done.stdout.partition("This arms and flies 3 vehicles")
+    fleet, link = still
+    (tmp_path / "typed").write_text("yes\n")
+    with (tmp_path / "typed").open() as typed:
+        monkeypatch.setattr("sys.stdin", typed)
+        code = gcs(["fly", str(hop_skein), "--link", link, "--to", str(tmp_path / "flights")])
+    said = capsys.readouterr()
+    assert code == 2, said
+    table, asked, after = said.out.partition("This arms and flies 3 vehicles")
     assert asked
     assert re.search(r"^ +GO *$", table, re.M)  # it is seen before an answer
     assert "upload" not in after
-    assert "not armed" in done.stderr
+    assert "not armed" in said.err
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 

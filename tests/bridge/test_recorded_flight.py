@@ -9,7 +9,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -35,9 +34,9 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 from tests.fleets import StillFleet, in_their_time
+from tests.kept import GCS
 
 HEIGHT_M = 4.0
-GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
 
 
 async def hop_up_and_down(session: VehicleSession, fleet: Fleet) -> None:

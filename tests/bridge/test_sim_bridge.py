@@ -266,7 +266,7 @@ def flown(scenario, speedup: float, station) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.slow  # test_faulty_flights does it with faults
 def test_a_stamped_stream_is_flown_the_same_at_any_speedup(simulation1, station):
-    t_s, slow = flown(simulation1, 8.0, station)
+    t_s, slow = flown(simulation1, 16.0, station)
     fast_t_s, fast = flown(simulation1, math.inf, station)
     np.testing.assert_array_equal(t_s, fast_t_s)
     np.testing.assert_array_equal(slow, fast)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.monitoring.monitor import lateness_s, skew_s
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.recording.record_table import write_record
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
@@ -86,7 +87,7 @@ def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed
     assert off[:, (t_s > pushed_s + 14.0) & (t_s < hop.flight_s)].max() < 0.3
 
     assert flown.flight.monitor.t0_unix_s is not None
-    record = write_record(tmp_path, hop, flown.flight.monitor.t0_unix_s)
+    record = write_record(tmp_path, hop, PlanTime.of(flown.flight.monitor.t0_unix_s))
     told_s, told = (record.column(name).to_numpy() for name in ("t_s", "formation_error_m"))
     flying = (told_s > 0.0) & (told_s < hop.flight_s)
     true = np.interp(told_s[flying], t_s, error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import venv
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-KEPT = Path(__file__).resolve().parents[2] / ".bench" / "clients"
+KEPT = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "skein-clients"
 MAVPROXY = ("MAVProxy==1.8.75",)
 MAVPROXY_NEEDS = ("pymavlink==2.4.50", "pyserial>=3.5", "defusedxml>=0.7", "pynmeagps>=1.0", "numpy>=2")
 

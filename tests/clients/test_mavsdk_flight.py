@@ -108,7 +108,7 @@ def test_parameters_missions_and_fences_of_all_six(autopilot: str) -> None:
 def test_take_off_offboard_mission_and_landing(autopilot: str) -> None:
     port, sysid = free_port(), 1
     with (
-        Fleet(vehicles=2, autopilot=autopilot, links=[f"udpout:127.0.0.1:{port}"], speedup=4.0, seed=2) as fleet,
+        Fleet(vehicles=2, autopilot=autopilot, links=[f"udpout:127.0.0.1:{port}"], speedup=8.0, seed=2) as fleet,
         client(f"udpin://127.0.0.1:{port}", 2) as systems,
     ):
         system = systems[sysid]

@@ -16,7 +16,8 @@ import pytest
 
 from gcs.cli.main import run
 from tests.hostile.conftest import MakeStill, MakeVehicles, all_down
-from tests.hostile.ground import GCS, Ground, fly_arguments
+from tests.hostile.ground import Ground, fly_arguments
+from tests.kept import GCS
 
 FULL = "File too large"
 

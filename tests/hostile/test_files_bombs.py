@@ -304,18 +304,20 @@ def test_text_made_to_take_memory_or_time_is_refused(
     assert len(said) < 2000
 
 
-def test_a_map_of_billions_of_laughs_or_of_gigabytes_is_refused(tmp_path: Path) -> None:
-    from gcs.mission.formats.maps.kml import read_kml, read_kmz
+def test_a_drawing_of_billions_of_laughs_or_of_gigabytes_is_refused(tmp_path: Path) -> None:
+    from gcs.mission.drawings.route_formats import read_drawing
 
     laughs = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 20))
-    with pytest.raises(FileFormatError, match="declares entities"):
-        read_kml(f"<!DOCTYPE x [{laughs}]><x>&l19;</x>", "laughs.kml")
+    path = tmp_path / "laughs.kml"
+    path.write_text(f"<!DOCTYPE x [{laughs}]><x>&l19;</x>")
+    with pytest.raises(FileFormatError, match="document type or entities"):
+        read_drawing(path)
     path = tmp_path / "bomb.kmz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("doc.kml", "<x/>")
     claimed(path, "doc.kml", 2 * GIB)
-    with pytest.raises(FileFormatError, match="unpacks to 2048 MiB; the limit is 256"):
-        read_kmz(path.read_bytes(), "bomb.kmz")
+    with pytest.raises(FileFormatError, match="unpacks to 2048 MiB; the limit is 64"):
+        read_drawing(path)
 
 
 def test_true_states_are_checked_before_they_are_read(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from tests.hostile.conftest import MakeVehicles, all_down
-from tests.hostile.ground import GCS, Ground, fly_arguments
+from tests.hostile.ground import Ground, fly_arguments
+from tests.kept import GCS
 
 SLOW = pytest.mark.long
 KEEPS_ON = 'trap "" HUP; exec "$@"'

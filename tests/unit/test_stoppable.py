@@ -19,10 +19,12 @@ HUP, INT, TERM = signal.SIGHUP, signal.SIGINT, signal.SIGTERM
 FLIGHT = """
 import asyncio
 import sys
-from gcs.util.aio import Stoppable, Stopped, insisted, stop_at_signals
+import signal
+from gcs.util.aio import Stoppable, StopSignals, insisted
 
+stops = StopSignals()
 if "program" in sys.argv:
-    stop_at_signals()
+    stops.listen()
 landed = asyncio.Event()
 
 async def land():
@@ -43,12 +45,12 @@ def again():
     asyncio.get_running_loop().call_later(0.2, landed.set)
 
 ctrl_c = Stoppable()
-ctrl_c.on_again = again
+ctrl_c.again_calls(again)
 try:
     ctrl_c.run(fly())
 except KeyboardInterrupt as stop:
     print("stopped by", stop, flush=True)
-    sys.exit(Stopped.exit_code())
+    sys.exit(stops.exit_code if "program" in sys.argv else 128 + signal.Signals[str(stop)])
 """
 
 
@@ -130,12 +132,12 @@ def test_work_ends_as_it_does_without_ctrl_c() -> None:
 
 
 WORKERS = """
-from gcs.util.aio import stop_at_signals
+from gcs.util.aio import StopSignals
 from gcs.plan.search.homotopy_classes import run_all
 from tests.unit.test_stoppable import wait_for_ever
 
 if __name__ == "__main__":
-    stop_at_signals()
+    StopSignals().listen()
     try:
         run_all(wait_for_ever, [1, 2], 2)
     except KeyboardInterrupt as stop:

@@ -1,4 +1,4 @@
-"""How every contender is run, in a process of its own: read the problem, solve it once, write what came out."""
+"""One run of a contender in a process of its own: read the problem, solve it once, write the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulation 1's leader alone, from A to B or through points, as plain numbers on a mesh: what contenders are given."""
+"""The problem of all contenders: Simulation 1's leader, from A to B or through points, as plain numbers on a mesh."""
 
 from __future__ import annotations
 

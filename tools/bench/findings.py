@@ -1,7 +1,4 @@
-"""What Skein's verifier finds between the nodes of any solution.
-
-Knows: margins, windows, the objective on a fine grid. Does not know: which solver it came from.
-"""
+"""Skein's verifier applied between the nodes of any solver's solution: margins, windows, objective on a fine grid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What benchmarks share: options, a measurement in a process of its own, medians, a table, a record, a port."""
+"""Helpers of the benchmarks: options, measurements in separate processes, medians, tables, records, ports."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""What a process uses: memory, open files, threads, processor time. Knows: Linux.
+"""Memory, open files, threads and CPU time of a process, on Linux.
 
-The kernel's own figure of the peak, ru_maxrss, will not do: it survives exec, so a small program that a large one
-starts is reported to be as large as that.
+The kernel's own peak, ru_maxrss, survives exec: a small program started by a large one would seem as large.
 """
 
 from __future__ import annotations

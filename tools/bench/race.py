@@ -1,7 +1,7 @@
-"""A race: every contender in an environment and a process of its own, taking turns; its solution verified; a table.
+"""A race: contenders take turns, each in its own environment and process; their solutions are verified and tabulated.
 
-Peers need libraries that contradict each other and ours: each has an environment under .bench/, made on first use. One
-that does not install, start or solve is named, with the reason, and left out.
+Peers need libraries that conflict with each other and with ours, so each has an environment under .bench/, made on
+first use. One that does not install, start or solve is named, with the reason, and left out.
 """
 
 from __future__ import annotations

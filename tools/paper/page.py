@@ -1,4 +1,4 @@
-"""The page: its sections measured one after another into paper.json, which fills docs/paper.md and the README."""
+"""The page: sections write their measurements to paper.json, which fills docs/paper.md and the README."""
 
 from __future__ import annotations
 

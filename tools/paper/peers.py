@@ -1,4 +1,4 @@
-"""Benchmarks beside their peers: how each is run, what is kept of it in docs/bench, and what the page shows of that."""
+"""Benchmarks against peers: how each is run, its record in docs/bench, and its tables on the page."""
 
 from __future__ import annotations
 

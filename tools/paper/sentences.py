@@ -1,4 +1,4 @@
-"""The paper's sentences (`sentences.md`) with the function that judges each: does it hold, and the numbers measured.
+"""The paper's sentences (`sentences.md`), each with the function that measures it and says whether it holds.
 
 W speaks of the four flights of Figs. 6 and 7 by their weights Q; A of Simulation 1; B of both simulations; C of PSO.
 """

@@ -1,7 +1,7 @@
-"""§4.3: a standard particle swarm (PSO) plans the fastest path of one vehicle after another, as in the paper.
+"""A standard particle swarm (PSO) that plans the fastest path of one vehicle after another, as in §4.3.
 
-A path is a cubic spline through points beside the straight line, flown at one speed along it. It knows no attitude, no
-controls and no time of arrival. The search sees the ground as our optimiser does, by its smooth envelope.
+A path is a cubic spline through points beside the straight line, flown at one speed along it. It has no attitude, no
+controls and no time of arrival. The search uses the optimiser's smooth envelope of the ground.
 """
 
 from __future__ import annotations

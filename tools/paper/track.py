@@ -1,4 +1,4 @@
-"""A leader's flight from t = 0 to its arrival on a fine grid: angles, radii and roughness that sentences speak of."""
+"""A leader's flight from t = 0 to its arrival on a fine grid: the angles, radii and roughness of the sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The values the paper leaves out: each is varied alone, and every sentence is judged again."""
+"""The values that the paper leaves out: each is varied alone, and every sentence is judged again."""
 
 from __future__ import annotations
 

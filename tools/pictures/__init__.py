@@ -1,1 +1,1 @@
-"""The parts of figures.py: what formations that change their shape look like."""
+"""The parts of figures.py: changes of shape, films, the gallery and the tutorial."""

@@ -1,7 +1,4 @@
-"""Numbers of a plan over time, for people to look at.
-
-Knows: size of the formation, distance to the ground, nearest vehicles. Does not know: matplotlib, verdicts.
-"""
+"""Numbers of a plan over time for the pictures: size of the formation, distance to the ground, separation."""
 
 from __future__ import annotations
 

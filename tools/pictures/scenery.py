@@ -1,6 +1,5 @@
-"""What several pictures share: colours, the ground from above, a formation on it.
+"""Parts of several pictures: colours, the ground from above, a formation on it.
 
-Knows: matplotlib, how a map is laid. Does not know: time.
 Flights of these missions go north, and pages are wider than high: maps have north to the right and east down.
 """
 

@@ -3,19 +3,21 @@
 A leg begins with a ramp from rest, may change its speed once, cruises, and ends with a ramp to rest. A ramp up has at
 most half the leg, so short legs are slow. A change of speed during the leg does not alter a ramp that has begun. There
 is one exception: a start whose acceleration is still held is cut short. Any other change waits for the end of the
-start. A change that would use too much of the remaining distance is not made. So a slow-down can come late, or never.
+start. It is made if the leg's cruise would take long enough, and then as far as half of the cruise has room for it. So
+a slow-down can come late, in part, or never.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gcs.autopilots.waypoint_models.navigator import Vector
 from gcs.autopilots.waypoint_models.scurve import Ramp, RampLimits, State, constant_speed, ramp_up
 
-# A change of speed is made only if the leg has room for so many times its ease at the old speed.
+# A change of speed is made only if the cruise has room for so many times its ease at the old speed: 3.6 s by default.
 _EASINGS_PER_CHANGE = 12.0
+_LONGEST_EASE_S = 1.0  # that is counted
 _SAME_MPS = 1e-6
 
 
@@ -120,19 +122,17 @@ class LegMotion:
 
     def _change_within(self, room_m: float) -> Ramp:
         now, limits = self._start.end_mps, self._limits
-        to_snap = (abs(self.top_mps - now) * math.pi / (4.0 * limits.mps4)) ** (1.0 / 3.0)
-        wait_s = _EASINGS_PER_CHANGE * min(to_snap, limits.ease_s)
+        wait_s = _EASINGS_PER_CHANGE * min(_LONGEST_EASE_S, limits.ease_s)
         if self.top_mps < now - _SAME_MPS and wait_s * now < room_m:
-            return ramp_up(self.top_mps, now, 0.5 * room_m, limits).reversed()
+            # The speed falls by what it would gain from the new speed in half the room: by less where that is short.
+            rise = ramp_up(self.top_mps, now, 0.5 * room_m, limits)
+            return replace(rise, start_mps=now, end_mps=now - (rise.end_mps - rise.start_mps))
         if self.top_mps > now + _SAME_MPS and room_m > wait_s * now:
             return ramp_up(now, min(self.top_mps, room_m / wait_s), 0.5 * room_m, limits)
         return constant_speed(now)
 
     def _begin_change(self, change: Ramp) -> None:
-        now = self._start.end_mps
-        for attempt in (change, constant_speed(now)):
-            if abs(attempt.start_mps - now) > _SAME_MPS:  # too much to be lost in the room there is
-                continue
+        for attempt in (change, constant_speed(change.start_mps)):
             self._change = attempt
             room_m = self.length_m - self._started_m - attempt.distance_m
             stop = ramp_up(0.0, attempt.end_mps, room_m, self._limits)

@@ -1,4 +1,4 @@
-"""Model of ArduCopter's waypoint navigator.
+"""A model of ArduCopter's waypoint navigator.
 
 The target moves along legs that go from rest to rest and overlap at corners. The next leg is calculated one leg ahead,
 with the speed that is then set. A change of speed takes effect when its leg becomes the present one, and so reaches a

@@ -3,7 +3,7 @@
 Every value is a parameter that the autopilot reported, or its default, except two for each autopilot, which are fitted.
 ArduPilot: the vehicle's lag and drag. PX4 (the drag of its simulator is known): the part of the integral that it gives
 back in descents, and the error of home's altitude in the first two minutes of flight. That error is noise: it decides
-at which waypoints PX4 brakes. `tools/fit_navigator.py` makes the fitted values and the residuals again.
+at which waypoints PX4 brakes. `tools/fit_navigator.py` reproduces the fitted values and the residuals.
 """
 
 from __future__ import annotations

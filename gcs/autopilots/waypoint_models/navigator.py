@@ -1,4 +1,4 @@
-"""The interface of a waypoint navigator: orders in, one state for each time step out. No autopilot is named here."""
+"""The interface of a waypoint navigator: orders in, one state per time step out. It names no autopilot."""
 
 from __future__ import annotations
 

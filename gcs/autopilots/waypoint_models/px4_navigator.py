@@ -1,4 +1,4 @@
-"""Model of PX4's waypoint navigator for multicopters.
+"""A model of PX4's waypoint navigator for multicopters.
 
 A smoothed target flies to one waypoint after the other. A waypoint is passed as soon as the vehicle is within the
 acceptance radius. The target then turns to the next one, and the speed of that leg takes effect at once. If the vehicle

@@ -1,7 +1,7 @@
 """The speed limits of PX4's target on its leg to a waypoint, and the smoothing of its axes.
 
-The speed is limited to what can still be braked before the waypoint. The turn limits the speed at the waypoint: it is
-that of a circle that touches both legs within the acceptance radius. The waypoint after the next counts as a stop. The
+The speed is limited to what can be braked before the waypoint. The turn limits the speed at the waypoint, to that of a
+circle that touches both legs within the acceptance radius. The waypoint after the next counts as a stop. The
 vertical speed has the same kind of limit. The target flies straight at its goal, so with an altitude error near the
 goal the vertical limit reduces the whole speed.
 """

@@ -1,4 +1,4 @@
-"""A vehicle that follows a moving target: the position and velocity loops of the autopilot, the lag of tilt, and drag.
+"""Tracking of a moving target: the autopilot's position and velocity loops, the lag of tilt, and drag.
 
 Along each axis, with p, v, a of the target and x, u of the vehicle:
 

@@ -17,16 +17,16 @@ from rich.table import Table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import connection
 from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry
-from gcs.flight.monitoring.progress import Event, FlightHooks, Step, notice_event, spared
-from gcs.flight.recording.flight_record import FlightRecord
+from gcs.flight.monitoring.progress import FlightHooks
+from gcs.flight.recording.flight_journal import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.session.connection import Connection
-from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
@@ -52,7 +52,7 @@ class AttachRequest:
 
 
 def take_up(request: AttachRequest) -> int:
-    """The exit status after the request is done. Raises GcsError."""
+    """Carry out the request and return the exit status. Raises GcsError."""
     plan, book = _plan_and_state(request)
     links = request.links or book.links
     if not links:
@@ -124,40 +124,19 @@ async def _take_up(
     options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow, watched_elsewhere=bool(request.also_to))
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
-        flight: FlightSequence | None = None
-        record = FlightRecord(
-            folder,
-            screen.warn,
-            lambda: flight.time.now_s() if flight else None,
-            f"telemetry-{datetime.now():%H%M%S}.tlog",
-        )
-        stack.enter_context(record)
-        on_frame = spared(record.write_frame, "telemetry", screen.warn)
-
-        def tell(event: Event) -> None:
-            record.write_event(event)
-            screen.say(str(event))
-
-        def on_notice(notice: LinkNotice) -> None:
-            tell(notice_event(notice, known.systems, flight.time.now_s() if flight else None, book.t0_unix_s))
-
+        state = replace(book, links=known.links, pid=os.getpid())
+        journal = FlightJournal(folder, state, screen.say, screen.warn, f"telemetry-{datetime.now():%H%M%S}.tlog")
+        stack.enter_context(journal.record)
         fleet = await stack.enter_async_context(
-            known.open(on_frame, vehicles=plan.sysids, on_notice=spared(on_notice, "the report of events"))
+            known.open(journal.on_frame, vehicles=plan.sysids, on_notice=journal.on_notice)
         )
         kinds = {sysid: int(kind) for sysid, kind in zip(plan.sysids, plan.autopilots, strict=True)}
         sessions = await fleet.vehicles_left(kinds, options.find_timeout_s, settle_s=_SETTLE_S, systems=known.systems)
         fleet.freeze()
-
-        def log_step(step: Step, t0_unix_s: float | None) -> None:
-            record.write_state(
-                replace(
-                    book, links=known.links, step=step.value, t0_unix_s=t0_unix_s or book.t0_unix_s, pid=os.getpid()
-                )
-            )
-
-        hooks = FlightHooks(tell, log_step)
+        hooks = FlightHooks(journal.on_event, journal.on_step)
         flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
-        ctrl_c.on_again = flight.landing.tell_aloft
+        journal.keep_time(flight.time)
+        ctrl_c.again_calls(flight.landing.tell_aloft)
         shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)
         if request.what is not Resume.SHOW:
             await resume_flight(flight, request.what, book.t0_unix_s)

@@ -1,6 +1,6 @@
 """The live table of a flight: phase, clock and nearest pair above, then one line for each vehicle.
 
-It fits a terminal of 80 columns, and uses a wider one for longer headings. Its lines fit the terminal's height.
+It fits 80 columns and the terminal's height; wider terminals get longer headings.
 """
 
 from __future__ import annotations

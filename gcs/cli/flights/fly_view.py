@@ -11,13 +11,15 @@ from rich.markup import escape
 from rich.table import Table
 
 from gcs.cli.flights.flight_table import FlightTable
+from gcs.cli.flights.report import verdict_table
 from gcs.cli.shared.console import Screen
-from gcs.cli.shared.plan_argument import Stopwatch, verdict_word
-from gcs.errors import JudgementError, UsageError, counted
+from gcs.cli.shared.plan_argument import Stopwatch
+from gcs.errors import JudgementError, UndecidedError, UsageError, counted
+from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.monitoring.monitor import skew_s
 from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
 from gcs.flight.monitoring.progress import InFlight, Snapshot, Watcher
-from gcs.flight.recording.flight_folder import TELEMETRY, limit_text, planned_text, short_limit
+from gcs.flight.recording.flight_folder import limit_text, planned_text
 from gcs.flight.run import FlightRun, Flown, fly_run
 
 CONFIRMATION = "arm"
@@ -81,7 +83,7 @@ class FlightView(Watcher):
 
 
 def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
-    """The exit status of the flight; raises JudgementError when it did not meet a criterion.
+    """The exit status of the flight; raises JudgementError when it did not meet a criterion, or is not decided.
 
     Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation.
     """
@@ -91,22 +93,27 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
         question = f"This arms and flies {counted(count, 'vehicle')} at {run.link}. Type '{CONFIRMATION}' to continue:"
     with screen.without_waiting():
         flown = fly_run(run, FlightView(screen, watch, question))
-    verdict = flown.verdict
-    if verdict is None:
-        telemetry = flown.folder / TELEMETRY
-        screen.say(f"landed. Telemetry: {telemetry}" if telemetry.is_file() else "landed.")
-        if (skew := _skew_text(flown.late_s)) is not None:
-            screen.say(f"time skew between vehicles, from telemetry: {skew}")
-        _show_nearest(screen, flown)
-        screen.result(flown.data)
-        return 0
     _show(screen, flown)
     screen.say(f"time: {watch}")
     screen.result(flown.data)
-    failed = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, limit {limit_text(c)}" for c in verdict.criteria if not c.ok)
-    hint = f"read {flown.folder / 'report.md'} and its pictures"
-    failure = JudgementError(f"the flight failed its criteria: {failed}", hint=hint)
-    return screen.ended(None if verdict.ok else failure)
+    return screen.ended(_failure(flown))
+
+
+def _failure(flown: Flown) -> JudgementError | None:
+    """What the verdict is as an error; None for a flight that is ok."""
+    verdict, hint = flown.verdict, f"read {flown.folder / 'report.md'} and its pictures"
+    if verdict is None:
+        return UndecidedError("the flight ended, and its telemetry is missing: nothing is known about it.")
+    said = "; ".join(
+        f"{c.name} {c.value:.3f} {c.unit} ({c.verdict}), limit {limit_text(c)}"
+        for c in verdict.criteria
+        if c.outcome is verdict.outcome
+    )
+    if verdict.outcome is FlightOutcome.FAILED:
+        return JudgementError(f"the flight failed its criteria: {said}", hint=hint)
+    if verdict.outcome is FlightOutcome.UNKNOWN:
+        return UndecidedError(f"the flight ended, and what its vehicles reported does not decide: {said}", hint=hint)
+    return None
 
 
 async def _say_progress(screen: Screen, flight: InFlight) -> None:
@@ -154,21 +161,20 @@ def _skew_text(late_s: dict[int, float]) -> str | None:
 
 
 def _show(screen: Screen, flown: Flown) -> None:
-    verdict = flown.verdict
-    assert verdict is not None
-    table = Table("criterion", "measured", "limit", "verdict", title="judged from the true states")
-    for c in verdict.criteria:
-        vehicle = f" ({c.vehicles})" if c.vehicles else ""
-        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", short_limit(c), verdict_word(c.ok))
+    verdict, judged = flown.verdict, flown.data["judged"]
+    if verdict is None:
+        screen.say("landed.")
+        return
+    table = verdict_table(verdict, judged)
     if (skew := _skew_text(flown.late_s)) is not None:
         table.add_row("time skew (telemetry)", skew, "–", "–")
     screen.show(table)
     planned = [f"{c.name} {planned_text(c)}" for c in verdict.criteria if planned_text(c)]
     screen.say(f"limits of the plan, by the scenario: {', '.join(planned)}")
-    screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1, from the true states)")
+    screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1, from the {judged})")
     _show_nearest(screen, flown)
     where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
-    screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}.{where}")
+    screen.say(f"flight {'FAILED' if verdict.outcome is FlightOutcome.FAILED else verdict.outcome}.{where}")
 
 
 def _show_nearest(screen: Screen, flown: Flown) -> None:

@@ -14,17 +14,20 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gcs.flight.assessment.comparison import LandingError
-    from gcs.flight.assessment.judge import Truth
+    from gcs.flight.assessment.judge import Truth, Verdict
     from gcs.flight.assessment.route_passing import Track
+    from gcs.flight.monitoring.plan_time import PlanTime
     from gcs.plan.trajectory.plan import Plan
 
 
 def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
     """Compare the planned, the reported and, for emulated vehicles, the true positions of a flight.
 
-    It writes record.parquet into the folder: every reported position beside the planned one. It also takes flights
-    that were cut short. Of each landing it says the horizontal distance from the landing point at touchdown,
-    and the largest vertical deviation from the descent of the vehicle's own autopilot.
+    It writes record.parquet into the folder: every reported position beside the planned one. It accepts flights
+    that were cut short. For each landing it prints the horizontal distance from the landing point at touchdown, and
+    the largest vertical deviation from the descent of the vehicle's own autopilot. The verdict comes
+    from the true states, or from what the vehicles reported: "ok", "FAILED", or "not known" where the uncertainty of
+    the reports spans the limit.
 
     Example: gcs report flights/2026-01-31-120000-simulation1
     """
@@ -33,10 +36,13 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
     from gcs.errors import FileFormatError
     from gcs.flight.assessment.comparison import compare, landing_errors
-    from gcs.flight.assessment.judge import load_truth
+    from gcs.flight.assessment.judge import judge, load_truth
+    from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
     from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.monitoring.monitor import skew_s
-    from gcs.flight.recording.flight_folder import EVENTS, read_events
+    from gcs.flight.monitoring.plan_time import PlanTime
+    from gcs.flight.monitoring.progress import FlightTimes
+    from gcs.flight.recording.flight_folder import EVENTS, REPORTS, TRUE_STATES, criteria_data, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record
     from gcs.plan.plan_file import read_plan
@@ -48,10 +54,11 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
             hint="name a flight that reached T0",
         )
     plan, _ = read_plan(folder / "plan.skein")
-    record = write_record(folder, plan, book.t0_unix_s, book.systems)
-    truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
-    found = compare(plan, record, book.t0_unix_s, truth)
     happened = read_events(folder / EVENTS)
+    plan_time = PlanTime.of(book.t0_unix_s, ((event.unix_s, event.t_s) for event in happened))
+    record = write_record(folder, plan, plan_time, book.systems)
+    truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
+    found = compare(plan, record, truth)
     title = f"{book.mission}: m RMS from T0 to the planned arrival"
     table = Table("vehicle", "plan - estimate", "estimate - truth", "plan - truth", "late", title=title)
     for c in found:
@@ -66,10 +73,18 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     if shape is not None:
         screen.say(f"formation error: at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, from telemetry)")
     landings, landing_limit_m = landing_errors(plan, record), plan.scenario.judge.arrival_position_m
-    passed = points_passed(plan, _tracks(plan, record, truth, book.t0_unix_s))
+    passed = points_passed(plan, _tracks(plan, record, truth, plan_time))
     if passed:
         screen.show(flown_table(plan, passed, "true states" if truth is not None else "telemetry"))
     screen.show(_landing_table(landings, landing_limit_m))
+    tracks = reported_tracks(plan, record, plan_time)
+    verdict, judged = None if tracks is None else judge_reports(plan, tracks), REPORTS
+    if truth is not None:
+        hover_s, landing_s = plan.airborne_s, plan.phase("landing").start_s
+        times = FlightTimes(book.t0_unix_s + hover_s, book.t0_unix_s, book.t0_unix_s + landing_s, plan_time)
+        verdict, judged = judge(plan, truth, times), TRUE_STATES
+    if verdict is not None:
+        screen.show(verdict_table(verdict, judged))
     for event in happened:
         screen.say(str(event))
     for gap in book.incomplete:
@@ -87,6 +102,9 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
             "landing_limit_m": landing_limit_m,
             **({"route_points": [each.data(plan.sysids[plan.leader]) for each in passed]} if passed else {}),
             "formation_error_max_m": None if shape is None else shape[0],
+            "judged": None
+            if verdict is None
+            else {"from": judged, "verdict": verdict.outcome, **criteria_data(verdict)},
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
             "step": book.step,
@@ -101,20 +119,33 @@ def _known(values: dict[str, Any]) -> dict[str, Any]:
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
 
 
-def _tracks(plan: Plan, record: pa.Table, truth: Truth | None, t0_unix_s: float) -> dict[int, Track]:
+def _tracks(plan: Plan, record: pa.Table, truth: Truth | None, plan_time: PlanTime) -> dict[int, Track]:
     """The true track of every vehicle, or the reported one where no true states are known."""
     import numpy as np
 
     from gcs.physics.states import POSITION
 
     if truth is not None:
-        at_s = truth.t_s(t0_unix_s)
+        at_s = plan_time.t_s(truth.unix_s)
         rows = zip(truth.sysids, truth.states, strict=True)
         return {sysid: (at_s, states[:, POSITION]) for sysid, states in rows if sysid in plan.sysids}
     columns = {name: record.column(name).to_numpy() for name in ("sysid", "t_s", "north_m", "east_m", "down_m")}
     places = np.stack([columns[name] for name in ("north_m", "east_m", "down_m")], axis=1)
     mine = ((sysid, columns["sysid"] == sysid) for sysid in plan.sysids)
     return {sysid: (columns["t_s"][rows], places[rows]) for sysid, rows in mine}
+
+
+def verdict_table(verdict: Verdict, judged: str) -> Table:
+    """The criteria of a flight, judged from true states or reports."""
+    from rich.table import Table
+
+    from gcs.flight.recording.flight_folder import short_limit
+
+    table = Table("criterion", "measured", "limit", "verdict", title=f"judged from the {judged}")
+    for c in verdict.criteria:
+        vehicle = f" ({c.vehicles})" if c.vehicles else ""
+        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", short_limit(c), c.verdict)
+    return table
 
 
 def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:

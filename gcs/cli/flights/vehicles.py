@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _WIDE = 120  # columns of a terminal that shows everything without breaking words
 _TIMEOUT_S = 10.0
-_LEFT = "is not armed, no command sent"
 _DONE = {"hold": "holds", "land": "lands", "return": "returns"}
 
 
@@ -76,9 +75,10 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
 
     wide = screen.console.width >= _WIDE
     table = Table(title=f"{len(reports)} vehicle{'s' * (len(reports) != 1)}")
-    for column in ("system", "autopilot", "mode", "health", "home", "battery", "link"):
-        if wide or column != "home":
-            table.add_column(column, no_wrap=column not in ("health", "link"), overflow="fold")
+    home = (("home", True),) if wide else ()  # and whether it is one line
+    whole = ("system", True), ("autopilot", True), ("mode", True)
+    for column, one_line in (*whole, ("health", False), *home, ("battery", True), ("link", False)):
+        table.add_column(column, no_wrap=one_line, overflow="fold")
     for r in reports:
         cells = [str(r.system), f"{r.autopilot}\n{r.version or '?'}", r.mode, health(r), battery(r), quality(r)]
         if wide:
@@ -183,15 +183,14 @@ def tell(
 
     known = shared.connection(link, None, signing_key_file)
     said = Stoppable().run(_tell(known, backend, what, _named(vehicles), listen))
-    for sysid, word in said.items():
+    for sysid, (_, word) in said.items():
         screen.say(f"vehicle {sysid}: {word}")
-    failed = [sysid for sysid, word in said.items() if word not in (_DONE[what], _LEFT)]
-    if failed:
+    if failed := [sysid for sysid, (ok, _) in said.items() if not ok]:
         named = ", ".join(map(str, failed))
         raise PeerError(
             f"vehicles {named} did not confirm.", hint="send the command again, or take over with the remote control"
         )
-    screen.result({"told": what, "vehicles": {str(sysid): word for sysid, word in said.items()}})
+    screen.result({"told": what, "vehicles": {str(sysid): word for sysid, (_, word) in said.items()}})
     return 0
 
 
@@ -202,8 +201,10 @@ def _named(text: str | None) -> tuple[int, ...]:
     return tuple(dict.fromkeys(map(int, parts)))
 
 
-async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ...], listen_s: float) -> dict[int, str]:
-    """The outcome of the command, by system id."""
+async def _tell(
+    known: Connection, backend: str, what: str, named: tuple[int, ...], listen_s: float
+) -> dict[int, tuple[bool, str]]:
+    """Whether all is as it should be after the command, and the outcome in words, by system id."""
     import asyncio
 
     async with known.open_backend(backend) as fleet:
@@ -215,12 +216,12 @@ async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ..
         return dict(zip(found, words, strict=True))
 
 
-async def _tell_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> str:
+async def _tell_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> tuple[bool, str]:
     """The outcome for one vehicle; an error of one does not stop the others."""
     from gcs.flight.execution.single_vehicle import control_of
 
     if not vehicle.armed:
-        return _LEFT
+        return True, "is not armed, no command sent"
     try:
         control = control_of(vehicle)
         try:
@@ -228,5 +229,5 @@ async def _tell_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> str:
         finally:
             await control.close()
     except PeerError as error:
-        return error.message
-    return _DONE[what]
+        return False, error.message
+    return True, _DONE[what]

@@ -41,7 +41,9 @@ def export(
     ] = None,
     autopilot: Annotated[
         str | None,
-        shared.option(f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", shown="those of the scenario", words=AUTOPILOTS),
+        shared.option(
+            f"Autopilot of all vehicles: {' or '.join(AUTOPILOTS)}.", shown="those of the scenario", words=AUTOPILOTS
+        ),
     ] = None,
     altitude: Annotated[
         str,
@@ -83,8 +85,8 @@ def export(
 ) -> int:
     """Write missions, setpoints and maps of every vehicle, for other ground stations.
 
-    Exit status 13 when missions were asked for, also by default, and are not fit to fly: the other files are written.
-    With --untimed or --format setpoints no such missions are asked for.
+    Exit status 13 when requested missions are not fit to fly; the other files are written. Missions are requested by
+    default, but not with --untimed or --format setpoints.
 
     Examples: gcs export missions/simulation1 --to out
 

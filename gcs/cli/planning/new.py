@@ -23,7 +23,7 @@ def new(
     at: Annotated[
         str | None,
         option(
-            "Origin: degrees, degrees, m above mean sea level. Spaces do as well as commas.",
+            "Origin: degrees, degrees, m above mean sea level. Separated by commas or spaces.",
             metavar="LAT,LON[,ALT]",
             shown="the field of ArduPilot's simulators",
         ),
@@ -92,23 +92,23 @@ def new(
     survey: Annotated[
         Path | None,
         option(
-            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan): a line abreast mows it, there and back. "
-            "It flies from --at, or where the first pass begins, and comes home.",
+            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan), which vehicles abreast survey in parallel "
+            "passes. They start at --at, or where the first pass begins, and come back.",
             metavar="AREA",
             shown=False,
         ),
     ] = None,
     swath: Annotated[
         float | None,
-        option("Width that a vehicle sees on its way.", metavar="METRES", shown=False, limits=(0.5, 1000.0, "m")),
+        option("Width that one vehicle sees.", metavar="METRES", shown=False, limits=(0.5, 1000.0, "m")),
     ] = None,
     overlap: Annotated[
         str | None,
-        option("Share of the swath that neighbours see both, at least: 20% or 0.2.", metavar="SHARE", shown="20%"),
+        option("Least share of the swath that the neighbour sees too: 20% or 0.2.", metavar="SHARE", shown="20%"),
     ] = None,
     angle: Annotated[
         str | None,
-        option("Direction of the passes: auto is the quickest one; or as --course.", metavar="COURSE", shown="auto"),
+        option("Direction of the passes: auto (the quickest), or as for --course.", metavar="COURSE", shown="auto"),
     ] = None,
     speed: Annotated[
         float | None, option("Speed of a survey.", metavar="M/S", shown="4", limits=(0.2, 100.0, "m/s"))
@@ -131,15 +131,15 @@ def new(
 
     Without options the flight passes a no-fly zone; with any of --count to --height it has none.
 
-    With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); a sheet with a mistake is refused,
-    with its rows. --spacing is then the least distance that is allowed, and --count the number that must be there.
+    With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); errors in a sheet are reported
+    with their rows. --spacing is then the least distance allowed, and --count the required number of vehicles.
 
-    With --route the formation flies along a route that was drawn, or recorded, in another program. What the scenario
-    cannot carry over is printed, with the number and the name of each item. The origin is the planned home, else the
-    first point; --at gives another.
+    With --route the formation flies along a route that was drawn, or recorded, in another program. Items that are not
+    carried over are printed, each with number and name. The origin is the planned home, else the first point; --at
+    sets another.
 
-    With --survey the formation keeps its direction and flies sideways between passes. Without --count four to six
-    vehicles fly, with it at most so many. --spacing follows from --swath and --overlap.
+    With --survey the formation keeps its direction and flies sideways between passes. Four to six vehicles fly, or at
+    most --count. --spacing follows from --swath and --overlap.
 
     Examples: gcs new plans/first
 

@@ -13,7 +13,7 @@ from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
 from gcs.mission.drawings.drawing import DrawnArea, sentences
-from gcs.mission.drawings.read_drawing import read_drawing
+from gcs.mission.drawings.route_formats import read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight

@@ -111,7 +111,7 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
 
 
 def warn_of_position_errors(screen: Screen, made: Plan, report: Report) -> None:
-    """Print the navigation error, and warn if a plan leaves less for it: to zones, ground, and between vehicles."""
+    """Print the navigation error, and warn if distances to zones, ground or other vehicles leave less than that."""
     from gcs.plan.verification.navigation_margins import navigation_in_words, thin_margins
     from gcs.plan.verification.position_errors import separation_left
     from gcs.scenario.values.navigation_error import judged_separation_m

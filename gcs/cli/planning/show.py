@@ -37,9 +37,7 @@ def show(
         option("Draw a map of ground, no-fly zones, tracks and clearances.", "--picture", "-p", metavar="FILE"),
     ] = None,
     pads: Annotated[Path | None, option("Write the pads of all vehicles as CSV, for the crew.", metavar="FILE")] = None,
-    coverage: Annotated[
-        Path | None, option("Draw what the vehicles of a survey's plan see of its area.", metavar="FILE")
-    ] = None,
+    coverage: Annotated[Path | None, option("Draw the coverage of a survey's area.", metavar="FILE")] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:

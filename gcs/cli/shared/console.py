@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
-from gcs.cli.shared.safe_stdout import Outlet
+from gcs.cli.shared.safe_stdout import SafeStream
 from gcs.errors import GcsError, for_people
 
 if TYPE_CHECKING:
@@ -98,10 +98,10 @@ class Screen:
     @contextmanager
     def without_waiting(self) -> Iterator[None]:
         """Within the block, no line waits for a terminal that stands still: vehicles are in the air."""
-        outlets = [stream for stream in (sys.stdout, sys.stderr) if isinstance(stream, Outlet)]
+        streams = [stream for stream in (sys.stdout, sys.stderr) if isinstance(stream, SafeStream)]
         with ExitStack() as stack:
-            for outlet in outlets:
-                stack.enter_context(outlet.without_waiting())
+            for safe in streams:
+                stack.enter_context(safe.without_waiting())
             yield
 
     def _object(self, data: dict[str, Any]) -> None:
@@ -118,14 +118,14 @@ def to_json(data: Any, *, ascii_only: bool = False) -> str:
     return json.dumps(data, default=_plain, allow_nan=False, ensure_ascii=ascii_only)
 
 
-def _safe(stream: IO[str] | None) -> Outlet:
-    return stream if isinstance(stream, Outlet) else Outlet(stream)
+def _safe(stream: IO[str] | None) -> SafeStream:
+    return stream if isinstance(stream, SafeStream) else SafeStream(stream)
 
 
 def _line(stream: IO[str] | None, text: str) -> None:
-    outlet = _safe(stream)
-    outlet.write(text + "\n")
-    outlet.flush()
+    safe = _safe(stream)
+    safe.write(text + "\n")
+    safe.flush()
 
 
 def _plain(value: Any) -> Any:

@@ -18,7 +18,7 @@ from typing import IO
 QUEUED_MAX = 1_000_000  # characters that wait for a terminal that stands still
 
 
-class Outlet(io.TextIOBase):
+class SafeStream(io.TextIOBase):
     """A text stream that never raises. `lost` is the first failure of the stream behind it, if there was one."""
 
     def __init__(self, stream: IO[str] | None) -> None:
@@ -136,8 +136,8 @@ class Outlet(io.TextIOBase):
         self.lost = self.lost or problem
 
 
-def install() -> tuple[Outlet, Outlet]:
-    """Put outlets in the place of stdout and stderr, for the whole process; return them.
+def install() -> tuple[SafeStream, SafeStream]:
+    """Replace stdout and stderr by safe streams, for the whole process; return them.
 
     Descriptors 0 to 2 that were closed get /dev/null: otherwise the first file or socket that is opened would have such
     a number, and libraries would print into it.
@@ -149,6 +149,6 @@ def install() -> tuple[Outlet, Outlet]:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
     if hasattr(signal, "SIGTTOU"):  # `stty tostop` would stop a job in the background at its next line
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)
-    out, err = Outlet(sys.stdout), Outlet(sys.stderr)
+    out, err = SafeStream(sys.stdout), SafeStream(sys.stderr)
     sys.stdout, sys.stderr = out, err
     return out, err

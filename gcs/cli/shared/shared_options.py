@@ -1,7 +1,7 @@
 """The arguments and options that several commands share, with one name and one help text each.
 
-Also what the shell offers after the Tab key. It reads folders and opens no link: a port that the completion opens
-takes frames from the station that flies.
+Also shell completion. It reads folders and opens no link: a port opened by the completion would take frames from the
+station that flies.
 """
 
 from __future__ import annotations
@@ -232,7 +232,7 @@ def connection(
 
 
 def nobody_heard(known: Connection, listen_s: float, more: str = "") -> PeerTimeout:
-    """The error where no vehicle was heard; `more` follows the time."""
+    """The error if no vehicle was heard; `more` follows the time."""
     hint = "start the vehicles, or check the address and port they send to"
     return PeerTimeout(f"no vehicle was heard at {known} within {listen_s:g} s{more}.", hint=hint)
 

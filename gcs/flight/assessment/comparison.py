@@ -29,7 +29,7 @@ class Comparison:
     late_s: float  # mean delay behind the plan, with that of its start
 
 
-def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None) -> tuple[Comparison, ...]:
+def compare(plan: Plan, record: pa.Table, truth: Truth | None) -> tuple[Comparison, ...]:
     """Return them for every vehicle of the plan. True states are interpolated to the times of the estimates."""
     found = []
     for sysid in plan.sysids:
@@ -45,8 +45,8 @@ def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None)
         true = np.full_like(estimated, np.nan)
         if truth is not None and sysid in truth.sysids:
             places = truth.states[truth.sysids.index(sysid)][:, POSITION]
-            at = truth.unix_s - t0_unix_s
-            true = np.stack([np.interp(t_s[mine], at, places[:, n]) for n in range(3)], axis=1)
+            at_s = columns["unix_s"][mine]
+            true = np.stack([np.interp(at_s, truth.unix_s, places[:, n]) for n in range(3)], axis=1)
         found.append(
             Comparison(
                 sysid,

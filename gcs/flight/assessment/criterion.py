@@ -1,13 +1,26 @@
-"""One criterion of a flight: the measured value against its limit."""
+"""One criterion of a flight: the measured value against its limit, and what the measurement leaves open."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from enum import StrEnum
+
+
+class FlightOutcome(StrEnum):
+    """What is known about a criterion, or about all of a flight."""
+
+    OK = "ok"
+    FAILED = "failed"
+    UNKNOWN = "not known"
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """One criterion: the measured value against its limit."""
+    """One criterion. Of reported states the true value is between `lowest` and `highest`; of true states it is `value`.
+
+    A criterion is decided where both ends of that range are on one side of the limit.
+    """
 
     name: str
     unit: str
@@ -18,6 +31,8 @@ class Criterion:
     t_s: float | None = None
     other: int | None = None  # of a pair: its second vehicle
     planned: float | None = None  # the scenario's limit for the plan, where the flight's is another
+    lowest: float | None = None
+    highest: float | None = None
 
     @property
     def vehicles(self) -> str:
@@ -27,6 +42,30 @@ class Criterion:
         return f"vehicle {self.sysid}" if self.other is None else f"vehicles {self.sysid}, {self.other}"
 
     @property
+    def within(self) -> float:
+        """How far the true value may be from the measured one."""
+        low = self.value if self.lowest is None else self.lowest
+        high = self.value if self.highest is None else self.highest
+        return max(self.value - low, high - self.value)
+
+    @property
+    def outcome(self) -> FlightOutcome:
+        """Whether the true value is within its limit, as far as the measurement tells."""
+        low = self.value if self.lowest is None else self.lowest
+        high = self.value if self.highest is None else self.highest
+        if low >= self.limit if self.at_least else high <= self.limit:
+            return FlightOutcome.OK
+        failed = high < self.limit if self.at_least else low > self.limit
+        return FlightOutcome.FAILED if failed else FlightOutcome.UNKNOWN
+
+    @property
     def ok(self) -> bool:
-        """Whether the value is within its limit."""
-        return bool(self.value >= self.limit if self.at_least else self.value <= self.limit)
+        """Whether the value is known to be within its limit."""
+        return self.outcome is FlightOutcome.OK
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in words: "ok", "FAILED", "not known within ±0.4 m"."""
+        if self.outcome is FlightOutcome.UNKNOWN:
+            return f"not known within ±{self.within:.2g} {self.unit}" if math.isfinite(self.within) else "not known"
+        return "ok" if self.ok else "FAILED"

@@ -1,18 +1,22 @@
-"""The verdict on a flight: the criteria of the scenario's `[judge]`, from true states, never from estimates."""
+"""The verdict on a flight: the criteria of the scenario's `[judge]`, from true states, or from what vehicles reported.
+
+True states decide every criterion. Reports are only known within an uncertainty: where that spans a limit, the
+criterion is not known (`gcs.flight.assessment.reported_tracks`).
+"""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
-from itertools import combinations
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FileFormatError
-from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.route_passing import route_criterion
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
@@ -27,7 +31,6 @@ from gcs.util.archives import ArrayKind, read_arrays
 from gcs.util.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
 
 ZONES, KEEP_IN, FENCE, HEIGHT = "outside no-fly zones", "inside keep-in areas", "inside the fence", "height"
-Flight = tuple[Array, Array]  # plan times (N,), true positions (V, N, 3), NED
 GRID_S = 0.05
 GROUND_SEPARATION = "separation near ground"
 _MOST = 2048 * MIB  # the file is not packed: it is as large as its arrays
@@ -44,7 +47,27 @@ _TRUTH = {
 }
 
 
-def area_criteria(plan: Plan, everywhere: Flight, airborne: Flight) -> list[Criterion]:
+@dataclass(frozen=True)
+class Tracks:
+    """Positions at plan times, vehicles in the plan's order, and how far the true ones may be from them."""
+
+    t_s: Array  # (N,)
+    ned_m: Array  # (V, N, 3)
+    horizontal_m: Array = field(default_factory=lambda: np.zeros((1, 1)))  # (V, N), or (1, 1) for true positions
+    vertical_m: Array = field(default_factory=lambda: np.zeros((1, 1)))
+
+    @property
+    def within_m(self) -> Array:
+        """How far true positions may be (V, N), in any direction."""
+        return np.broadcast_to(np.hypot(self.horizontal_m, self.vertical_m), self.ned_m.shape[:2])
+
+    def during(self, chosen: NDArray[np.bool_]) -> Tracks:
+        """The tracks at some of the times (N,)."""
+        within = [m if m.shape == (1, 1) else m[:, chosen] for m in (self.horizontal_m, self.vertical_m)]
+        return Tracks(self.t_s[chosen], self.ned_m[:, chosen], *within)
+
+
+def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Criterion]:
     """The criteria that apply to a plan: zones and fence from pad to pad, the height between the hovers.
 
     A vehicle must be outside every no-fly zone and inside every keep-in area: there the plan has left room for the
@@ -52,27 +75,48 @@ def area_criteria(plan: Plan, everywhere: Flight, airborne: Flight) -> list[Crit
     navigation error.
     """
     found, scenario = [], plan.scenario
-    t_s, places = everywhere
+    t_s, places, within_m = everywhere.t_s, everywhere.ned_m, everywhere.horizontal_m
     for name, zones in ((ZONES, scenario.no_fly), (KEEP_IN, scenario.keep_in)):
         if zones:
             away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1])
-            found.append(_least(plan, name, away_m, t_s, 0.0, scenario.limits.zone_margin_m))
-    found.append(_least(plan, FENCE, inside_m(inclusion_corners(planned_places_m(plan)), places), t_s, 0.0))
+            found.append(_extreme(plan, name, away_m, within_m, t_s, 0.0, planned=scenario.limits.zone_margin_m))
+    inside = inside_m(inclusion_corners(planned_places_m(plan)), places)
+    found.append(_extreme(plan, FENCE, inside, within_m, t_s, 0.0))
     ceiling_m = scenario.limits.height_m[1]
-    t_s, places = airborne
-    row, instant = np.unravel_index(int(np.argmax(-places[..., 2])), places.shape[:2])
     limit_m = round(ceiling_m + navigation_error(scenario).vertical_m, 3)
-    highest_m, sysid = float(-places[row, instant, 2]), plan.sysids[row]
-    found.append(Criterion(HEIGHT, "m", highest_m, limit_m, False, sysid, float(t_s[instant]), planned=ceiling_m))
+    up_m = -airborne.ned_m[..., 2]
+    found.append(
+        _extreme(plan, HEIGHT, up_m, airborne.vertical_m, airborne.t_s, limit_m, at_least=False, planned=ceiling_m)
+    )
     return found
 
 
-def _least(
-    plan: Plan, name: str, margin_m: Array, t_s: Array, limit_m: float, planned: float | None = None
+def _extreme(
+    plan: Plan,
+    name: str,
+    figure: Array,
+    within: Array,
+    t_s: Array,
+    limit: float,
+    *,
+    at_least: bool = True,
+    planned: float | None = None,
 ) -> Criterion:
-    row, instant = np.unravel_index(int(np.argmin(margin_m)), margin_m.shape)
-    least_m, sysid = float(margin_m[row, instant]), plan.sysids[row]
-    return Criterion(name, "m", least_m, limit_m, True, sysid, float(t_s[instant]), planned=planned)
+    """The worst of figures (V, N) in metres, each known to `within`."""
+    worst = np.min if at_least else np.max
+    row, instant = np.unravel_index(int((np.argmin if at_least else np.argmax)(figure)), figure.shape)
+    return Criterion(
+        name,
+        "m",
+        float(figure[row, instant]),
+        limit,
+        at_least,
+        plan.sysids[row],
+        float(t_s[instant]),
+        planned=planned,
+        lowest=float(worst(figure - within)),
+        highest=float(worst(figure + within)),
+    )
 
 
 @dataclass(frozen=True)
@@ -85,9 +129,15 @@ class Verdict:
     formation_error_m: float  # Definition 1, the largest between T0 and the arrival
 
     @property
+    def outcome(self) -> FlightOutcome:
+        """Failed if one criterion failed, else not known if one is not known."""
+        found = {c.outcome for c in self.criteria}
+        return next((one for one in (FlightOutcome.FAILED, FlightOutcome.UNKNOWN) if one in found), FlightOutcome.OK)
+
+    @property
     def ok(self) -> bool:
-        """Whether all criteria are within their limits."""
-        return all(c.ok for c in self.criteria)
+        """Whether all criteria are known to be within their limits."""
+        return self.outcome is FlightOutcome.OK
 
 
 def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
@@ -100,25 +150,42 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     `arrival_position_m` around the goal, against the time at which the plan enters it. Every vehicle must come as near
     to its place at each route point, within 3 s (or `arrival_time_s`) of the planned time.
     """
-    limits = plan.scenario.judge
-    positions = _in_plan_order(plan, truth)
-    t_s, flown = _on_grid(truth, positions, times)
+    states = np.asarray(truth.states[[truth.sysids.index(sysid) for sysid in plan.sysids]])
+    first_s, last_s = (s - times.t0_unix_s for s in (times.airborne_unix_s, times.landing_unix_s))
+    grid_s = np.arange(np.ceil(first_s / GRID_S), np.floor(last_s / GRID_S) + 1) * GRID_S
+    path = CubicHermiteSpline(truth.t_s(times.t0_unix_s), states[..., POSITION], states[..., VELOCITY], axis=1)
+    t_s = times.plan_time.t_s(grid_s + times.t0_unix_s)
+    everywhere = Tracks(times.plan_time.t_s(truth.unix_s), states[..., POSITION])
+    return judge_tracks(plan, everywhere, Tracks(t_s, np.asarray(path(grid_s))))
+
+
+def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
+    """Return the verdict on tracks from pad to pad, and on those between the hover and the order to land."""
+    limits, t_s, flown = plan.scenario.judge, airborne.t_s, airborne.ned_m
     planned = plan.states(np.clip(t_s, plan.t_start_s, plan.t_end_s))[..., POSITION]
     error = np.linalg.norm(flown - planned, axis=-1)
     mission = (t_s >= 0.0) & (t_s <= plan.flight_s)
-    rms = np.sqrt(np.mean(error[:, mission] ** 2, axis=1))
+    rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
     worst = int(np.argmax(rms))
     criteria = [
-        Criterion("position error (RMS)", "m", float(rms[worst]), limits.position_rms_m, False, plan.sysids[worst])
+        Criterion(
+            "position error (RMS)",
+            "m",
+            float(rms[worst]),
+            limits.position_rms_m,
+            False,
+            plan.sysids[worst],
+            lowest=float((rms - within).max()),
+            highest=float((rms + within).max()),
+        )
     ]
-    criteria.append(_clearance(plan, t_s, flown))
-    everywhere = truth.t_s(times.t0_unix_s), positions[..., POSITION]
-    criteria += area_criteria(plan, everywhere, (t_s, flown))
+    criteria.append(_clearance(plan, airborne))
+    criteria += area_criteria(plan, everywhere, airborne)
     if plan.passages:
-        criteria.append(route_criterion(plan, t_s, flown))
-    criteria += _arrivals(plan, t_s, flown, planned)
+        criteria.append(route_criterion(plan, t_s, flown, airborne.within_m))
+    criteria += _arrivals(plan, airborne, planned)
     if len(plan.sysids) > 1:
-        criteria += _separations(plan, truth, positions, times)
+        criteria += _separations(plan, everywhere)
     return Verdict(
         tuple(criteria),
         dict(zip(plan.sysids, rms.tolist(), strict=True)),
@@ -127,78 +194,86 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     )
 
 
-def _in_plan_order(plan: Plan, truth: Truth) -> Array:
-    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
-    return np.asarray(truth.states[rows])
-
-
-def _on_grid(truth: Truth, states: Array, times: FlightTimes) -> tuple[Array, Array]:
-    """Plan times (N,) from hovering to the order to land, and true positions (V, N, 3) at them."""
-    start_s = times.airborne_unix_s - times.t0_unix_s
-    end_s = times.landing_unix_s - times.t0_unix_s
-    t_s = np.arange(np.ceil(start_s / GRID_S), np.floor(end_s / GRID_S) + 1) * GRID_S
-    path = CubicHermiteSpline(truth.unix_s - times.t0_unix_s, states[..., POSITION], states[..., VELOCITY], axis=1)
-    return t_s, np.asarray(path(t_s))
-
-
-def _separations(plan: Plan, truth: Truth, states: Array, times: FlightTimes) -> list[Criterion]:
+def _separations(plan: Plan, tracks: Tracks) -> list[Criterion]:
     """On the plan and in the ground phases, against one limit: two vehicles collide at the same distance everywhere.
 
     Vehicles may stand on their pads: these are as far apart as `limits.separation_min_m`, which is not below the limit.
+    Errors of two vehicles are independent, and add as squares.
     """
-    on_plan = (truth.unix_s >= times.t0_unix_s) & (truth.unix_s <= times.landing_unix_s)
-    pairs = list(combinations(plan.sysids, 2))
+    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.phase("landing").start_s)
+    limit, planned_m = judged_separation_m(plan.scenario), plan.scenario.limits.separation_min_m
+    first, second = np.triu_indices(len(plan.sysids), 1)
+    known = tracks.horizontal_m.shape == (1, 1)
     found = []
     for name, instants in (("separation", on_plan), (GROUND_SEPARATION, ~on_plan)):
         if not instants.any():
             continue
-        least, nearest = np.inf, (0, 0)
+        least, lowest, highest, nearest = np.inf, np.inf, np.inf, (0, 0)
         for n in np.flatnonzero(instants).tolist():
-            between_m = pdist(states[:, n, POSITION])
+            between_m = pdist(tracks.ned_m[:, n])
             pair = int(np.argmin(between_m))
             if between_m[pair] < least:
                 least, nearest = float(between_m[pair]), (n, pair)
+            if known:
+                continue
+            beside_m, above_m = pdist(tracks.ned_m[:, n, :2]), pdist(tracks.ned_m[:, n, 2:])
+            beside_off, above_off = (
+                np.hypot(m[first, n], m[second, n]) for m in (tracks.horizontal_m, tracks.vertical_m)
+            )
+            nearer = np.hypot(np.maximum(beside_m - beside_off, 0.0), np.maximum(above_m - above_off, 0.0))
+            lowest = min(lowest, float(nearer.min()))
+            highest = min(highest, float(np.hypot(beside_m + beside_off, above_m + above_off).min()))
         instant, pair = nearest
-        sysid, other = pairs[pair]
-        t_s = float(truth.unix_s[instant] - times.t0_unix_s)
-        limit = judged_separation_m(plan.scenario)
-        planned_m = plan.scenario.limits.separation_min_m
-        found.append(Criterion(name, "m", least, limit, True, sysid, t_s, other, planned_m))
+        sysid, other = plan.sysids[first[pair]], plan.sysids[second[pair]]
+        bounds = (None, None) if known else (lowest, highest)
+        found.append(
+            Criterion(name, "m", least, limit, True, sysid, float(tracks.t_s[instant]), other, planned_m, *bounds)
+        )
     return found
 
 
-def _clearance(plan: Plan, t_s: Array, flown: Array) -> Criterion:
-    terrain, north_m, east_m, up_m = plan.scenario.terrain, flown[..., 0], flown[..., 1], -flown[..., 2]
+def _clearance(plan: Plan, tracks: Tracks) -> Criterion:
+    terrain, (north_m, east_m, up_m) = plan.scenario.terrain, np.moveaxis(tracks.ned_m * (1.0, 1.0, -1.0), -1, 0)
     lowest_m = float((up_m - ground_height_m(terrain, north_m, east_m)).min())  # the least distance is no more
     above = ground_distance_m(terrain, north_m, east_m, up_m, lowest_m)
-    row, instant = np.unravel_index(np.argmin(above), above.shape)
-    least_m, when_s, planned_m = float(above[row, instant]), float(t_s[instant]), plan.scenario.limits.clearance_min_m
-    sysid = plan.sysids[row]
-    return Criterion("clearance above ground", "m", least_m, 0.0, True, sysid, when_s, planned=planned_m)
+    planned_m = plan.scenario.limits.clearance_min_m
+    return _extreme(plan, "clearance above ground", above, tracks.within_m, tracks.t_s, 0.0, planned=planned_m)
 
 
-def _arrivals(plan: Plan, t_s: Array, flown: Array, planned: Array) -> list[Criterion]:
-    limits = plan.scenario.judge
+def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
+    limits, t_s = plan.scenario.judge, tracks.t_s
     goal = plan.states(np.array([plan.flight_s]))[:, 0, POSITION][:, None]
     at_end = np.searchsorted(t_s, plan.flight_s)
-    missed = np.linalg.norm(flown - goal, axis=-1)
-    farthest = int(np.argmax(missed[:, at_end]))
-    entered = [_last_entry(t_s, d, limits.arrival_position_m) for d in missed]
-    due = [_last_entry(t_s, d, limits.arrival_position_m) for d in np.linalg.norm(planned - goal, axis=-1)]
-    late = np.abs(np.subtract(entered, due))
+    missed, within = np.linalg.norm(tracks.ned_m - goal, axis=-1), tracks.within_m
+    end = slice(at_end, at_end + 1)
+    there = _extreme(
+        plan,
+        "arrival position",
+        missed[:, end],
+        within[:, end],
+        np.array([plan.flight_s]),
+        limits.arrival_position_m,
+        at_least=False,
+    )
+    due, entered, first, last = (
+        np.array([_last_entry(t_s, d, limits.arrival_position_m) for d in distances])
+        for distances in (np.linalg.norm(planned - goal, axis=-1), missed, missed - within, missed + within)
+    )
+    late = np.abs(entered - due)
     latest = int(np.argmax(late))
-    return [
-        Criterion(
-            "arrival position",
-            "m",
-            float(missed[farthest, at_end]),
-            limits.arrival_position_m,
-            False,
-            plan.sysids[farthest],
-            plan.flight_s,
-        ),
-        Criterion("arrival time", "s", float(late[latest]), limits.arrival_time_s, False, plan.sysids[latest]),
-    ]
+    bounds = np.abs(first - due), np.abs(last - due)
+    least = np.where((first <= due) & (due <= last), 0.0, np.minimum(*bounds))
+    in_time = Criterion(
+        "arrival time",
+        "s",
+        float(late[latest]),
+        limits.arrival_time_s,
+        False,
+        plan.sysids[latest],
+        lowest=float(least.max()),
+        highest=float(np.maximum(*bounds).max()),
+    )
+    return [there, in_time]
 
 
 def _last_entry(t_s: Array, distance_m: Array, radius_m: float) -> float:
@@ -209,6 +284,8 @@ def _last_entry(t_s: Array, distance_m: Array, radius_m: float) -> float:
     last = int(outside[-1])
     if last + 1 >= len(t_s):
         return float("inf")
+    if not np.isfinite(distance_m[last]):
+        return float(t_s[last + 1])
     share = (distance_m[last] - radius_m) / (distance_m[last] - distance_m[last + 1])
     return float(t_s[last] + share * (t_s[last + 1] - t_s[last]))
 

@@ -69,15 +69,25 @@ def points_passed(plan: Plan, tracks: Mapping[int, Track]) -> tuple[PointPassed,
     return tuple(found)
 
 
-def route_criterion(plan: Plan, t_s: Array, flown: Array) -> Criterion:
-    """The largest distance of any vehicle at any point, of true positions (V, N, 3) at plan times (N,).
+def route_criterion(plan: Plan, t_s: Array, flown: Array, within_m: Array) -> Criterion:
+    """The largest distance of any vehicle at any point, of positions (V, N, 3) at plan times (N,), known to (V, N) m.
 
     The limit is that of the arrival; a leader that passes by a point within a radius is judged by the plan's own place.
     """
     passed = points_passed(plan, {sysid: (t_s, track) for sysid, track in zip(plan.sysids, flown, strict=True)})
-    farthest = [(each.farthest or (plan.sysids[plan.leader], np.inf), each.passage.arrives_s) for each in passed]
-    (sysid, metres), when_s = max(farthest, key=lambda one: one[0][1])
-    return Criterion(ROUTE_POINTS, "m", metres, plan.scenario.judge.arrival_position_m, False, sysid, when_s)
+    around_s, leader = counted_s(plan), plan.sysids[plan.leader]
+    worst, lowest, highest = (-np.inf, leader, 0.0), -np.inf, -np.inf
+    for each in passed:
+        arrives_s, leaves_s = each.passage.arrives_s, each.passage.leaves_s
+        window = (t_s >= arrives_s - around_s) & (t_s <= leaves_s + around_s)
+        known = {sysid: metres for sysid, metres in each.distance_m.items() if np.isfinite(metres)} or {leader: np.inf}
+        for sysid, metres in known.items():
+            off_m = float(within_m[plan.sysids.index(sysid), window].max(initial=0.0))
+            worst = max(worst, (metres, sysid, arrives_s), key=lambda one: one[0])
+            lowest, highest = max(lowest, metres - off_m), max(highest, metres + off_m)
+    metres, sysid, when_s = worst
+    limit_m = plan.scenario.judge.arrival_position_m
+    return Criterion(ROUTE_POINTS, "m", metres, limit_m, False, sysid, when_s, lowest=lowest, highest=highest)
 
 
 def _passing(plan: Plan, row: int, passage: Passage, track: Track) -> tuple[float, float]:

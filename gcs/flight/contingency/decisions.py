@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from gcs.flight.contingency.choices import Choices
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.policy import (
     AGAIN_S,
@@ -14,7 +15,6 @@ from gcs.flight.contingency.policy import (
     TAKE_OVERS_MAX,
     YIELDED,
     Action,
-    Choices,
     Order,
     Row,
     Situation,
@@ -87,6 +87,10 @@ class ContingencyPolicy:
     def return_all(self, unix_s: float) -> list[Order]:
         """Return the orders that bring the formation back, as the operator requested."""
         return self._trigger(Trigger.RETURN_ALL, unix_s)
+
+    def never_heard(self, sysid: int) -> None:
+        """A vehicle was lost before this process began: no order for it, and none for the others because of it."""
+        self.states[sysid] = State.LOST
 
     def begin(self, *, starting: bool) -> None:
         """Count the vehicles as starting (before T0), or those that still start as flying the plan (from T0 on)."""

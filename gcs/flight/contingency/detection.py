@@ -13,7 +13,7 @@ from enum import StrEnum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.flight.contingency.energy_choice import Outcome
-from gcs.flight.contingency.mode_changes import ModeSigns
+from gcs.flight.contingency.mode_changes import ModeSigns, Taken
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 
@@ -49,6 +49,7 @@ class Incident:
     usable: bool = True  # of a link that is back: in its place and mode; of stranded vehicles: there is a way back
     outcome: Outcome | None = None  # of a low battery: what its energy allows; None: not known
     takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and does not land already
+    cause: FailsafeCause = FailsafeCause.OTHER  # of a failsafe
     ours: bool = False  # of a failsafe: this program stood still, so the vehicle had no setpoints
     higher: bool = True  # of a conflict: the vehicle is not below the other one
 
@@ -93,8 +94,6 @@ class VehicleWatch:
     ) -> None:
         self.sysid = sysid
         self.obeys = obeys
-        self.ours = False  # set from outside: whether a failsafe of now comes from a standstill of this program
-        self.usable = True  # set from outside: whether it is near its planned position
         self.remaining_pct: int | None = None  # as last reported
         self._behaviour = behaviour
         self._limits = limits
@@ -135,6 +134,10 @@ class VehicleWatch:
         self._tolerated = self._signs.mode
         self._signs.settle()
 
+    def obey_only(self, modes: frozenset[int]) -> None:
+        """From now on only these modes are ordered ones."""
+        self.obeys = modes
+
     def receive(self, message: Message, unix_s: float) -> None:
         """Take in a message of the vehicle; any message ends a silence."""
         self._heard_s = max(self._heard_s, unix_s)
@@ -157,8 +160,11 @@ class VehicleWatch:
             case "STATUSTEXT" if self._behaviour.failsafe.cause(str(fields["text"])) is FailsafeCause.FENCE:
                 self._fence = True  # PX4 reports a breach in no other way
 
-    def look(self, unix_s: float) -> list[Incident]:
+    def look(self, unix_s: float, *, usable: bool = True, ours: bool = False) -> list[Incident]:
         """Return the new incidents at `unix_s`; each is reported once, a low battery with every percent.
+
+        `usable`: the vehicle is near its planned position. `ours`: a failsafe of now comes from a standstill of this
+        program.
 
         A message since the last check counts as received now: in a burst of messages, time on board passes faster than
         it is read.
@@ -168,18 +174,18 @@ class VehicleWatch:
         if self._placed_since:
             self._placed_s = max(self._placed_s, unix_s)
         self._heard_since = self._placed_since = False
-        found = self._silence(unix_s)
+        found = self._silence(unix_s, near=usable)
         if self._silent or self._lost:
             return found
         found += self._fix(unix_s)
         found += self._battery(unix_s)
-        left = self._mode_left(unix_s)
+        left = self._mode_left(unix_s, ours=ours)
         if self._fence and not self._fence_reported and not any(one.kind is IncidentKind.FAILSAFE for one in left):
             found.append(Incident(IncidentKind.FENCE, self.sysid, unix_s))
         self._fence_reported = self._fence
         return found + left
 
-    def _mode_left(self, unix_s: float) -> list[Incident]:
+    def _mode_left(self, unix_s: float, *, ours: bool) -> list[Incident]:
         mode = self._signs.mode
         if mode is None or mode in self.obeys:
             if mode is not None:
@@ -192,14 +198,22 @@ class VehicleWatch:
         if taken is None:
             return []
         name = f"now in {self._behaviour.mode_name(mode)}"
-        if taken == "pilot":
+        if taken is Taken.PILOT:
             return [Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, name)]
         cause = self._signs.cause
-        able = cause is not FailsafeCause.POSITION and (self.ours or mode != self._behaviour.land)
+        able = cause is not FailsafeCause.POSITION and (ours or mode != self._behaviour.land)
         able = able and math.isnan(self._no_fix_since_s)
-        ours = self.ours and cause is not FailsafeCause.BATTERY
+        ours = ours and cause is not FailsafeCause.BATTERY
         return [
-            Incident(IncidentKind.FAILSAFE, self.sysid, unix_s, f"{name}, cause: {cause}", takeable=able, ours=ours)
+            Incident(
+                IncidentKind.FAILSAFE,
+                self.sysid,
+                unix_s,
+                f"{name}, cause: {cause}",
+                takeable=able,
+                ours=ours,
+                cause=cause,
+            )
         ]
 
     def _battery(self, unix_s: float) -> list[Incident]:
@@ -211,13 +225,13 @@ class VehicleWatch:
         kind = IncidentKind.BATTERY_CRITICAL if critical else IncidentKind.BATTERY_LOW
         return [Incident(kind, self.sysid, unix_s, f"{left_pct} % left")]
 
-    def _silence(self, unix_s: float) -> list[Incident]:
+    def _silence(self, unix_s: float, *, near: bool) -> list[Incident]:
         silent_s = unix_s - self._heard_s
         if silent_s <= self._limits.link_lost_s:
             if not (self._silent or self._lost) or unix_s - self._placed_s > self._limits.link_lost_s:
                 return []  # a link is back with the first position
             self._silent = self._lost = False
-            usable = self.usable and (self._signs.mode is None or self._signs.mode in self.obeys)
+            usable = near and (self._signs.mode is None or self._signs.mode in self.obeys)
             return [Incident(IncidentKind.LINK_BACK, self.sysid, unix_s, usable=usable)]
         if silent_s > self._limits.vehicle_lost_s and not self._lost:
             self._silent = self._lost = True

@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from dataclasses import dataclass
 
 import numpy as np
 
 from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory, Values
+from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.return_routes import ReturnRoutes
-from gcs.mission.returns.routed_motion import ACCEL_MPS2, PiecewiseMotion, routed_motion, stops
+from gcs.mission.returns.routed_motion import ACCEL_MPS2, PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
+from gcs.physics.states import ATTITUDE
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
 BRAKE_MPS2 = ACCEL_MPS2
@@ -57,26 +61,35 @@ class MotionReference:
         return (*position.tolist(), *(start + push * left_s).tolist(), *push.tolist(), self._yaw_ned_rad)
 
 
-def hold_reference(
-    position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, routes: ReturnRoutes
-) -> MotionReference:
+@dataclass(frozen=True)
+class MotionStart:
+    """Where an order finds a vehicle at plan time `t_s`, and the heading that it keeps."""
+
+    place_ned_m: Array  # (3,)
+    velocity_ned_mps: Array  # (3,)
+    yaw_ned_rad: float
+    t_s: float
+
+
+def predicted_start(plan: Plan, view: VehicleView, t0_unix_s: float, t_s: float) -> MotionStart:
+    """Return the start of an order at plan time `t_s` from a vehicle's last report, with the plan's heading."""
+    at = np.clip(np.array([t_s]), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    yaw_ned_rad = float(plan.leader_trajectory.state(at)[0, ATTITUDE][2])
+    return MotionStart(*view.predicted(t0_unix_s + t_s), yaw_ned_rad, t_s)
+
+
+def hold_reference(start: MotionStart, routes: ReturnRoutes) -> MotionReference:
     """Return a reference that brakes as a return does, out of no-fly zones and inside the fence, and holds."""
-    return MotionReference(_braking(position, velocity, begin_s, routes), begin_s, yaw_ned_rad)
+    return MotionReference(_braking(start, routes), start.t_s, start.yaw_ned_rad)
 
 
-def spread_reference(
-    position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, routes: ReturnRoutes, up_m: float
-) -> MotionReference:
+def spread_reference(start: MotionStart, routes: ReturnRoutes, up_m: float) -> MotionReference:
     """Return a reference that brakes in the same way, climbs by `up_m` meanwhile, and holds."""
-    motion = _both(_braking(position, velocity, begin_s, routes), _climbing(up_m))
-    return MotionReference(motion, begin_s, yaw_ned_rad)
+    return MotionReference(_both(_braking(start, routes), _climbing(up_m)), start.t_s, start.yaw_ned_rad)
 
 
 def return_reference(
-    position: Array,
-    velocity: Array,
-    yaw_ned_rad: float,
-    begin_s: float,
+    start: MotionStart,
     routes: ReturnRoutes,
     end_ned_m: Array,
     top_down_m: float,
@@ -88,18 +101,22 @@ def return_reference(
     The way leads round no-fly zones and keeps inside the fence; None without a way. A higher vehicle keeps its
     altitude. It ends `end_above_m` above `end_ned_m`.
     """
-    stop = stops(position[None], velocity[None], np.array([begin_s]), routes)
+    stop = _stops(start, routes)
     here = stop.end_ned_m[0]
-    way = routes.way_ned_m(here, end_ned_m, begin_s)
+    way = routes.way_ned_m(here, end_ned_m, start.t_s)
     if way is None:
         return None
     top = np.array([min(top_down_m, float(here[2]))])
     low = np.array([float(end_ned_m[2]) - end_above_m])
-    return MotionReference(routed_motion(stop, way[None], top, low, speeds), begin_s, yaw_ned_rad)
+    return MotionReference(routed_motion(stop, way[None], top, low, speeds), start.t_s, start.yaw_ned_rad)
 
 
-def _braking(position: Array, velocity: Array, begin_s: float, routes: ReturnRoutes) -> PiecewiseMotion:
-    stop = stops(position[None], velocity[None], np.array([begin_s]), routes)
+def _stops(start: MotionStart, routes: ReturnRoutes) -> Stops:
+    return stops(start.place_ned_m[None], start.velocity_ned_mps[None], np.array([start.t_s]), routes)
+
+
+def _braking(start: MotionStart, routes: ReturnRoutes) -> PiecewiseMotion:
+    stop = _stops(start, routes)
     zero = np.zeros_like(stop.velocities)
     return PiecewiseMotion(
         np.stack([np.zeros(1), stop.duration_s / 2, stop.duration_s], axis=1),

@@ -7,7 +7,7 @@ Without any sign a pilot, or another ground station, has changed the mode.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from enum import Enum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.link.wire.message import Message
@@ -16,7 +16,13 @@ from gcs.mavlink import MavState
 _MOVED_US = 60  # of one RC channel: more than noise
 _CHANNELS = 8
 _UNUSED = (0, 65535)
-Taken = Literal["failsafe", "pilot"]
+
+
+class Taken(Enum):
+    """What chose a mode that was not ordered."""
+
+    FAILSAFE = "failsafe"
+    PILOT = "pilot"
 
 
 class ModeSigns:
@@ -79,22 +85,22 @@ class ModeSigns:
             return None
         self.settle()
         self._reported = self.mode
-        return taken or "pilot"
+        return taken or Taken.PILOT
 
     def _judge(self, unix_s: float) -> Taken | None:
         recent_s = unix_s - self._evidence_s
         if self._cause_s < recent_s:
             self.cause = FailsafeCause.OTHER
         if self._pilot_s >= recent_s:
-            return "pilot"
+            return Taken.PILOT
         moved = self._sticks_s >= recent_s
         told = self._text_s >= recent_s and self.mode in self._signs.modes
         if told and (self._critical or not self._signs.always_critical):
-            return "failsafe"
+            return Taken.FAILSAFE
         began = self._signs.always_critical or self._critical_s >= recent_s  # else an earlier failsafe's is still shown
         if self._critical and began and not moved:
-            return "failsafe"
-        return "pilot" if moved else None
+            return Taken.FAILSAFE
+        return Taken.PILOT if moved else None
 
     def _hear(self, text: str, unix_s: float) -> None:
         if self._signs.pilot(text):

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.flight.contingency.energy_choice import EnergyChoice
-from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, return_reference, spread_reference
+from gcs.flight.contingency.manoeuvres import (
+    MotionReference,
+    hold_reference,
+    predicted_start,
+    return_reference,
+    spread_reference,
+)
 from gcs.flight.contingency.policy import SPREAD_M, Action, Order
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.return_routes import ReturnRoutes
@@ -40,16 +46,14 @@ class OrderedTracks:
 
         None: a return without a way.
         """
-        position, velocity = view.predicted(t0_unix_s + begin_s)
-        at = np.clip(np.array([begin_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
-        yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
+        start = predicted_start(self._plan, view, t0_unix_s, begin_s)
         if order.action is Action.HOLD:
-            return hold_reference(position, velocity, yaw, begin_s, self.routes)
+            return hold_reference(start, self.routes)
         if order.action is Action.SPREAD:
-            return spread_reference(position, velocity, yaw, begin_s, self.routes, SPREAD_M)
+            return spread_reference(start, self.routes, SPREAD_M)
         home, end, speeds = self._plan.pads_ned_m[row], self.end_ned_m(order, row), self._returns.speeds
         top_down_m = float(home[2]) - self._returns.altitudes_m[row]
-        return return_reference(position, velocity, yaw, begin_s, self.routes, end, top_down_m, speeds, HOVER_M)
+        return return_reference(start, self.routes, end, top_down_m, speeds, HOVER_M)
 
     def end_ned_m(self, order: Order, row: int) -> Array:
         """Where an order to return or to divert ends (3,)."""

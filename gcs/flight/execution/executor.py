@@ -13,12 +13,12 @@ import numpy as np
 
 from gcs.autopilots.columns import FailsafeCause
 from gcs.errors import FlightError
+from gcs.flight.contingency.choices import Choices, FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.contingency.options import FlightMode, FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import (
@@ -27,26 +27,22 @@ from gcs.flight.contingency.policy import (
     NOT_OBEYED_AFTER,
     USABLE_M,
     Action,
-    Choices,
     Order,
     State,
 )
+from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier, hurried
 from gcs.flight.execution.standstill import Standstill
-from gcs.flight.execution.streamer import Streamer
-from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
-from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.progress import Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
-from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
-_SLEEP_S = 0.005
+_STAMPED_S = 0.005  # local time in which many messages get one stamp
 _REJOIN_S = 8.0
 
 
@@ -55,44 +51,37 @@ class ContingencyExecutor:
 
     def __init__(
         self,
-        *,
-        plan: Plan,
-        vehicles: Mapping[int, FlightVehicle],
-        monitor: Monitor,
-        streamer: Streamer,
-        time: FleetTime,
+        fleet: FlyingFleet,
+        carrier: OrderCarrier,
         returns: ReturnPlan,
         model: BatteryModel,
-        carrier: OrderCarrier,
-        options: FlightOptions,
         on_event: Callable[[Event], None],
     ) -> None:
+        plan, options = fleet.plan, fleet.options
         self.policy = ContingencyPolicy(
             plan.sysids,
             plan.sysids[plan.leader],
             Choices(options.on_loss, options.on_leader_loss, options.follow),
         )
         self.over = asyncio.Event()
-        self._plan = plan
-        self._vehicles = vehicles
-        self._monitor = monitor
-        self._streamer = streamer
-        self._time = time
         self.returns = returns
-        self._options = options
+        self._fleet = fleet
+        self._plan, self._options, self._vehicles = plan, options, fleet.vehicles
+        self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
+        self._loop = asyncio.get_running_loop()
         self._on_event = on_event
         self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario))
-        self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in vehicles.items()}
-        self._now_s = -math.inf  # fleet time, computed once for many messages
+        self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in fleet.vehicles.items()}
+        self._now_s = self._stamped_s = -math.inf  # fleet time, and the local time at which it was computed
         self._returning: dict[int, WayBack] = {}
         self._carrier = carrier
-        self._charge = ChargeWatch(plan, EnergyAdviser(plan, model, returns, self._way_m, monitor.expected.profiles))
+        self._charge = ChargeWatch(
+            plan, EnergyAdviser(plan, model, returns, self._way_m, self._monitor.expected.profiles)
+        )
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
-        self._standstill = Standstill(
-            plan, vehicles, monitor, streamer, time, self._tracks.routes, options, lambda: self.policy.states
-        )
+        self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
         self._told: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
 
@@ -115,7 +104,7 @@ class ContingencyExecutor:
         """T0 is known: from now on the vehicles fly the plan."""
         self.policy.begin(starting=False)
         for vehicle in self._vehicles.values():
-            self._watches[vehicle.sysid].obeys = self._plan_modes(vehicle)
+            self._watches[vehicle.sysid].obey_only(self._plan_modes(vehicle))
 
     async def run(self) -> None:
         """Detect, decide and order until cancelled. Raises FlightError for trouble before T0."""
@@ -130,9 +119,8 @@ class ContingencyExecutor:
         checked_s = began_s
         try:
             while True:
-                await asyncio.sleep(_SLEEP_S)
-                now_s = self._time.now_s()
-                self._now_s = self._now_s if now_s is None else now_s
+                await self._time.comes_to(-math.inf if self._standstill.open else checked_s + _PERIOD_S)
+                now_s = self._stamp()
                 starting = State.STARTING in self.policy.states.values()
                 if self._standstill.reads(checked_s):
                     continue
@@ -151,7 +139,7 @@ class ContingencyExecutor:
 
     def never_heard(self, sysid: int) -> None:
         """A vehicle was lost before this process began: no order for it, and none for the others because of it."""
-        self.policy.states[sysid] = State.LOST
+        self.policy.never_heard(sysid)
         self._watches[sysid].never_heard()
 
     def return_all(self) -> None:
@@ -167,18 +155,13 @@ class ContingencyExecutor:
 
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
-        self._standstill.lands = True
+        self._standstill.land()
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
     @property
     def _t0_known(self) -> bool:
         return self._monitor.t0_unix_s is not None
-
-    @property
-    def _t0_s(self) -> float:
-        assert self._monitor.t0_unix_s is not None
-        return self._monitor.t0_unix_s
 
     def _plan_time_s(self, unix_s: float) -> float:
         """Plan time; before T0 is known as if the take-off had begun on time."""
@@ -197,27 +180,34 @@ class ContingencyExecutor:
 
     def _listener(self, watch: VehicleWatch) -> Callable[[Message], None]:
         def receive(message: Message) -> None:
+            if self._loop.time() >= self._stamped_s + _STAMPED_S:
+                self._stamp()
             watch.receive(message, self._now_s)
 
         return receive
+
+    def _stamp(self) -> float | None:
+        """Return fleet time, and keep it as that of the next messages."""
+        now_s = self._time.now_s()
+        self._now_s = self._now_s if now_s is None else now_s
+        self._stamped_s = self._loop.time()
+        return now_s
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)
-            watch.ours = self._standstill.ours(now_s)
             if not self._vehicles[sysid].session.armed:
                 continue  # no incidents on the ground
             error_m = self._monitor.views[sysid].error_m
-            watch.usable = not error_m > USABLE_M
             self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
-            for incident in watch.look(now_s):
+            for incident in watch.look(now_s, usable=not error_m > USABLE_M, ours=self._standstill.ours(now_s)):
                 self._decide(self._with_energy(incident, t_s), t_s)
         self._check_separation(now_s, t_s)
         if not self._t0_known:
             self._standstill.close()
             return
-        t_s = self._standstill.end(now_s, t_s, self.policy, self._carrier.stands, self._note, self._carry_out)
+        t_s = self._standstill.end(now_s, t_s, self._note, self._carry_out)
         for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
         for sysid, way in list(self._returning.items()):
@@ -226,13 +216,13 @@ class ContingencyExecutor:
                 continue
             if way.has_arrived(view, t_s):
                 del self._returning[sysid]
-                self._start(sysid, "land", self._land(self._vehicles[sysid]))
-            elif way.is_left(view, self._t0_s, t_s):
+                self._start(sysid, "land", partial(self._fleet.land, sysid))
+            elif way.is_left(view, self._monitor.t0_s, t_s):
                 track = self._track(way.order, self._vehicles[sysid], way.renewals + 1)
                 if track is not None:
-                    self._streamer.streamed[sysid].reference = track
+                    self._streamer.replace(sysid, track)
         formation = self.policy.in_formation
-        self._monitor.in_formation = [i for i in formation if self.policy.states[i] is State.FLYING]
+        self._monitor.watch_formation([i for i in formation if self.policy.states[i] is State.FLYING])
         if not formation:
             self.over.set()
 
@@ -247,7 +237,7 @@ class ContingencyExecutor:
     def _with_energy(self, incident: Incident, t_s: float) -> Incident:
         """The incident with what the vehicle's energy allows, if it is one of the battery."""
         kinds = IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL
-        of_battery = incident.kind is IncidentKind.FAILSAFE and str(FailsafeCause.BATTERY) in incident.detail
+        of_battery = incident.cause is FailsafeCause.BATTERY
         sysid, state = incident.sysid, self.policy.states[incident.sysid]
         left_pct, view = self._watches[sysid].remaining_pct, self._monitor.views[sysid]
         if not (incident.kind in kinds or of_battery) or state not in AIRBORNE or left_pct is None:
@@ -339,7 +329,7 @@ class ContingencyExecutor:
                 self._streamer.leave(order.sysid)
             case Action.LAND:
                 watch.order(m.land)
-                self._start(order.sysid, order.action.value, self._land(vehicle))
+                self._start(order.sysid, order.action.value, partial(self._fleet.land, order.sysid))
             case Action.REJOIN:
                 if self._options.mode is FlightMode.STREAM:
                     self._streamer.rejoin(vehicle, view, begin_s, _REJOIN_S)
@@ -359,7 +349,7 @@ class ContingencyExecutor:
     def _track(self, order: Order, vehicle: FlightVehicle, renewals: int = 0) -> MotionReference | None:
         """The reference of an order from now on. Without a way back the vehicle is ordered to land: None."""
         begin_s = self._plan_time_s(self._time.sure_s()) + self._options.lead_s
-        track = self._tracks.reference(order, vehicle.view, vehicle.row, self._t0_s, begin_s)
+        track = self._tracks.reference(order, vehicle.view, vehicle.row, self._monitor.t0_s, begin_s)
         if track is None:
             rule = f"{order.rule}; no way back keeps out of no-fly zones and inside the fence"
             self._carry_out(Order(order.sysid, Action.LAND, rule), begin_s)
@@ -367,13 +357,6 @@ class ContingencyExecutor:
             self._returning[order.sysid] = WayBack(order, track, renewals)
             self._heading[order.sysid] = SafePoint("as ordered", self._tracks.end_ned_m(order, vehicle.row))
         return track
-
-    def _land(self, vehicle: FlightVehicle) -> Callable[[], Awaitable[None]]:
-        async def land() -> None:
-            await set_mode(hurried(vehicle), vehicle.behaviour.land)
-            self._streamer.leave(vehicle.sysid)
-
-        return land
 
     def _start(self, sysid: int, what: str, work: Callable[[], Awaitable[None]]) -> None:
         """Give an order in place of the one before, until it is carried out."""
@@ -383,7 +366,7 @@ class ContingencyExecutor:
         """Tell an order that was refused or not answered; a vehicle that does not return is ordered to land."""
         now_s = self._time.now_s() or self._now_s
         t_s = self._plan_time_s(now_s)
-        again = f"attempt {order.attempts}, repeated in {order.wait_s(asyncio.get_running_loop().time()):.0f} s"
+        again = f"attempt {order.attempts}, repeated in {order.wait_s(self._loop.time()):.0f} s"
         self._note(now_s, t_s, order.sysid, f"did not {order.what}", f"{order.reason} ({again})")
         if order.attempts >= NOT_OBEYED_AFTER:
             for stronger in self.policy.not_obeyed(order.sysid, now_s):

@@ -10,14 +10,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 
 from gcs.errors import FlightError, GcsError, OrderError
-from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
-from gcs.flight.execution.order_carrier import OrderCarrier, hurried
-from gcs.flight.execution.streamer import Streamer
-from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
+from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import OrderCarrier
+from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.link.protocols.command import CommandSender
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
@@ -101,18 +101,16 @@ class FleetLanding:
 
     def __init__(
         self,
-        vehicles: Mapping[int, FlightVehicle],
-        streamer: Streamer,
-        options: FlightOptions,
+        fleet: FlyingFleet,
         states: Callable[[], Mapping[int, State]],
         tell_failure: Callable[[StandingOrder], None],
         tell: Callable[[int, str, str], None],
     ) -> None:
+        vehicles = fleet.vehicles
         self.custody = Custody({sysid: vehicle.session for sysid, vehicle in vehicles.items()})
         self.orders = OrderCarrier(lambda sysid: vehicles[sysid].session.armed, self.is_heard, self.custody.holds)
+        self._fleet = fleet
         self._vehicles = vehicles
-        self._streamer = streamer
-        self._options = options
         self._states = states
         self._tell_failure = tell_failure
         self._tell = tell
@@ -122,7 +120,7 @@ class FleetLanding:
         """Whether a vehicle is within reach."""
         if self._states().get(sysid) is State.LOST:
             return False
-        return self._vehicles[sysid].session.silent_s() <= self._options.limits.vehicle_lost_s
+        return self._vehicles[sysid].session.silent_s() <= self._fleet.options.limits.vehicle_lost_s
 
     def not_landed(self) -> list[int]:
         """Return the vehicles that do not report themselves disarmed: those in the air, and those not heard."""
@@ -133,11 +131,7 @@ class FleetLanding:
 
         `planned`: as the plan wants it. Then an order that a repetition carried out did not fail.
         """
-
-        async def land() -> None:
-            await set_mode(hurried(vehicle), vehicle.behaviour.land)
-            self._streamer.leave(vehicle.sysid)
-
+        land = partial(self._fleet.land, vehicle.sysid)
         self.orders.start(vehicle.sysid, "land", land, self._tell_failure, planned=planned)
 
     def send_once(self) -> None:

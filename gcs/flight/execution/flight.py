@@ -13,13 +13,15 @@ from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.fleet_landing import FleetLanding
 from gcs.flight.execution.flight_guard import FlightGuard
+from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,
@@ -54,7 +56,6 @@ from gcs.util.aio import alongside, each, ended
 T = TypeVar("T")
 _FEW = 12  # vehicles
 _HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
-LANDING_LOOK_S = 0.002
 
 
 class FlightSequence:
@@ -100,10 +101,9 @@ class FlightSequence:
         self._leaving_s = self.loads[0].mission.leaves_s
         self._start: CommonStart | None = None
         self._contingency: ContingencyExecutor | None = None
+        self._fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options)
         self.landing = FleetLanding(
-            self.vehicles,
-            self.streamer,
-            options,
+            self._fleet,
             lambda: self._contingency.policy.states if self._contingency else {},
             self._tell_failure,
             self._tell,
@@ -198,6 +198,7 @@ class FlightSequence:
         if self.options.mode is FlightMode.MISSION or CLOCK not in self.options.waived:
             await self.time.agree()
         self.landing.custody.refuse_armed()
+        self._hooks.on_read_back(self.held)
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
@@ -220,6 +221,10 @@ class FlightSequence:
         if MESSAGES not in self.options.waived:
             self._texts.refuse(sysid)
 
+    def is_aloft(self) -> None:
+        """Another process brought the vehicles into the air: a silent one does not end the flight."""
+        self.step = Step.FLY
+
     def enter(self, step: Step) -> None:
         """A step of the flight begins."""
         self.step = step
@@ -236,18 +241,8 @@ class FlightSequence:
         if returns is None:
             kinds = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
             returns = await in_own_process(plan_returns, self.plan, kinds)
-        self._contingency = ContingencyExecutor(
-            plan=self.plan,
-            vehicles=self.vehicles,
-            monitor=self.monitor,
-            streamer=self.streamer,
-            time=self.time,
-            returns=returns,
-            model=await self._battery_model(),
-            carrier=self.landing.orders,
-            options=self.options,
-            on_event=self._hooks.on_event,
-        )
+        model = await self._battery_model()
+        self._contingency = ContingencyExecutor(self._fleet, self.landing.orders, returns, model, self._hooks.on_event)
 
     async def _battery_model(self) -> BatteryModel:
         """A large fleet's takes seconds, in which heartbeats would wait."""
@@ -268,7 +263,7 @@ class FlightSequence:
 
     async def watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
-        self.monitor.t0_unix_s = t0_unix_s
+        self.monitor.begin(t0_unix_s)
         self.contingency.flies()
         self.completion.begins(self.time.sure_s() - t0_unix_s)
         self.enter(self.step)
@@ -281,10 +276,11 @@ class FlightSequence:
             for done in (over, planned):
                 if done.done():
                     done.result()
-            self.completion.broke_off = not planned.done()
+            broke_off = not planned.done()
         finally:
             await ended(over, planned)
-        self.completion.lands([i for i in self._on_plan() if self.sessions[i].silent_s() < _HEARD_S])
+        heard = [i for i in self._on_plan() if self.sessions[i].silent_s() < _HEARD_S]
+        self.completion.lands(heard, broke_off=broke_off)
         self.enter(Step.LAND)
         self.contingency.landing()
         if self.options.mode is FlightMode.STREAM:
@@ -299,12 +295,12 @@ class FlightSequence:
 
     async def _until_landing(self) -> None:
         """Wait until the plan's landing; T0 may move, and the plan waits while vehicles are led back to it."""
-        t0_unix_s, begin_s = self.monitor.t0_unix_s, self.plan.phase("landing").start_s
-        while self.contingency.waits or self.time.sure_s() < (self.monitor.t0_unix_s or 0.0) + begin_s:
-            if self.monitor.t0_unix_s != t0_unix_s:
-                t0_unix_s = self.monitor.t0_unix_s
+        t0_unix_s, begin_s = self.monitor.t0_s, self.plan.phase("landing").start_s
+        while self.contingency.waits or self.time.sure_s() < self.monitor.t0_s + begin_s:
+            if self.monitor.t0_s != t0_unix_s:
+                t0_unix_s = self.monitor.t0_s
                 self.enter(self.step)
-            await asyncio.sleep(LANDING_LOOK_S)
+            await self.time.comes_to(t0_unix_s + begin_s)
 
     def _tell_failure(self, order: StandingOrder) -> None:
         if self._contingency is not None:

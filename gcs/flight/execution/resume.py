@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from gcs.errors import FlightError, PeerError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.fleet_landing import named
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.takeoff_landing import FlightVehicle, expected_landings, request_telemetry, until_ready
@@ -71,7 +71,7 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
             f"{named(silent)} not heard: the plan is resumed by all vehicles or by none.",
             hint="attach with --land or --return",
         )
-    flight.step = Step.FLY  # a silent vehicle does not end it any more
+    flight.is_aloft()
     able = await _ready(flight, need_all=what is Resume.RESUME)
     await flight.prepare_contingency()
     for sysid in flight.vehicles.keys() - able:

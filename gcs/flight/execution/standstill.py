@@ -9,24 +9,21 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.common_rejoin import Rejoin, Stranded, common_rejoin
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
-from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
 from gcs.flight.contingency.policy import Action, Order, State
-from gcs.flight.execution.order_carrier import hurried
-from gcs.flight.execution.streamer import Streamer
+from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.progress import ALL_VEHICLES
 from gcs.mission.returns.return_routes import ReturnRoutes
-from gcs.plan.trajectory.plan import Plan
 from gcs.util.steady_loop import host_s, stalls_of
 
 READ_S, UNREAD_S = 0.2, 1.4  # local time at least, and at most, until what waited has been read
@@ -40,27 +37,14 @@ BEGIN_S = 0.05  # vehicle time from the choice of a rejoin to its first setpoint
 
 
 class Standstill:
-    """The standstills of this program in one flight. `states` are those of the contingency policy."""
+    """The standstills of this program in one flight."""
 
     def __init__(
-        self,
-        plan: Plan,
-        vehicles: Mapping[int, FlightVehicle],
-        monitor: Monitor,
-        streamer: Streamer,
-        time: FleetTime,
-        routes: ReturnRoutes,
-        options: FlightOptions,
-        states: Callable[[], Mapping[int, State]],
+        self, fleet: FlyingFleet, routes: ReturnRoutes, policy: ContingencyPolicy, carrier: OrderCarrier
     ) -> None:
-        self._plan = plan
-        self._vehicles = vehicles
-        self._monitor = monitor
-        self._streamer = streamer
-        self._time = time
-        self._routes = routes
-        self._options = options
-        self._states = states
+        self._plan, self._options, self._vehicles = fleet.plan, fleet.options, fleet.vehicles
+        self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
+        self._routes, self._policy, self._carrier = routes, policy, carrier
         self._loop = asyncio.get_running_loop()
         self._stalls = stalls_of(self._loop)
         self._seen = self._stalls.count
@@ -71,12 +55,16 @@ class Standstill:
         self._until_s = self._gathers_until_s = -math.inf  # fleet and loop time until which vehicles gather
         self._ours_until_s = -math.inf
         self._held: set[int] = set()
-        self.lands = False  # set from outside: the plan is over
+        self._lands = False
 
     @property
     def open(self) -> bool:
         """Whether a standstill is not dealt with yet: the plan's time means nothing then."""
         return self._stalls.count > self._seen or self._reads or self._stranded or self.gathers
+
+    def land(self) -> None:
+        """The plan is over: nobody is led back to it."""
+        self._lands = True
 
     def reads(self, checked_s: float) -> bool:
         """Whether messages that waited in a standstill are still being read; `checked_s` was the last check."""
@@ -91,7 +79,8 @@ class Standstill:
         if self._reads and (self._loop.time() - self._woke_s > unread_s or all(map(self._is_read, self._heard()))):
             self._reads = False
             self._stranded = self._streamer.missing_s(self._time.sure_s()) > MISSING_S
-            self._streamer.paused = self._streamer.paused and self._stranded
+            if not self._stranded:
+                self._streamer.resume()
             self._excused_from_s = checked_s
         return self._reads
 
@@ -111,36 +100,31 @@ class Standstill:
         self,
         now_s: float,
         t_s: float,
-        policy: ContingencyPolicy,
-        stands: Callable[[int], bool],
         note: Callable[[float, float, int, str, str], None],
         carry_out: Callable[[Order, float], None],
     ) -> float:
-        """Lead the vehicles back to the plan, or home, once it is known which; return the plan time.
-
-        `stands`: whether an order to a vehicle is under way.
-        """
-        if self.lands or self._options.mode is not FlightMode.STREAM:
+        """Lead the vehicles back to the plan, or home, once it is known which; return the plan time."""
+        if self._lands or self._options.mode is not FlightMode.STREAM:
             self.close()
             return t_s
-        how = self.step(now_s, lambda sysid: not stands(sysid))
+        how = self.step(now_s, lambda sysid: not self._carrier.stands(sysid))
         if how is None:
             return t_s
         note(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how))
-        orders = [order for incident in self.incidents(how, now_s) for order in policy.take(incident)]
+        orders = [order for incident in self.incidents(how, now_s) for order in self._policy.take(incident)]
         back = [order for order in orders if order.action is Action.REJOIN]
         for order in orders:
             if order not in back:
                 carry_out(order, t_s)
         if back and isinstance(how, Rejoin):
-            words = self.lead_back([order.sysid for order in back], how, now_s, policy.leader)
-            note(now_s, now_s - self._t0_s, ALL_VEHICLES, words, back[0].rule)
-        return now_s - self._t0_s
+            words = self.lead_back([order.sysid for order in back], how, now_s)
+            note(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule)
+        return now_s - self._monitor.t0_s
 
     def incidents(self, how: Rejoin | str, now_s: float) -> list[Incident]:
         """Return the incident of every vehicle of the formation; a silent one is judged when it is heard again."""
         found = []
-        for sysid, state in self._states().items():
+        for sysid, state in self._policy.states.items():
             vehicle = self._vehicles[sysid]
             obeys = vehicle.session.custom_mode == vehicle.behaviour.guided
             safe = isinstance(how, Rejoin) and obeys
@@ -165,23 +149,23 @@ class Standstill:
             self._held.clear()
         if self.gathers:
             self._hold([v for v in obey if v.sysid not in self._held], now_s)
-            self._streamer.paused = False
+            self._streamer.resume()
             slow = all(float(np.linalg.norm(v.view.velocity_ned_mps)) < SLOW_MPS for v in flying)
             in_time = now_s < self._until_s or self._loop.time() < self._gathers_until_s
             if not (slow and len(obey) == len(flying)) and in_time:
                 return None
-        before_s = self._before_s - self._t0_s
+        before_s = self._before_s - self._monitor.t0_s
         self.close()
         return self._choose(obey, now_s, before_s) if obey else "no vehicle follows setpoints"
 
-    def lead_back(self, sysids: list[int], how: Rejoin, now_s: float, leader: int) -> str:
+    def lead_back(self, sysids: list[int], how: Rejoin, now_s: float) -> str:
         """Carry out a rejoin; return it in words: by how much later than planned the flight goes on."""
-        begin_s = now_s + self._options.lead_s + BEGIN_S
-        keeps_t0 = abs(how.t_s - (begin_s - self._t0_s)) < 1e-6
-        t0_unix_s = self._t0_s if keeps_t0 else begin_s - how.t_s
-        later_s = t0_unix_s - self._t0_s
+        begin_s, before_s = now_s + self._options.lead_s + BEGIN_S, self._monitor.t0_s
+        keeps_t0 = abs(how.t_s - (begin_s - before_s)) < 1e-6
+        t0_unix_s = before_s if keeps_t0 else begin_s - how.t_s
+        later_s = t0_unix_s - before_s
         self._streamer.rejoin_together(
-            [self._vehicles[i] for i in sysids], t0_unix_s, begin_s - t0_unix_s, how.fade_s, leader
+            [self._vehicles[i] for i in sysids], t0_unix_s, begin_s - t0_unix_s, how.fade_s, self._policy.leader
         )
         if not keeps_t0:
             self._monitor.move_t0(t0_unix_s)
@@ -191,7 +175,7 @@ class Standstill:
         """Nothing is left to be done: also before T0, in a landing, with missions on board."""
         self._reads = self._stranded = self.gathers = False
         self._held.clear()
-        self._streamer.paused = False
+        self._streamer.resume()
 
     async def take_back(self, vehicle: FlightVehicle) -> None:
         """Have a vehicle follow setpoints again, at rest where it is. Raises as switching modes does."""
@@ -199,7 +183,7 @@ class Standstill:
             await self._streamer.obey(hurried(vehicle))
             return
         self._held.add(vehicle.sysid)
-        self._streamer.paused = False
+        self._streamer.resume()
         await self._streamer.take_over(hurried(vehicle), self._hold_at(vehicle, self._time.sure_s()))
 
     def gather(self) -> None:
@@ -207,17 +191,12 @@ class Standstill:
         if not self.gathers:
             self._stranded = True
 
-    @property
-    def _t0_s(self) -> float:
-        assert self._monitor.t0_unix_s is not None
-        return self._monitor.t0_unix_s
-
     def _flying(self) -> list[FlightVehicle]:
-        states = self._states()
+        states = self._policy.states
         return [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
 
     def _heard(self) -> list[FlightVehicle]:
-        states, unheard = self._states(), (State.SILENT, State.LOST)
+        states, unheard = self._policy.states, (State.SILENT, State.LOST)
         return [v for v in self._vehicles.values() if v.session.armed and states[v.sysid] not in unheard]
 
     def _is_read(self, vehicle: FlightVehicle) -> bool:
@@ -234,12 +213,9 @@ class Standstill:
             self._streamer.follow(vehicle, self._hold_at(vehicle, now_s))
 
     def _hold_at(self, vehicle: FlightVehicle, now_s: float) -> MotionReference:
-        begin_s = now_s + self._options.lead_s
-        position, velocity = vehicle.view.predicted(begin_s)
-        t_s = begin_s - self._t0_s
-        at = np.clip(np.array([t_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
-        yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
-        return hold_reference(position, velocity, yaw, t_s, self._routes)
+        t0_s = self._monitor.t0_s
+        begin_s = now_s + self._options.lead_s - t0_s
+        return hold_reference(predicted_start(self._plan, vehicle.view, t0_s, begin_s), self._routes)
 
     def _choose(self, vehicles: list[FlightVehicle], now_s: float, before_s: float) -> Rejoin | str:
         begin_s = now_s + self._options.lead_s + BEGIN_S
@@ -248,4 +224,4 @@ class Standstill:
             return "the position of a vehicle is not known"
         places, rates = np.array([place for place, _ in seen]), np.array([rate for _, rate in seen])
         here = Stranded(tuple(vehicle.row for vehicle in vehicles), places, rates)
-        return common_rejoin(self._plan, self._routes, here, begin_s - self._t0_s, before_s)
+        return common_rejoin(self._plan, self._routes, here, begin_s - self._monitor.t0_s, before_s)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 
 import numpy as np
 
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.manoeuvres import MotionReference, RejoinReference
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.reference_trajectory import PlanReference, ReferenceTrajectory, Values
 from gcs.flight.execution.leader_follower import FollowerState, FollowReference, FormationFollowing
 from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
@@ -22,7 +22,7 @@ from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
-from gcs.util.aio import each, sleep_sharply
+from gcs.util.aio import each, set_within, sleep_sharply
 from gcs.util.steady_loop import host_s, stalls_of
 
 _LONGEST_WAIT_S = 0.05
@@ -60,7 +60,6 @@ class Streamer:
             for v in fleet.values()
         }
         self.scheduler: Scheduler | None = None
-        self.paused = False  # what is due meanwhile is not sent
         self._planned = {sysid: one.reference for sysid, one in self.streamed.items()}
         self._plan = plan
         self._fleet = fleet
@@ -73,6 +72,7 @@ class Streamer:
         self._stalls = stalls_of(self._loop)
         self._stalls_seen = self._stalls.count
         self._woken = asyncio.Event()
+        self._hushed_until_s = -math.inf  # local time
 
     def wake(self) -> None:
         """A message came from a vehicle: its time may have advanced."""
@@ -84,7 +84,7 @@ class Streamer:
         while True:
             self.hush()
             if self.scheduler is None or self.paused:
-                await asyncio.sleep(_EMULATED_WAIT_S)
+                await self._until_woken(_LONGEST_WAIT_S)
             else:
                 await self._turn(self.scheduler)
 
@@ -122,14 +122,23 @@ class Streamer:
         await self.obey(vehicle)
 
     def hush(self) -> None:
-        """After a standstill of this program, send nothing until `paused` is reset, or `_HUSHED_S` at most.
+        """After a standstill of this program, send nothing until `resume`, or for `_HUSHED_S` at most.
 
         Until what has waited is read, the vehicles' clocks and positions are old.
         """
         if self._stalls.count > self._stalls_seen:
             self._stalls_seen = self._stalls.count
-            self.paused = True
-            self._loop.call_later(_HUSHED_S, setattr, self, "paused", False)
+            self._hushed_until_s = self._loop.time() + _HUSHED_S
+
+    @property
+    def paused(self) -> bool:
+        """Whether what is due is not sent."""
+        return self._loop.time() < self._hushed_until_s
+
+    def resume(self) -> None:
+        """Send what is due again."""
+        self._hushed_until_s = -math.inf
+        self._woken.set()
 
     def missing_s(self, now_s: float) -> float:
         """Return for how long the vehicles have flown past their newest setpoint, at fleet time `now_s`.
@@ -146,6 +155,10 @@ class Streamer:
             now_s = self._time.sure_s() - self.scheduler.t0_unix_s
             self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(now_s), None)
         self.scheduler.streams[vehicle.sysid].end = None
+
+    def replace(self, sysid: int, reference: ReferenceTrajectory) -> None:
+        """Stream another reference to a vehicle, for as long as the one before."""
+        self.streamed[sysid].reference = reference
 
     def continue_plan(self, t_s: float, fade_s: float | None) -> float:
         """Continue the plan a second from now at its time `t_s`, from the vehicles' positions; return T0.
@@ -272,10 +285,11 @@ class Streamer:
         if not self._emulated:
             await sleep_sharply(pause_s)
             return
+        await self._until_woken(pause_s)
+
+    async def _until_woken(self, at_most_s: float) -> None:
         self._woken.clear()
-        with suppress(TimeoutError):
-            async with asyncio.timeout(pause_s):  # wait_for may swallow being cancelled
-                await self._woken.wait()
+        await set_within(self._woken, at_most_s)
 
     def _send(self, sysid: int, message: Message) -> None:
         self._fleet[sysid].session.send(message)

@@ -11,17 +11,20 @@ Once the clocks are held, every vehicle flies by its boot clock, and a jump of i
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from statistics import median
 
 from gcs.errors import FlightError
 from gcs.link.protocols.clock import JUMP_S, VehicleClock
 from gcs.link.session.vehicle_session import VehicleSession
-from gcs.util.aio import LOOK_S
+from gcs.link.wire.message import Message
+from gcs.util.aio import LOOK_S, set_within
 from gcs.util.steady_loop import host_s
 
-_PUMP_S = 0.002
+_SOON_S = 0.002  # no wait is shorter
 _SETTLE_S = 3.0  # local time in which clocks may still come to agree
 AGREE_S = 1.0  # simulators of ArduPilot differ by up to 0.6 s from their median
 
@@ -50,7 +53,29 @@ class FleetTime:
     async def until(self, unix_s: float) -> None:
         """Wait until this time."""
         while self.sure_s() < unix_s:
-            await asyncio.sleep(_PUMP_S)
+            await self.comes_to(unix_s)
+
+    async def comes_to(self, unix_s: float) -> None:
+        """Wait until this time may have come: a vehicle has reported it, or it is predicted; `LOOK_S` at most.
+
+        After that time, wait for the next report of any vehicle.
+        """
+        came = asyncio.Event()
+        clocks = self._clocks()
+
+        def heard(sysid: int, _: Message) -> None:
+            if clocks[sysid].heard_unix_s >= unix_s:
+                came.set()
+
+        stops = [self._sessions[sysid].subscribe(partial(heard, sysid)) for sysid in clocks]
+        try:
+            now_s = self.now_s()
+            left_s = math.inf if now_s is None or now_s >= unix_s else unix_s - now_s
+            rate = max([1.0, *(clock.rate for clock in clocks.values())])
+            await set_within(came, min(max(left_s / rate, _SOON_S), LOOK_S))
+        finally:
+            for stop in stops:
+                stop()
 
     def hold(self) -> None:
         """From now on every vehicle flies by its boot clock, and jumps of GNSS time are `changes`."""

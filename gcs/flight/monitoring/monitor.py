@@ -115,6 +115,12 @@ class Monitor:
         """Compare landings with these descents from now on."""
         self.expected = ExpectedMotion(self.plan, landings)
 
+    @property
+    def t0_s(self) -> float:
+        """T0, which is known by now."""
+        assert self.t0_unix_s is not None
+        return self.t0_unix_s
+
     def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
         """Take in a LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
         unix_s, motion = clock.unix_s(message.fields["time_boot_ms"]), local_motion(message)
@@ -138,6 +144,10 @@ class Monitor:
         flying = self.in_formation
         return {sysid: view.error_m if sysid in flying else math.nan for sysid, view in self.views.items()}
 
+    def begin(self, t0_unix_s: float) -> None:
+        """The vehicles fly the plan from this T0."""
+        self.t0_unix_s = t0_unix_s
+
     def move_t0(self, t0_unix_s: float) -> None:
         """The plan goes on with this T0; delays count from now on."""
         self.t0_unix_s = t0_unix_s
@@ -147,6 +157,10 @@ class Monitor:
     def nearest_now(self) -> NearestPair | None:
         """Return the nearest two vehicles of `aloft`; None before all have reported."""
         return self._nearest(self.aloft)
+
+    def watch_formation(self, sysids: Collection[int]) -> None:
+        """Take in which vehicles fly the plan and are heard: the formation error is theirs."""
+        self.in_formation = sysids
 
     def watch_separation(self, aloft: Collection[int]) -> None:
         """Take in which vehicles are in the air, and note the nearest two of those that are heard."""
@@ -228,7 +242,7 @@ class Completion:
         self._flown_s = dict.fromkeys(plan.sysids, 0.0)
         self._begin_s: float | None = None  # plan time
         self._short: dict[int, float] = {}  # seconds flown, of vehicles whose landing began too early
-        self.broke_off = False  # no vehicle flew the plan any more before its landing
+        self._broke_off = False
 
     def receive(self, sysid: int, boot_ms: int, *, armed: bool) -> None:
         """Take in the boot time of a vehicle's report."""
@@ -242,8 +256,12 @@ class Completion:
         """The vehicles fly the plan, which is at its time `t_s` by the common time."""
         self._begin_s = t_s
 
-    def lands(self, sysids: Collection[int]) -> None:
-        """These vehicles, which fly the plan and are heard, have reached its landing by the common time."""
+    def lands(self, sysids: Collection[int], *, broke_off: bool = False) -> None:
+        """These vehicles, which fly the plan and are heard, have reached its landing by the common time.
+
+        `broke_off`: before that, no vehicle flew the plan any more.
+        """
+        self._broke_off = broke_off
         enough_s = self._flight_s - SLACK_S - SLACK_SHARE * self._flight_s
         self._short = {i: self._flown_s[i] for i in sysids if self._flown_s[i] < enough_s}
 
@@ -253,7 +271,7 @@ class Completion:
             f"vehicle {sysid} flew {flown_s:.0f} s of {self._flight_s:.0f} s until the landing, by its own clock"
             for sysid, flown_s in self._short.items()
         ]
-        if self.broke_off:
+        if self._broke_off:
             words.append("no vehicle flew it to its landing")
         far_m = max(PLACE_M, 3.0 * self._plan.scenario.judge.arrival_position_m)
         for sysid, view in views.items():

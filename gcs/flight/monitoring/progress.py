@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
 
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.link.session.unknown_systems import LinkNotice
+from gcs.link.session.upload_fleet import Holdings
 
 P = ParamSpec("P")
 _RULE = "Only the vehicles of the plan are listened to, each at its own address"
@@ -53,8 +55,14 @@ class FlightTimes:
     """The times of a completed flight, in the vehicles' common GNSS time."""
 
     airborne_unix_s: float  # all vehicles hover over their pads
-    t0_unix_s: float  # plan time 0
+    t0_unix_s: float  # plan time 0; of the last piece, if T0 moved
     landing_unix_s: float  # all vehicles are ordered to land
+    clock: PlanTime | None = None  # of a flight whose T0 may have moved
+
+    @property
+    def plan_time(self) -> PlanTime:
+        """The plan time of every instant of the flight."""
+        return self.clock or PlanTime.of(self.t0_unix_s)
 
 
 @dataclass(frozen=True)
@@ -197,16 +205,20 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class FlightHooks:
-    """What is called during a flight. `on_ready` may raise to stop it before the upload."""
+    """What is called during a flight. `on_ready` may raise to stop it before the upload; `on_read_back` follows it."""
 
     on_event: Callable[[Event], None] = _ignore
     on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
     on_ready: Callable[[], Awaitable[None]] | None = None
+    on_read_back: Callable[[Holdings], None] = _ignore
 
     def spared(self) -> FlightHooks:
         """Return the same hooks, without the failures of those that only report."""
         return replace(
-            self, on_event=spared(self.on_event, "the report of events"), on_step=spared(self.on_step, "that of steps")
+            self,
+            on_event=spared(self.on_event, "the report of events"),
+            on_step=spared(self.on_step, "that of steps"),
+            on_read_back=spared(self.on_read_back, "that of the upload"),
         )
 
 

@@ -9,9 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter
 
-from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
 from gcs.util.bounded_file import EVENT_FILE, read_file, read_json
@@ -36,8 +37,12 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
 _EVENT = TypeAdapter(Event)
-OK_TEXT = "Flight verified: all criteria within limits."
-FAILED_TEXT = "Flight FAILED: at least one criterion outside its limit."
+OUTCOMES = {
+    FlightOutcome.OK: "Flight verified: all criteria within limits.",
+    FlightOutcome.FAILED: "Flight FAILED: at least one criterion outside its limit.",
+    FlightOutcome.UNKNOWN: "Flight not decided: at least one criterion is not known from what the vehicles reported.",
+}
+TRUE_STATES, REPORTS = "true states", "reports"  # what a flight was judged from
 
 
 def read_events(path: Path) -> tuple[Event, ...]:
@@ -58,20 +63,33 @@ def read_events(path: Path) -> tuple[Event, ...]:
 
 
 def report_data(
-    mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict, extra: dict[str, Any]
+    mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict | None, extra: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the report as plain values, for `report.json` and `--json`."""
     return {
-        "ok": verdict.ok,
+        "ok": verdict is not None and verdict.ok,
+        "verdict": (FlightOutcome.UNKNOWN if verdict is None else verdict.outcome).value,
         "mission": mission,
         "plan_hash": plan_hash,
         **extra,
+        "times": {name: getattr(times, name) for name in ("airborne_unix_s", "t0_unix_s", "landing_unix_s")},
+        **({} if verdict is None else criteria_data(verdict)),
+    }
+
+
+def criteria_data(verdict: Verdict) -> dict[str, Any]:
+    """Return the criteria and errors of a verdict as plain values."""
+    return {
         # A vehicle that never arrives is infinitely late, which JSON has no number for.
-        "criteria": [{**asdict(c), "value": _finite(c.value), "ok": c.ok} for c in verdict.criteria],
+        "criteria": [
+            asdict(c)
+            | {name: _finite(getattr(c, name)) for name in ("value", "lowest", "highest")}
+            | {"ok": c.ok, "verdict": c.outcome.value}
+            for c in verdict.criteria
+        ],
         "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
         "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
         "formation_error_max_m": _finite(verdict.formation_error_m),
-        "times": asdict(times),
     }
 
 
@@ -82,15 +100,15 @@ def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> dict[str
             "part": str(one.part),
             "vehicles": list(one.pair),
             "distance_m": one.distance_m,
-            "t_s": one.unix_s - times.t0_unix_s,
+            "t_s": float(times.plan_time.t_s(np.array(one.unix_s))),
         }
         for one in nearest
     )
     return {"separation_reported": list(rows)}
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else value
 
 
 def limit_text(criterion: Criterion) -> str:

@@ -15,9 +15,9 @@ from typing import Any
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import GRID_S, Verdict
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.recording.flight_folder import FAILED_TEXT, OK_TEXT, PLAN, limit_text
-from gcs.flight.setup.build_loads import TimeKeeping
+from gcs.flight.contingency.choices import FlightMode, TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.recording.flight_folder import OUTCOMES, PLAN, TRUE_STATES, limit_text
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.physics.wind import GUSTS_MPS
 from gcs.scenario.schema.scenario import Scenario
@@ -45,6 +45,12 @@ DEFINITIONS = {
     "separation": "distance of the centres of two vehicles, from T0 to the order to land",
     "separation near ground": "the same before T0 and after the order to land",
 }
+_TRUE = "True positions are those of the emulated bodies; vehicles and Skein know estimates only."
+_REPORTED = (
+    "Positions are those that the vehicles reported. The true ones may be elsewhere: by 3 sigma of what receiver and "
+    "estimator tell of their accuracy, by what a vehicle may move between two reports, and by the error of its clock. "
+    "A criterion whose limit lies within that range is not known."
+)
 FORMATION_ERROR = (
     "Definition 1 of the paper: distance of a true position from its place in the formation, wherever the formation "
     "is; the largest of any vehicle from T0 to the planned arrival"
@@ -91,15 +97,15 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
     lines = [
         f"# Flight of {data['mission']}",
         "",
-        f"{OK_TEXT if verdict.ok else FAILED_TEXT} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}{navigator}.",
+        f"{OUTCOMES[verdict.outcome]} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}{navigator}.",
         "",
         *_conditions(data),
-        "## Criteria, from the true states",
+        f"## Criteria, from the {data['judged']}",
         "",
         "| criterion | measured | limit | verdict |",
         "| --- | --- | --- | --- |",
         *(
-            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {limit_text(c)} | {'ok' if c.ok else 'FAILED'} |"
+            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {limit_text(c)} | {c.verdict} |"
             for c in verdict.criteria
         ),
         f"| formation error | {verdict.formation_error_m:.3f} m | – | – |",
@@ -124,7 +130,7 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
             for row in rows
         ]
         lines.append("")
-    lines += _definitions(verdict)
+    lines += _definitions(verdict, data["judged"])
     atomic_write(folder / "report.md", "\n".join(lines))
 
 
@@ -177,14 +183,14 @@ def _deviation_mps(gusts: str | None) -> float:
     return deviation if math.isfinite(deviation) else 0.0
 
 
-def _definitions(verdict: Verdict) -> list[str]:
+def _definitions(verdict: Verdict, judged: str) -> list[str]:
     known = [(c.name, DEFINITIONS[c.name]) for c in verdict.criteria if c.name in DEFINITIONS]
     known += [("formation error", FORMATION_ERROR), ("time skew", SKEW)]
     return [
         "## Definitions",
         "",
-        "True positions are those of the emulated bodies; vehicles and Skein know estimates only. T0 is plan time 0. "
-        "The measured figure is that of the worst vehicle or pair.",
+        f"{_TRUE if judged == TRUE_STATES else _REPORTED} T0 is plan time 0; while vehicles were led back to the plan "
+        "after a standstill, it waited. The measured figure is that of the worst vehicle or pair.",
         "",
         *(f"- **{name}**: {text}." for name, text in known),
         "",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
@@ -228,27 +229,29 @@ def load_recording(path: Path) -> LoadedRecording:
 
 def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
     plan, _ = read_plan(folder / PLAN)
+    events = read_events(folder / EVENTS)
+    plan_time = PlanTime.of(t0_unix_s, ((event.unix_s, event.t_s) for event in events))
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
     record = (
-        build_record(plan, t0_unix_s, messages, state.systems) if logs else read_record(folder / RECORD, "name a .tlog")
+        build_record(plan, plan_time, messages, state.systems) if logs else read_record(folder / RECORD, "name a .tlog")
     )
-    _, warnings, remarks, _ = recording_from_telemetry(_timed(frames, unix_s - t0_unix_s))
+    _, warnings, remarks, _ = recording_from_telemetry(_timed(frames, plan_time.t_s(unix_s)))
     vehicle_of = {system: vehicle for vehicle, system in state.systems.items()}
     said = sorted((*warnings, *remarks), key=lambda one: one.t_s)
     said = [replace(one, sysid=vehicle_of.get(one.sysid, one.sysid)) for one in said]
     tracks = _from_record(record, plan.sysids)
-    events = tuple(_placed(event, t0_unix_s) for event in read_events(folder / EVENTS) if math.isfinite(event.unix_s))
+    events = tuple(_placed(event, plan_time) for event in events if math.isfinite(event.unix_s))
     systems = {state.systems.get(sysid, sysid): sysid for sysid in plan.sysids}
     landings = reported_profiles(messages, systems)
     notes = (*notes, *map(str, state.incomplete))
     recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes, landings)
-    return LoadedRecording(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
+    return LoadedRecording(_not_empty(recording, folder), plan_time.t_s(unix_s), frames)
 
 
-def _placed(event: Event, t0_unix_s: float) -> Event:
-    """Return an event from before T0 was known with its time counted from T0."""
-    return replace(event, t_s=event.unix_s - t0_unix_s) if math.isnan(event.t_s) else event
+def _placed(event: Event, plan_time: PlanTime) -> Event:
+    """Return an event with its plan time: before T0 was known, and in a standstill, it was noted without."""
+    return replace(event, t_s=float(plan_time.t_s(np.array(event.unix_s))))
 
 
 def _bare(name: str, logs: list[Tlog]) -> LoadedRecording:

@@ -5,6 +5,7 @@ It is made from the `.tlog`, so that an interrupted flight has a record too. `Na
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +21,8 @@ from gcs.autopilots.parameter_names import in_units_of, spellings
 from gcs.autopilots.traits import traits_of
 from gcs.errors import FileFormatError
 from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
+from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.reported_accuracy import ReportedAccuracy
 from gcs.flight.recording.tlog import LoggedFrame, scan
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.local_motion import local_motion
@@ -27,13 +30,16 @@ from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.values.navigation_error import navigation_error
 from gcs.types import Array
 from gcs.util.bounded_file import RECORD_FILE, read_file
 from gcs.util.bounded_parquet import open_parquet
 
 NAME = "record.parquet"
-Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int]
+Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int, float, float]
+WITHIN = ("horizontal_within_m", "vertical_within_m")
 _STEP_S = 0.1
+_CLOCK_S = 0.02  # a vehicle's clock is corrected in such steps
 _AXES = ("north", "east", "down")
 _NEEDED = {form.format(axis) for form in ("{}_m", "v_{}_mps") for axis in _AXES} | {
     *("t_s", "sysid", "armed", "mode", "battery_pct")
@@ -75,15 +81,16 @@ def _by_old_names(autopilot: int, values: Mapping[str, float]) -> dict[str, floa
 
 
 def build_record(
-    plan: Plan, t0_unix_s: float, messages: Iterable[Message], systems: Mapping[int, int] | None = None
+    plan: Plan, plan_time: PlanTime, messages: Iterable[Message], systems: Mapping[int, int] | None = None
 ) -> pa.Table:
     """Return one row for every position that a vehicle reported once its time was known.
 
-    Columns: t_s (plan time), sysid, north/east/down_m, v_..._mps, planned_..._m, planned_v_..._mps, error_m, armed,
-    mode, battery_pct (-1: not reported), autopilot, formation_error_m (Definition 1 at that time, of all vehicles; NaN
-    after the last report of one of them). Common local NED frame. In the landing the planned columns are the descent
-    that the vehicle's autopilot flies by itself, to the ground. `systems` are the MAVLink systems of vehicles with
-    another system id than in the plan.
+    Columns: t_s (plan time), unix_s (the vehicles' common time), sysid, north/east/down_m, v_..._mps, planned_..._m,
+    planned_v_..._mps, error_m, armed, mode, battery_pct (-1: not reported), autopilot, formation_error_m (Definition 1
+    at that time, of all vehicles; NaN after the last report of one of them), horizontal_within_m and vertical_within_m
+    (how far the true position may be, 3 sigma, by what the vehicle told of its receiver, estimator and clock). Common
+    local NED frame. In the landing the planned columns are the descent that the vehicle's autopilot flies by itself, to
+    the ground. `systems` are the MAVLink systems of vehicles with another system id than in the plan.
     """
     told: list[Message] = []  # of all others only a row is kept: a log may have millions
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
@@ -91,6 +98,7 @@ def build_record(
     modes = dict.fromkeys(plan.sysids, (False, 0))
     autopilots = dict.fromkeys(plan.sysids, 0)
     battery = dict.fromkeys(plan.sysids, -1)
+    accuracies = {sysid: ReportedAccuracy(navigation_error(plan.scenario)) for sysid in plan.sysids}
     rows: list[Row] = []
     for n, message in enumerate(messages):
         sysid = vehicle_of.get(message.sysid)
@@ -99,6 +107,7 @@ def build_record(
         if message.name in ("HEARTBEAT", "PARAM_VALUE"):
             told.append(message)
         clocks[sysid].receive(message, float(n))
+        accuracies[sysid].receive(message)
         fields = message.fields
         if message.name == "HEARTBEAT" and fields["autopilot"] != NO_AUTOPILOT:
             autopilots[sysid] = int(fields["autopilot"])
@@ -110,8 +119,11 @@ def build_record(
         elif message.name == "LOCAL_POSITION_NED":
             unix_s, motion = clocks[sysid].unix_s(fields["time_boot_ms"]), local_motion(message)
             if unix_s is not None and motion is not None:
-                rows.append((unix_s - t0_unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid]))
-    return _table(ExpectedMotion(plan, reported_profiles(told, vehicle_of)), rows)
+                off_s = abs(clocks[sysid].gnss_off_s) + _CLOCK_S
+                beside_m, above_m = accuracies[sysid].within_m
+                within_m = beside_m + off_s * math.hypot(*motion[3:5]), above_m + off_s * abs(motion[5])
+                rows.append((unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid], *within_m))
+    return _table(ExpectedMotion(plan, reported_profiles(told, vehicle_of)), plan_time, rows)
 
 
 def telemetry_logs(folder: Path) -> list[Path]:
@@ -125,14 +137,14 @@ def _began_us(log: Path) -> int:
     return next((one.stamp_us for one in scan(log) if isinstance(one, LoggedFrame) and one.stamp_us), 0)
 
 
-def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[int, int] | None = None) -> pa.Table:
+def write_record(folder: Path, plan: Plan, plan_time: PlanTime, systems: Mapping[int, int] | None = None) -> pa.Table:
     """Make the record of a flight's folder from its telemetry, write it there and return it.
 
     Damaged parts of the telemetry are left out.
     """
     frames = (one for path in telemetry_logs(folder) for one in scan(path) if isinstance(one, LoggedFrame))
     messages = (frame.message for frame in frames if frame.message is not None)
-    table = build_record(plan, t0_unix_s, messages, systems)
+    table = build_record(plan, plan_time, messages, systems)
     pq.write_table(table, folder / NAME, compression="zstd")
     return table
 
@@ -155,10 +167,11 @@ def _formation_error_m(plan: Plan, t_s: Array, sysids: NDArray[np.int64], places
     return np.asarray(np.interp(t_s, grid_s, error, left=np.nan, right=np.nan))
 
 
-def _table(expected: ExpectedMotion, rows: list[Row]) -> pa.Table:
+def _table(expected: ExpectedMotion, plan_time: PlanTime, rows: list[Row]) -> pa.Table:
     plan = expected.plan
-    columns = list(zip(*rows, strict=True)) or [()] * 12
-    t_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
+    columns = list(zip(*rows, strict=True)) or [()] * 14
+    unix_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
+    t_s = plan_time.t_s(unix_s)
     reported = np.array(columns[2:8], dtype=np.float64).reshape(6, -1).T
     planned = np.full((len(t_s), 6), np.nan)
     for row, sysid in enumerate(plan.sysids):
@@ -168,7 +181,7 @@ def _table(expected: ExpectedMotion, rows: list[Row]) -> pa.Table:
             states = expected.of_vehicle(row, t_s[mine])
             motion = np.hstack([states[:, POSITION], states[:, VELOCITY]])
             planned[mine] = np.where(expected.covers(row, t_s[mine])[:, None], motion, np.nan)
-    data: dict[str, object] = {"t_s": t_s, "sysid": sysids}
+    data: dict[str, object] = {"t_s": t_s, "unix_s": unix_s, "sysid": sysids}
     for name, values in (("", reported), ("planned_", planned)):
         data |= {f"{name}{axis}_m": values[:, n] for n, axis in enumerate(_AXES)}
         data |= {f"{name}v_{axis}_mps": values[:, 3 + n] for n, axis in enumerate(_AXES)}
@@ -177,6 +190,7 @@ def _table(expected: ExpectedMotion, rows: list[Row]) -> pa.Table:
     data["armed"] = np.array(columns[8], dtype=bool)
     for n, name in enumerate(("mode", "battery_pct", "autopilot"), start=9):
         data[name] = np.array(columns[n], dtype=np.int64)
+    data |= {name: np.array(columns[n], dtype=np.float64) for n, name in enumerate(WITHIN, start=12)}
     return pa.table(data)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
 from gcs.errors import GcsError, PeerError, UsageError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.export import export
@@ -24,8 +23,6 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from gcs.scenario.values.si import names_autopilots
 
-IDEAL, OWN, AUTO = "ideal", "own", "auto"
-NAVIGATORS = (AUTO, OWN, IDEAL)
 _SHARE = 0.5  # of a limit that the autopilot may use; sensors and wind take the rest
 
 
@@ -155,36 +152,27 @@ def _firmware(sysid: int, autopilot: int) -> Autopilot:
         ) from None
 
 
-@dataclass(frozen=True)
-class TimeKeeping:
-    """How a flight's missions keep time. `navigator` is that of emulated vehicles."""
-
-    mode: FlightMode
-    emulated: bool
-    navigator: str = AUTO
-    gates: int = 0
-
-
 def export_for_flight(
     plan: Plan, report: Report, folder: Path, keeping: TimeKeeping, say: Callable[[str], None]
-) -> tuple[ExportIndex, str]:
+) -> tuple[ExportIndex, NavigatorChoice]:
     """Export what is uploaded; return the index and the navigator of emulated vehicles.
 
     `report` is that of the plan's verification. A setpoint stream needs no corrected speeds, and the ideal navigator
     keeps the plan's own. Raises `VerificationError` if vehicles that fly their missions may come too close to each
     other.
     """
-    if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator == IDEAL):
-        return export(plan, folder, timed=False, report=report), IDEAL
+    if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL):
+        return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
-    if not keeping.emulated or keeping.navigator == OWN:
-        return export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report), OWN
+    if not keeping.emulated or keeping.navigator is NavigatorChoice.OWN:
+        index = export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report)
+        return index, NavigatorChoice.OWN
     index = export(plan, folder, gates=keeping.gates, start_s=start_s, report=report)
     reason = index.refused or (_predicted_failure(plan, index.timing) if index.timing else "")
     if not reason or keeping.gates:
-        return index, OWN
+        return index, NavigatorChoice.OWN
     say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {reason}")
-    return export(plan, folder, timed=False, report=report), IDEAL
+    return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
 
 
 def _predicted_failure(plan: Plan, timing: Timing) -> str:

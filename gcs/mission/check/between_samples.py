@@ -117,8 +117,8 @@ def clearance_along(
 ) -> Bound:
     """The bound of the distance to the ground in any direction, on straight pieces from begin to end (N, 3), NED.
 
-    Both the pieces and the ground are halved: a square of the ground that is far from a piece is done with. A place
-    below the ground has its depth, straight up, as a negative distance.
+    Both the pieces and the ground are halved: a square of the ground that is far from a piece is not divided
+    further. A place below the ground has its depth, straight up, as a negative distance.
     """
     seen = _Least(required_m)
     cells = _Cells.of(begin_m, end_m)

@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from gcs.errors import counted
-from gcs.frames import from_degE7, geodetic_to_ned
+from gcs.frames import geodetic_to_ned
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.item_checks import found
 from gcs.mission.flight_limits import Surroundings
@@ -156,7 +156,7 @@ def _areas(mission: MissionFile, around: Surroundings) -> Iterator[tuple[shapely
 
 
 def _flat(places: Sequence[GeoPoint], around: Surroundings) -> Array:
-    lat, lon = np.array([(p.lat_degE7 / 1e7, p.lon_degE7 / 1e7) for p in places]).T
+    lat, lon = np.array([place.place_deg for place in places]).T
     return geodetic_to_ned(lat, lon, around.origin.alt_amsl_m, around.origin)
 
 
@@ -164,6 +164,5 @@ def _rally_ned(point: RallyPoint, mission: MissionFile, around: Surroundings) ->
     """The rally point in NED, and its height above the origin's."""
     home = home_of(mission, around)
     amsl_m = home.alt_amsl_m + point.alt_m
-    lat, lon = from_degE7(point.place.lat_degE7), from_degE7(point.place.lon_degE7)
-    place = geodetic_to_ned(lat, lon, amsl_m, around.origin)
+    place = geodetic_to_ned(*point.place.place_deg, amsl_m, around.origin)
     return place, -float(place[2])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 
 class Level(StrEnum):
@@ -59,7 +58,7 @@ class Finding:
         when = "" if self.t_s is None else f" (at {self.t_s:.1f} s)"
         return f"{place}: {self.level} [{self.rule}]{item} {self.message}{when}"
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> dict[str, object]:
         """The finding for `--json`, without keys that do not apply."""
         fields = {("file" if key == "source" else key): value for key, value in vars(self).items()}
         return {key: value for key, value in fields.items() if value is not None}

@@ -81,6 +81,13 @@ class _Track:
         item = int(self.items[piece, int(share > 0.0)])
         return item, float(self.begin_s[piece] + share * self.duration_s[piece])
 
+    @property
+    def highest(self) -> tuple[float, int, float]:
+        """The greatest height, m, with its item and time."""
+        up_m = np.maximum(-self.begin_m[:, 2], -self.end_m[:, 2]) + self.bent_m
+        at = int(np.argmax(up_m))
+        return float(up_m[at]), *self.when(at, float(self.end_m[at, 2] < self.begin_m[at, 2]))
+
 
 def check_separation(
     missions: Sequence[MissionFile], flights: Sequence[PredictedFlight], limits: FlightLimits
@@ -141,14 +148,12 @@ def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLi
     if track is None:
         return
     if limits.height_max_m is not None:
-        up_m = np.maximum(-track.begin_m[:, 2], -track.end_m[:, 2]) + track.bent_m
-        at = int(np.argmax(up_m))
-        over_m = float(up_m[at]) - limits.height_max_m
+        up_m, item, t_s = track.highest
+        over_m = up_m - limits.height_max_m
         if over_m > LENGTH_TOLERANCE_M:
             message = f"{over_m:.2f} m above the ceiling of {limits.height_max_m:g} m"
-            if _FOOT_M * up_m[at] <= limits.height_max_m:
-                message += f". Is it in feet? {up_m[at]:.0f} ft are {_FOOT_M * up_m[at]:.1f} m"
-            item, t_s = track.when(at, float(track.end_m[at, 2] < track.begin_m[at, 2]))
+            if _FOOT_M * up_m <= limits.height_max_m:
+                message += f". Is it in feet? {up_m:.0f} ft are {_FOOT_M * up_m:.1f} m"
             yield found(mission, Rule.HEIGHT, Level.ERROR, message, item, t_s)
     yield from _speeds(mission, track, limits)
 
@@ -156,11 +161,7 @@ def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLi
 def highest_m(flight: PredictedFlight) -> tuple[float, float] | None:
     """The greatest height between take-off and landing, and when; None for a flight that does not leave it."""
     track = _Track.of(flight)
-    if track is None:
-        return None
-    up_m = np.maximum(-track.begin_m[:, 2], -track.end_m[:, 2]) + track.bent_m
-    at = int(np.argmax(up_m))
-    return float(up_m[at]), track.when(at, float(track.end_m[at, 2] < track.begin_m[at, 2]))[1]
+    return None if track is None else track.highest[::2]
 
 
 def check_zones(

@@ -60,8 +60,9 @@ def found(
 def _whole(mission: MissionFile) -> Iterator[Finding]:
     firmware, items = mission.firmware, mission.items
     count = len(items) + firmware.home_is_item_0
-    if count > firmware.items_max:
-        message = f"{count} items; {firmware.title} stores at most {firmware.items_max}"
+    most = firmware.traits.missions.items_max
+    if count > most:
+        message = f"{count} items; {firmware.title} stores at most {most}"
         yield found(mission, Rule.ITEMS, Level.ERROR, message)
     if not items:
         yield found(mission, Rule.ITEMS, Level.ERROR, "the mission has no items")
@@ -94,7 +95,7 @@ def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Find
     if item.frame in _NO_POSITION:
         message = f"{name_of(item.command)} has a position, but frame {item.frame} has none"
         yield found(mission, Rule.FRAME, Level.ERROR, message, index)
-    elif item.frame not in mission.firmware.frames:
+    elif item.frame not in mission.firmware.traits.missions.frames:
         message = f"{mission.firmware.title} refuses altitudes in frame {item.frame}"
         yield found(mission, Rule.FRAME, Level.ERROR, message, index)
 
@@ -121,7 +122,7 @@ def _values(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Fin
 
 def _speed(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     kind, speed_mps = item.params[0], item.params[1]
-    slowest, fastest = mission.firmware.speed_mps
+    slowest, fastest = mission.firmware.traits.missions.speed_mps
     if kind not in (0, 1, 2, 3):
         yield found(mission, Rule.VALUE, Level.ERROR, f"unknown speed type {kind:g}", index)
     elif math.isnan(speed_mps):

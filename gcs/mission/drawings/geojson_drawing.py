@@ -24,6 +24,10 @@ from gcs.mission.drawings.drawing import (
 )
 from gcs.util.bounded_file import read_json
 
+GEOJSON_TYPES = (
+    *("FeatureCollection", "Feature", "GeometryCollection", "LineString", "MultiLineString", "Point", "MultiPoint"),
+    *("Polygon", "MultiPolygon"),
+)
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")
 _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of GeoJSON

@@ -1,4 +1,4 @@
-"""The route that mission items describe: points, holds and speeds; every other item is left out with a sentence."""
+"""The route in mission items: points, holds and speeds. Every other item is reported as left out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from gcs.autopilots.mission_commands import has_position, name_of
-from gcs.frames import from_degE7
 from gcs.mavlink import FenceCommand, MavCommand
 from gcs.mission.drawings.drawing import Datum, DrawnPoint, Place, Sketch
 from gcs.mission.model import Home, MissionItem
@@ -123,7 +122,7 @@ class ItemCourse:
             raise self.sketch.refused(
                 f"{one.label} has frame {item.frame}, which is no place on Earth", "draw its points on a map"
             )
-        place, height_m = (from_degE7(item.lat_degE7), from_degE7(item.lon_degE7)), item.alt_m
+        place, height_m = item.place_deg, item.alt_m
         if any(place):
             return place, height_m
         if not self.sketch.points:
@@ -185,7 +184,7 @@ class ItemCourse:
         self.end = one.label
         if (item.lat_degE7 or item.lon_degE7) and item.frame in _DATUMS and self.sketch.points:
             before = self.sketch.points[-1]
-            place = from_degE7(item.lat_degE7), from_degE7(item.lon_degE7)
+            place = item.place_deg
             self.sketch.points.append(replace(before, place=place, label=one.label, name="", hold_s=0.0))
             self._leave(
                 one, f"the route ends above it, at the height of {before.label}; the formation lands from there"

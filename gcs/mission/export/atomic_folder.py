@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.check.findings import Finding, Level, Rule
@@ -37,7 +36,7 @@ class Folder:
         self.sha256[name] = hashlib.sha256(data).hexdigest()
         self._write(name, data)
 
-    def write_index(self, document: dict[str, Any]) -> None:
+    def write_index(self, document: dict[str, object]) -> None:
         """Add the index, which does not list itself."""
         self._write(INDEX, (json.dumps({"format": FORMAT, **document}, indent=2) + "\n").encode())
 

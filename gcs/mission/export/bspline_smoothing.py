@@ -65,7 +65,7 @@ def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBoun
     violated = [*_box(plan, place, begin_s), *_speeds(plan, velocity, limit_tolerance)]
     fastest_mps2 = np.sqrt(np.sum(acceleration.size() ** 2, axis=0))  # (V, N)
     bent_m = (end_s - begin_s) ** 2 / 8.0 * fastest_mps2
-    at_edges = spline(np.minimum(edges_s, np.nextafter(edges_s[-1], 0.0)))[:, :3] + plan.offsets(edges_s)  # (V, N+1, 3)
+    at_edges = spline(edges_s)[:, :3] + plan.offsets(edges_s)  # (V, N+1, 3)
     begin_m, end_m = (at_edges[:, part].reshape(-1, 3) for part in (slice(None, -1), slice(1, None)))
     begins_s, ends_s = (np.tile(part, len(at_edges)) for part in (begin_s, end_s))
     slack, lasts_s = bent_m.ravel(), ends_s - begins_s
@@ -84,7 +84,7 @@ def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBoun
 
 
 def _pieces(spline: BSpline) -> PPoly:
-    """The spline as polynomials between its knots: Taylor's coefficients at the begin of each."""
+    """The spline as polynomials between its knots: Taylor's coefficients at the start of each."""
     knots = np.unique(spline.t)
     powers = range(spline.k, -1, -1)
     return PPoly(np.stack([spline(knots[:-1], nu=power) / math.factorial(power) for power in powers]), knots)
@@ -164,7 +164,7 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
     if not tolerance_m > 0:
         raise UsageError(f"the smoothing tolerance is {tolerance_m:g} m", hint="give --smooth a positive number")
     start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
-    t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / _GRID_S)) + 1)
+    t_s = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / _GRID_S)) + 1)
     planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]
     knots_s = LONGEST_KNOT_S
     while True:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
@@ -130,7 +130,7 @@ class _Material:
         return dict(zip(map(vehicle_name, self.plan.sysids), self.autopilots, strict=True))
 
 
-_Values = Iterator[tuple[str, Any]]  # name of a file without suffix, and what it holds
+_Values = Iterator[tuple[str, object]]  # name of a file without suffix, and what it holds
 
 
 def _fences(material: _Material) -> _Values:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
@@ -61,9 +61,9 @@ class ExportIndex:
         return {str(sysid): known.key for sysid, known in zip(sysids, self.autopilots, strict=True)}
 
 
-def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
+def index_document(index: ExportIndex, plan: Plan) -> dict[str, object]:
     """The index as a JSON document."""
-    document: dict[str, Any] = {
+    document = {
         "version": _VERSION,
         "scenario": index.scenario,
         "plan_hash": index.plan_hash,
@@ -92,11 +92,11 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
     return document
 
 
-def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, Any]:
+def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, object]:
     """The verified flight of the missions as written, at their planned speeds or by the model of their autopilot."""
     closest = report.closest
     timing = "planned speeds" if index.timing is None else "model of the autopilot"
-    verified: dict[str, Any] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
+    verified: dict[str, object] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
     if report.clearance_proved_m is not None:
         verified["clearance_proved_m"] = rounded_down(report.clearance_proved_m)
     if closest is not None:
@@ -106,18 +106,18 @@ def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, 
     return verified | {"findings": [f.data() for f in report.findings]}
 
 
-def _worst(worst: WorstReturn) -> dict[str, Any]:
+def _worst(worst: WorstReturn) -> dict[str, object]:
     return asdict(worst) | {"proved_m": None if worst.proved_m is None else rounded_down(worst.proved_m)}
 
 
-def _crossing(crossing: Crossing) -> dict[str, Any]:
+def _crossing(crossing: Crossing) -> dict[str, object]:
     """A crossing; `keep_in` is there for the edge of a keep-in area only."""
     return {key: value for key, value in asdict(crossing).items() if key != "keep_in" or value}
 
 
-def _returns(safety: Safety) -> dict[str, Any]:
+def _returns(safety: Safety) -> dict[str, object]:
     returns = safety.returns
-    document: dict[str, Any] = {
+    return {
         "step_m": returns.step_m,
         "ground_max_m": returns.ground_max_m,
         "top_m": returns.top_m,
@@ -127,4 +127,3 @@ def _returns(safety: Safety) -> dict[str, Any]:
         "without_way": [asdict(gap) for gap in returns.no_way],
         "through_zones": [_crossing(crossing) for crossing in returns.crossings],
     }
-    return document

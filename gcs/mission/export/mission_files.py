@@ -84,7 +84,7 @@ def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitud
             for index, (item, t_s) in enumerate(zip(mission.items, mission.arrival_s, strict=True))
             if t_s is not None and item.frame == altitude.frame and 0.0 <= t_s <= plan.flight_s
         ]
-        lat, lon = np.array([(i.lat_degE7 / 1e7, i.lon_degE7 / 1e7) for _, i in timed]).T
+        lat, lon = np.array([item.place_deg for _, item in timed]).T
         places = geodetic_to_ned(lat, lon, origin.alt_amsl_m, origin)
         for axis, (name, (low, high)) in enumerate((("north", limits.north_m), ("east", limits.east_m))):
             out_m = np.maximum(low - places[:, axis], places[:, axis] - high)

@@ -49,15 +49,8 @@ def build_stream(
 
 def of_vehicle(stream: SetpointStream, row: int) -> SetpointStream:
     """The stream of the vehicle in this row."""
-    one = slice(row, row + 1)
-    return SetpointStream(
-        stream.sysids[one],
-        stream.t_s,
-        stream.position_ned_m[one],
-        stream.velocity_ned_mps[one],
-        stream.acceleration_ned_mps2[one],
-        stream.yaw_ned_rad[one],
-    )
+    parts = (stream.position_ned_m, stream.velocity_ned_mps, stream.acceleration_ned_mps2, stream.yaw_ned_rad)
+    return SetpointStream((stream.sysids[row],), stream.t_s, *(part[row : row + 1] for part in parts))
 
 
 def _rounded(values: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The place of a mission item as files have it: degrees, or plain numbers in frame 2, and what may be missing."""
+"""Coordinates of a mission item in files: degrees, or plain numbers in frame 2; some may be missing."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 
 from gcs.autopilots.mission_commands import has_position
-from gcs.frames import from_degE7, to_degE7
+from gcs.frames import to_degE7
 from gcs.mission.formats.vendor_quirks import Odd
 from gcs.mission.model import Frame, MissionItem
 
-Told = Callable[[Odd, str], None]
+Note = Callable[[Odd, str], None]
 
 
-def place_on_wire(command: int, frame: int, place: Sequence[float | None], told: Told) -> tuple[int, int, float]:
+def place_on_wire(command: int, frame: int, place: Sequence[float | None], note: Note) -> tuple[int, int, float]:
     """Columns x, y and z of an item in the units of links; None is a value that the file leaves open.
 
     An item without a position has 0 for what is open, with a warning; any other item raises ValueError.
@@ -22,19 +22,19 @@ def place_on_wire(command: int, frame: int, place: Sequence[float | None], told:
     if None in given:
         if frame != Frame.MISSION and has_position(command):
             raise ValueError("the position is missing or not a number")
-        told(Odd.NO_PLACE, f"command {command} in frame {frame} has no position, and open coordinates: read as 0")
+        note(Odd.NO_PLACE, f"command {command} in frame {frame} has no position, and open coordinates: read as 0")
     x, y, z = (0.0 if value is None else value for value in given)
-    lat, lon = _on_wire(frame, x, y, told)
+    lat, lon = _on_wire(frame, x, y, note)
     return lat, lon, z
 
 
-def _on_wire(frame: int, x: float, y: float, told: Told) -> tuple[int, int]:
+def _on_wire(frame: int, x: float, y: float, note: Note) -> tuple[int, int]:
     if frame == Frame.MISSION:
         if not max(abs(x), abs(y)) < 2**31:
             raise ValueError(f"parameters 5 and 6 of an item in frame 2 must be below 2^31, got {x:g}, {y:g}")
         if x != int(x) or y != int(y):
             text = f"parameters 5 and 6 of an item in frame 2 are integers on the wire: {x:g}, {y:g} read as"
-            told(Odd.FRACTION, f"{text} {int(x)}, {int(y)}")
+            note(Odd.FRACTION, f"{text} {int(x)}, {int(y)}")
         return int(x), int(y)
     if not (abs(x) <= 90 and abs(y) <= 180):
         raise ValueError(f"latitude {x}, longitude {y} is not on Earth")
@@ -45,4 +45,4 @@ def place_in_file(item: MissionItem) -> tuple[float, float]:
     """Inverse of `place_on_wire`, without the altitude."""
     if item.frame == Frame.MISSION:
         return float(item.lat_degE7), float(item.lon_degE7)
-    return from_degE7(item.lat_degE7), from_degE7(item.lon_degE7)
+    return item.place_deg

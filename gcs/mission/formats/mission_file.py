@@ -1,4 +1,4 @@
-"""One vehicle's mission as a file of any format holds it: what mission writers are given and mission readers return.
+"""One vehicle's mission as mission files of every format hold it: writers take it, readers return it.
 
 In JSON files it finds the line of a value.
 """

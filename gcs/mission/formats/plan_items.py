@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -21,7 +21,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _ITEM = ("SimpleItem", "missionItem")  # the second in `.mission` files of version 1.0
 
 
-def _whole(value: Any) -> Any:
+def _whole(value: object) -> object:
     """JSON has one kind of number: 16.0 is 16."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
@@ -47,14 +47,14 @@ class PlanItem(PlanPart):
     autoContinue: bool = True
     command: Annotated[Whole, Field(ge=0, le=0xFFFF)]
     doJumpId: Whole | None = None
-    id: Any = None
+    id: object = None
     frame: Annotated[Whole, Field(ge=0, le=0xFF)]
     params: Annotated[list[Finite | None], Field(min_length=7, max_length=7)]
-    coordinate: Any = None
+    coordinate: object = None
 
     @model_validator(mode="before")
     @classmethod
-    def _seven_params(cls, data: Any) -> Any:
+    def _seven_params(cls, data: object) -> object:
         if not isinstance(data, dict) or not isinstance(data.get("coordinate"), list):
             return data
         first = data.get("params", [data.get(f"param{n}", "missing") for n in (1, 2, 3, 4)])
@@ -71,7 +71,7 @@ class ComplexItem(PlanPart):
 
     type: Literal["ComplexItem"]
     complexItemType: str = "unnamed"
-    TransectStyleComplexItem: Any = None  # the simple items of surveys and corridors are in it
+    TransectStyleComplexItem: object = None  # the simple items of surveys and corridors are in it
 
 
 ITEMS_MAX = 20_000  # an autopilot stores less than a tenth of it
@@ -103,7 +103,7 @@ class PlanText:
         """The error for the value at `path`."""
         return refused(self.text, self.source, path, reason, hint=hint)
 
-    def told(self, odd: Odd, path: Sequence[Key], text: str) -> None:
+    def note(self, odd: Odd, path: Sequence[Key], text: str) -> None:
         """Count an oddity of the value at `path`."""
         self.oddities.add(odd, f"{'.'.join(map(str, path))}: {text}", lambda: line_of(self.text, path))
 
@@ -115,7 +115,7 @@ class PlanText:
         reason = f"{number} is not an autopilot that missions are written for: {known}"
         if firmware is None:
             raise self.refused(path, reason, hint="give --autopilot")
-        self.told(Odd.FIRMWARE, path, f"{reason}; read for {firmware.title}")
+        self.note(Odd.FIRMWARE, path, f"{reason}; read for {firmware.title}")
         return firmware
 
     def mission_items(self, items: Sequence[PlanItem | ComplexItem], path: tuple[Key, ...]) -> tuple[MissionItem, ...]:
@@ -131,7 +131,7 @@ class PlanText:
         wrong = [index for index, number in enumerate(numbers) if number != index + 1]
         for index in wrong:
             text = f"item number {numbers[index]}, but this is item {index + 1}: the order of the items counts"
-            self.told(Odd.SEQ, (*path, index), text)
+            self.note(Odd.SEQ, (*path, index), text)
         if wrong:
             read = [self._jump(item, numbers, (*path, index)) for index, item in enumerate(read)]
         return tuple(read)
@@ -139,13 +139,13 @@ class PlanText:
     def item(self, item: PlanItem, path: tuple[Key, ...]) -> MissionItem:
         """The item at `path`. Raises `FileFormatError` for a place that is missing or not on Earth."""
 
-        def told(odd: Odd, text: str) -> None:
+        def note(odd: Odd, text: str) -> None:
             if odd is not Odd.NO_PLACE or item.frame != Frame.MISSION:  # QGroundControl itself writes nulls there
-                self.told(odd, path, text)
+                self.note(odd, path, text)
 
         p1, p2, p3, p4 = (math.nan if p is None else p for p in item.params[:4])
         try:
-            lat, lon, alt_m = place_on_wire(item.command, item.frame, item.params[4:], told)
+            lat, lon, alt_m = place_on_wire(item.command, item.frame, item.params[4:], note)
         except ValueError as error:
             raise self.refused(path, str(error)) from error
         return MissionItem(item.command, item.frame, (p1, p2, p3, p4), lat, lon, alt_m, item.autoContinue)
@@ -158,5 +158,5 @@ class PlanText:
         if len(named) != 1:
             raise self.refused(path, f"jumps to item {target:.0f}, and {len(named) or 'no'} items have this number")
         if named[0] + 1 != target:
-            self.told(Odd.JUMP, path, f"jumps to item number {target:.0f}, which is item {named[0] + 1}")
+            self.note(Odd.JUMP, path, f"jumps to item number {target:.0f}, which is item {named[0] + 1}")
         return replace(item, params=(named[0] + 1.0, *item.params[1:]))

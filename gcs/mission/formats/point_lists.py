@@ -12,7 +12,6 @@ import re
 from collections.abc import Iterator
 
 from gcs.errors import FileFormatError
-from gcs.frames import to_degE7
 from gcs.mission.formats.vendor_quirks import Odd, Oddity, OddityList, decoded, significant_lines
 from gcs.mission.geofence import LEAST_VERTICES, FencePolygon, Geofence, GeoPoint, RallyPoint
 
@@ -91,7 +90,7 @@ def _point(cells: list[str], source: str, number: int) -> GeoPoint:
     lat_deg, lon_deg = (_number(cell, source, number) for cell in cells)
     if abs(lat_deg) > 90 or abs(lon_deg) > 180:
         raise FileFormatError(f"{source}, line {number}: latitude {lat_deg}, longitude {lon_deg} is not on Earth.")
-    return GeoPoint(to_degE7(lat_deg), to_degE7(lon_deg))
+    return GeoPoint.at(lat_deg, lon_deg)
 
 
 def _number(cell: str, source: str, number: int) -> float:

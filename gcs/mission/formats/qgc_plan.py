@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
-from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.item_place import place_in_file
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.plan_items import (
@@ -67,7 +66,7 @@ class _Circle(PlanPart):
 
 class _Fence(PlanPart):
     version: Literal[1, 2] | None = None
-    polygon: Any = None  # of version 1
+    polygon: object = None  # of version 1
     polygons: list[_Polygon] = Field(default_factory=list)
     circles: list[_Circle] = Field(default_factory=list)
     breachReturn: PointAndAltitude | None = None
@@ -137,9 +136,9 @@ def read_mission(data: str | bytes, source: str, firmware: Autopilot | None = No
     )
 
 
-def _written(item: MissionItem, number: int) -> dict[str, Any]:
+def _written(item: MissionItem, number: int) -> dict[str, object]:
     params = [None if math.isnan(p) else p for p in item.params]
-    written: dict[str, Any] = {
+    written: dict[str, object] = {
         "autoContinue": item.autocontinue,
         "command": int(item.command),
         "doJumpId": number,
@@ -153,14 +152,14 @@ def _written(item: MissionItem, number: int) -> dict[str, Any]:
     return dict(sorted(written.items()))
 
 
-def _written_fence(fence: Geofence) -> dict[str, Any]:
-    written: dict[str, Any] = {
+def _written_fence(fence: Geofence) -> dict[str, object]:
+    written: dict[str, object] = {
         "circles": [
-            {"circle": {"center": _degrees(c.center), "radius": c.radius_m}, "inclusion": c.inclusion, "version": 1}
+            {"circle": {"center": c.center.place_deg, "radius": c.radius_m}, "inclusion": c.inclusion, "version": 1}
             for c in fence.circles
         ],
         "polygons": [
-            {"inclusion": p.inclusion, "polygon": [_degrees(place) for place in p.points], "version": 1}
+            {"inclusion": p.inclusion, "polygon": [place.place_deg for place in p.points], "version": 1}
             for p in fence.polygons
         ],
         "version": 2,
@@ -176,10 +175,10 @@ def fence_in_plan(fence: _Fence, plan: PlanText) -> Geofence:
         path = ("geoFence", "version")
         if fence.polygon or fence.polygons or fence.circles or fence.breachReturn:
             raise plan.refused(path, f"Input should be 2, got {fence.version}; QGroundControl drops older fences")
-        plan.told(Odd.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
+        plan.note(Odd.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
     return Geofence(
-        tuple(FencePolygon(tuple(_place(*point) for point in p.polygon), p.inclusion) for p in fence.polygons),
-        tuple(FenceCircle(_place(*c.circle.center), c.circle.radius, c.inclusion) for c in fence.circles),
+        tuple(FencePolygon(tuple(GeoPoint.at(*point) for point in p.polygon), p.inclusion) for p in fence.polygons),
+        tuple(FenceCircle(GeoPoint.at(*c.circle.center), c.circle.radius, c.inclusion) for c in fence.circles),
         None if fence.breachReturn is None else _read_point(fence.breachReturn),
     )
 
@@ -188,30 +187,22 @@ def rally_in_plan(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
     """The rally points of a document."""
     if rally.version != 2:
         text = f"{rally.version} instead of 2, with {len(rally.points)} points; QGroundControl drops them"
-        plan.told(Odd.RALLY_1, ("rallyPoints", "version"), text)
+        plan.note(Odd.RALLY_1, ("rallyPoints", "version"), text)
     return tuple(map(_read_point, rally.points))
 
 
 def _written_point(point: RallyPoint) -> list[float]:
-    return [*_degrees(point.place), point.alt_m]
+    return [*point.place.place_deg, point.alt_m]
 
 
 def _read_point(point: tuple[float, float, float]) -> RallyPoint:
-    return RallyPoint(_place(*point[:2]), point[2])
-
-
-def _degrees(place: GeoPoint) -> list[float]:
-    return [from_degE7(place.lat_degE7), from_degE7(place.lon_degE7)]
-
-
-def _place(lat_deg: float, lon_deg: float) -> GeoPoint:
-    return GeoPoint(to_degE7(lat_deg), to_degE7(lon_deg))
+    return RallyPoint(GeoPoint.at(*point[:2]), point[2])
 
 
 class _Kind(BaseModel):
-    fileType: Any = None
-    version: Any = None
-    mission: Any = None
+    fileType: object = None
+    version: object = None
+    mission: object = None
 
 
 class _HomeItem(PlanPart):
@@ -223,7 +214,7 @@ class _Version1(PlanPart):
     version: Literal["1.0", 1]
     plannedHomePosition: _HomeItem
     items: Annotated[list[PlanItem], Field(max_length=ITEMS_MAX)]
-    complexItems: list[Any] = Field(default_factory=list)
+    complexItems: list[object] = Field(default_factory=list)
 
 
 def is_mission_json(data: bytes) -> bool:
@@ -240,7 +231,7 @@ def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = Non
     """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
     file = PlanText(data, source)
     version = file.parsed(_Kind).version
-    file.told(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
+    file.note(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
     speed_mps = None
     if version == 2:
         mission = file.parsed(PlannedMission)

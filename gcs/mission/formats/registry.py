@@ -79,10 +79,11 @@ class Format:
 def _row(
     name: str, suffix: str | Mapping[Autopilot, str], content: Content, functions: str, purpose: str, **more: Any
 ) -> Format:
-    """A row of the table; `functions` is "module:value", of which the module has a `write_value` and a `read_value`."""
+    """A row of the table; `functions` is "module:value": `write_value`, and `read_value` of what flies."""
     module, value = functions.split(":")
     writer, reader = (f"gcs.mission.formats.{module}:{does}_{value}" for does in ("write", "read"))
-    return Format(name, suffix, content, purpose, writer, reader, **more)
+    read_back = content not in (Content.HISTORY, Content.MAP)
+    return Format(name, suffix, content, purpose, writer, reader if read_back else None, **more)
 
 
 FORMATS = (

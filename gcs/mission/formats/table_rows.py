@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from gcs.errors import FileFormatError
 from gcs.mavlink import MavCommand
-from gcs.mission.formats.item_place import Told, place_on_wire
+from gcs.mission.formats.item_place import Note, place_on_wire
 from gcs.mission.formats.vendor_quirks import Odd, OddityList, significant_lines
 from gcs.mission.model import MissionItem
 
@@ -69,32 +69,32 @@ def read_rows(text: str, source: str, oddities: OddityList) -> tuple[str, list[T
 def _row(body: str, number: int, version: str, oddities: OddityList) -> TableRow:
     """The row in one line. Raises ValueError."""
 
-    def told(odd: Odd, text: str) -> None:
+    def note(odd: Odd, text: str) -> None:
         oddities.add(odd, text, number)
 
     columns = _VERSIONS[version]
-    cell = dict(zip(columns, _cells(body, len(columns), told), strict=True))
+    cell = dict(zip(columns, _cells(body, len(columns), note), strict=True))
     frame, command = _integer(cell, "frame", 0xFF), _integer(cell, "command", 0xFFFF)
     if version == "100":
         command = _command_100(command)
         if cell["yaw"] and _float(cell, "yaw"):
-            told(Odd.YAW, f"yaw {cell['yaw']} of {HEADER_100} is ignored, as MAVProxy does")
+            note(Odd.YAW, f"yaw {cell['yaw']} of {HEADER_100} is ignored, as MAVProxy does")
     if cell["current"] and _integer(cell, "current", 0xFF) > 1:
-        told(Odd.CURRENT, f"column current is {cell['current']}: ignored")
+        note(Odd.CURRENT, f"column current is {cell['current']}: ignored")
     if cell["seq"] and not _SEQ.fullmatch(cell["seq"]):
         raise ValueError(f"seq must be an integer, got '{cell['seq'][:40]}'")
     for name in _PARAMS:
         if not cell[name]:
-            told(Odd.EMPTY, f"{name} is empty: read as 0, as QGroundControl does")
+            note(Odd.EMPTY, f"{name} is empty: read as 0, as QGroundControl does")
     p1, p2, p3, p4 = (_float(cell, name) if cell[name] else 0.0 for name in _PARAMS)
     place = [_float(cell, name) if cell[name] else None for name in ("x", "y", "z")]
-    lat, lon, alt_m = place_on_wire(command, frame, place, told)
+    lat, lon, alt_m = place_on_wire(command, frame, place, note)
     item = MissionItem(command, frame, (p1, p2, p3, p4), lat, lon, alt_m, bool(_integer(cell, "autocontinue", 1)))
     x, y, z = (0.0 if value is None else value for value in place)
     return TableRow(number, int(cell["seq"]) if cell["seq"] else None, item, (x, y, z))
 
 
-def _cells(body: str, count: int, told: Told) -> list[str]:
+def _cells(body: str, count: int, note: Note) -> list[str]:
     """The cells of a row, without blanks around them; empty ones only where tabs separate the columns."""
     by_tabs, by_blanks = body.split("\t"), body.split()
     stripped = [cell.strip() for cell in by_tabs]
@@ -104,7 +104,7 @@ def _cells(body: str, count: int, told: Told) -> list[str]:
         return stripped
     if len(by_blanks) != count:
         raise ValueError(f"{len(by_blanks)} columns instead of {count}")
-    told(Odd.SEPARATOR, "columns separated or surrounded by blanks; QGroundControl reads only tabs")
+    note(Odd.SEPARATOR, "columns separated or surrounded by blanks; QGroundControl reads only tabs")
     return by_blanks
 
 

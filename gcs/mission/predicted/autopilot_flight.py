@@ -33,7 +33,6 @@ _LONGEST_S, _MOST = 3600.0, 1000  # flown at once: the model takes steps of some
 _ALIKE_M, _ALIKE_S = 0.05, 0.01  # legs of a formation differ through rounding by degE7 and float32
 _CACHED_MAX = 24
 _SETTLES_S = 3.0  # after its last corner a vehicle settles on the waypoint
-_CUBIC = 4.0 / 27.0  # the most of s (1 - s)^2 for s in [0, 1]
 
 
 @dataclass(frozen=True)

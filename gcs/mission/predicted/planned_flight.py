@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gcs.autopilots.mission_commands import known_position
-from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.frames import Origin, geodetic_to_ned
 from gcs.mavlink import MavCommand, WireFrame
 from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
@@ -92,7 +92,7 @@ def _first_place(missions: Sequence[MissionFile]) -> Home:
     for mission in missions:
         for item in mission.items:
             if known_position(item.command) and (item.lat_degE7 or item.lon_degE7):
-                return Home(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), 0.0)
+                return Home(*item.place_deg, 0.0)
     return Home(0.0, 0.0, 0.0)
 
 
@@ -338,7 +338,7 @@ class Flying:
         items, origin = self.mission.items, self.around.origin
         if not items:
             return np.zeros((0, 3))
-        lat, lon = np.array([(i.lat_degE7 / 1e7, i.lon_degE7 / 1e7) for i in items]).T
+        lat, lon = np.array([item.place_deg for item in items]).T
         alt = np.clip(np.nan_to_num([i.alt_m for i in items]), -ALTITUDE_MAX_M, ALTITUDE_MAX_M)
         amsl = np.array([i.frame in _AMSL_FRAMES for i in items])
         terrain = np.array([i.frame in _TERRAIN_FRAMES for i in items])

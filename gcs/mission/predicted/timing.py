@@ -11,14 +11,14 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.predict import NEAR_M
-from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.planned_flight import PredictedFlight
@@ -76,7 +76,7 @@ class Timing:
         """The worst of all vehicles, late or early."""
         return max((v.late_s for v in self.vehicles), key=abs)
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> dict[str, object]:
         """The timing for index.json and `--json`."""
         spread_s = None if math.isnan(self.spread_s) else self.spread_s
         return {"late_s": self.late_s} | asdict(self) | {"spread_s": spread_s}
@@ -168,7 +168,7 @@ def _approach(t_s: Array, away_m: Array) -> tuple[Array, Array]:
 def _place(mission: VehicleMission, index: int, origin: Origin) -> Array:
     item = mission.items[index]
     alt_m = item.alt_m if item.frame == Altitude.AMSL.frame else mission.home.alt_amsl_m + item.alt_m
-    return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), alt_m, origin)
+    return geodetic_to_ned(*item.place_deg, alt_m, origin)
 
 
 def _near_s(plan: Plan, row: int, arrives_s: float) -> float:

@@ -37,11 +37,7 @@ _BEYOND_M = 1e4  # how far the area outside the fence reaches
 
 def planned_places_m(plan: Plan) -> Array:
     """All places (N, 2) of a plan, north and east: tracks every `_GRID_S`, pads and landing points."""
-    t_s = np.linspace(
-        plan.t_start_s,
-        np.nextafter(plan.t_end_s, -np.inf),
-        int(np.ceil((plan.t_end_s - plan.t_start_s) / _GRID_S)) + 1,
-    )
+    t_s = np.linspace(plan.t_start_s, plan.t_end_s, int(np.ceil((plan.t_end_s - plan.t_start_s) / _GRID_S)) + 1)
     leader = plan.leader_trajectory.state(t_s)[:, POSITION]
     tracks = (leader + plan.offsets(t_s))[..., :2].reshape(-1, 2)
     return np.concatenate([tracks, plan.pads_ned_m[:, :2], plan.landing_points_ned_m[:, :2]])

@@ -16,7 +16,7 @@ import shapely
 
 from gcs.autopilots.columns import ReturnParameters, ReturnSettings
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
-from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.returns.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
@@ -137,7 +137,7 @@ def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:
     """Map positions of points (N, 2), m north and east."""
     ned_m = np.column_stack([flat_m, np.zeros(len(flat_m))])
     lat, lon, _ = ned_to_geodetic(ned_m, origin)
-    return tuple(GeoPoint(to_degE7(a), to_degE7(b)) for a, b in zip(lat.tolist(), lon.tolist(), strict=True))
+    return tuple(map(GeoPoint.at, lat.tolist(), lon.tolist()))
 
 
 def return_parameters(

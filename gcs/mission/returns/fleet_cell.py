@@ -1,4 +1,4 @@
-"""Where groups of vehicles are at the begin of a return, if it begins at any instant of one interval.
+"""Positions of groups of vehicles at the start of a return, bounded over an interval of start times.
 
 An interval in which the shape is rigid may be long: the leader's whole track counts as uncertain, but it is the same
 for all vehicles.

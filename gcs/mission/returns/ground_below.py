@@ -1,7 +1,7 @@
-"""The highest ground below return tracks: a bound that holds between samples, and at whatever instant returns begin.
+"""Highest ground below return tracks: a bound that holds between samples, and for returns from any instant.
 
 Tracks are divided along their length, and by the instants at which they begin. The ground of a part is bounded over the
-rectangle that holds it. Parts whose bound is below a height that was seen are done with.
+rectangle that holds it. Parts whose bound is below a height that was seen need no further division.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class _GroundBelow:
     rectangles: Callable[[Cells], _Rectangles]
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
-        """See `Family`. The middle is below a track of the part's own middle instant: there is this ground."""
+        """See `Family`. The ground below the middle is really flown over, at the part's middle instant."""
         centre_m, reach_m, flown, _ = self.rectangles(cells)
         low_m, seen_m = np.full((2, 1, len(cells)), np.inf)
         centre_m, reach_m = centre_m[flown], reach_m[flown]

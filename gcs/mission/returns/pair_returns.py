@@ -1,4 +1,4 @@
-"""The separation that straight returns (RTL) keep, at whatever instant of the plan all vehicles are ordered to return.
+"""Proved separation of straight returns (RTL) that all vehicles begin at the same instant, any instant of the plan.
 
 All pairs of a small fleet are bounded over intervals of start times; `proved_fleet` does it for larger ones. Intervals
 are halved until the bound of each pair is near enough to the least distance seen. What is left at 1 ms or 1 cm keeps
@@ -63,14 +63,9 @@ class Tubes:
         return cls(motion[0], motion[1], level_m, vertical_m, top_m, speeds)
 
     def __getitem__(self, index: tuple[Rows, ...]) -> Tubes:
-        return Tubes(
-            self.times_s[index],
-            self.places_ned_m[index],
-            self.level_m[index],
-            self.vertical_m[index],
-            self.top_m[index],
-            self.speeds,
-        )
+        arrays = (self.times_s, self.places_ned_m, self.level_m, self.vertical_m, self.top_m)
+        times_s, places_ned_m, level_m, vertical_m, top_m = (each[index] for each in arrays)
+        return Tubes(times_s, places_ned_m, level_m, vertical_m, top_m, self.speeds)
 
     @property
     def _late_s(self) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""The separation of a large fleet's straight returns (RTL) at one altitude, at whatever instant of the plan they begin.
+"""Proved separation of a large fleet that returns straight (RTL) at one altitude, from any instant of the plan.
 
 Pairs of groups of vehicles are bounded over long intervals. Groups are divided and intervals are halved where that is
 not enough. Pairs of vehicles that move against each other are then bounded as those of small fleets are.

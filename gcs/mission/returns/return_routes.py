@@ -1,4 +1,4 @@
-"""Shortest ways back for a plan's fleet: round every no-fly zone and inside the fence.
+"""Shortest return routes of a fleet: around every no-fly zone, inside the fence.
 
 A way is a polyline in the plane. Its corners are those of a visibility graph: the corners of the zones, with a
 clearance around them. A moving zone counts with all the area that it covers while the return may take.

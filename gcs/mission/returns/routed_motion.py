@@ -1,4 +1,4 @@
-"""The motion of returns that the ground station flies: brake, climb, follow the way round its corners, descend.
+"""The motion of returns that the ground station flies: brake, climb, follow the route around its corners, descend.
 
 It is made of pieces of constant acceleration, so that it is exact between its knots. Many returns are computed at once;
 a flight uses the same functions for one.
@@ -26,7 +26,7 @@ _SHARP_BRAKES = ((_SHARP_MPS2, 0.0), *((_SHARP_MPS2, s * q) for q in (0.5, 1.0) 
 class PiecewiseMotion:
     """Knots of N motions, between which the acceleration is constant; vehicles rest after the last one.
 
-    `times_s` (N, K) count from the begin; `places` and `velocities` are (N, K, 3) in NED.
+    `times_s` (N, K) count from the start; `places` and `velocities` are (N, K, 3) in NED.
     """
 
     times_s: Array
@@ -34,7 +34,7 @@ class PiecewiseMotion:
     velocities: Array
 
     def places_at(self, t_s: Array) -> Array:
-        """Positions (N, I, 3) at times (N, I) since the begin."""
+        """Positions (N, I, 3) at times (N, I) since the start."""
         count = self.times_s.shape[1]
         rows = zip(self.times_s, t_s, strict=True)
         piece = np.stack([knots.searchsorted(looks, side="right") for knots, looks in rows])

@@ -1,4 +1,4 @@
-"""The returns of a fleet as the ground station flies them, from every instant of a plan, and whether they are safe."""
+"""Returns of a fleet as the ground station flies them, from any instant of a plan, and their safety."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class NoWay:
 def instants_s(plan: Plan, period_s: float) -> Array:
     """Instants (N,) of a plan, from its begin to its end."""
     count = max(2, math.ceil((plan.t_end_s - plan.t_start_s) / period_s) + 1)
-    return np.clip(np.linspace(plan.t_start_s, plan.t_end_s, count), None, np.nextafter(plan.t_end_s, -np.inf))
+    return np.linspace(plan.t_start_s, plan.t_end_s, count)
 
 
 def routed_returns(plan: Plan, routes: ReturnRoutes, t_s: Array) -> list[RoutedReturns]:

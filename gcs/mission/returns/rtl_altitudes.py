@@ -105,7 +105,7 @@ class ReturnPlan:
     routed: WorstReturn | None = None  # as `worst`, of returns that the ground station flies round no-fly zones
     no_way: tuple[NoWay, ...] = ()
     rally_ned_m: tuple[tuple[tuple[float, float, float], ...], ...] = ()  # of each vehicle, on the ground
-    proved_at_s: float = 0.0  # about when returns begin of which least is proved
+    proved_at_s: float = 0.0  # start of the returns with the least proved separation, about
 
 
 @once

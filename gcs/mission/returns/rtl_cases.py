@@ -1,4 +1,4 @@
-"""The returns (RTL) of a fleet to verify: start, end, altitude datum, ground, rally points, and how vehicles move.
+"""Returns (RTL) of a fleet, to be verified: start, end, altitude datum, ground, rally points, and motion.
 
 All begin at once, climb, fly straight to their ends, and descend. Return altitudes are arguments here; `rtl_altitudes`
 chooses them.
@@ -161,7 +161,7 @@ def return_cases(
     """
     begin_s, end_s = within or (plan.t_start_s, plan.t_end_s)
     count = max(2, math.ceil((end_s - begin_s) / period_s) + 1)
-    t_s = np.clip(np.linspace(begin_s, end_s, count), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    t_s = plan.clamped(np.linspace(begin_s, end_s, count))
     start = plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s)
     ends = return_ends(plan, firmware, rally_ned_m)
     homes = np.broadcast_to(plan.pads_ned_m[:, None], start.shape)
@@ -204,7 +204,7 @@ def rally_points_ned_m(plan: Plan, points_max: int) -> Array:
     chosen = plan.landing_points_ned_m[:, None]
     if not zones(plan.scenario):
         return chosen
-    t_s = np.linspace(plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf), _INSTANTS)
+    t_s = np.linspace(plan.t_start_s, plan.t_end_s, _INSTANTS)
     start = (plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s))[..., :2]  # (V, N, 2)
     candidates = _candidates(plan)  # (V, C, 3)
     ends = np.concatenate([plan.pads_ned_m[:, None], chosen, candidates], axis=1)
@@ -241,7 +241,7 @@ def straight_through(plan: Plan, t_s: Array, start: Array, ends: Array) -> Array
 
 def _candidates(plan: Plan) -> Array:
     """Ground points (V, C, 3) where all vehicles have flat ground, clear of zones and inside the fence."""
-    t_s = np.linspace(plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf), _CANDIDATES + 2)[1:-1]
+    t_s = np.linspace(plan.t_start_s, plan.t_end_s, _CANDIDATES + 2)[1:-1]
     leader = plan.leader_trajectory.state(t_s)
     tracks = (leader[:, POSITION] + plan.offsets(t_s))[..., :2]
     right = np.stack([-leader[:, VELOCITY][:, 1], leader[:, VELOCITY][:, 0]], axis=-1)

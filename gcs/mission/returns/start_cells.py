@@ -1,4 +1,4 @@
-"""Where vehicles are at the begin of a return, if it begins at any instant of an interval.
+"""Positions of vehicles at the start of a return, bounded over an interval of start times.
 
 Plans are piecewise polynomials of time. So their Taylor coefficients about the middle of an interval bound how far each
 vehicle is from its middle place, and how much two vehicles move against each other.

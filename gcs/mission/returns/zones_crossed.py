@@ -1,4 +1,4 @@
-"""The no-fly zones that straight returns (RTL) cross, at whatever instant of the plan they begin.
+"""No-fly zones that straight returns (RTL) cross, from any instant of the plan.
 
 All tracks of an interval of start times lie in the hull of the places where they may begin and of their end. Intervals
 are halved where a hull meets a zone, down to `_SHORTEST_S`; what is left counts as crossing.

@@ -40,15 +40,10 @@ _GATES_EVERY_S = 20.0  # least time between gates
 _SAMPLE_S = 0.1
 _SLOWEST_MPS = 0.3
 _LEAST_PATH_M, _TIME_M = 0.3, 1.0  # no autopilot keeps corners or a constant speed better
-_PLACEMENTS = (
-    (1.0, 1.0),
-    (1.5, 1.3),
-    (0.5, 0.8),
-)  # factor on the path's tolerance; share of a speed that legs must sustain
-_GOOD_S, _GOOD_OWN_S = (
-    1.0,
-    2.0,
-)  # good enough to try no other placement; the second for vehicles with legs of their own, which take long
+# Factor on the path's tolerance; share of a speed that legs must sustain.
+_PLACEMENTS = ((1.0, 1.0), (1.5, 1.3), (0.5, 0.8))
+# Good enough to try no other placement; the second for vehicles with legs of their own, which take long.
+_GOOD_S, _GOOD_OWN_S = 1.0, 2.0
 _BETTER_S = 0.05  # a later placement must be better by this much
 _NO_FLY_COST_SPM = 100.0  # cost of a metre too near to a no-fly zone, in s of lateness
 _CACHE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # a correction takes seconds
@@ -273,8 +268,8 @@ def _profile(
         sampled.position_ned_m[row],
         kept,
         np.array(limits.speed_ned_mps),
-        slowest_mps=max(_SLOWEST_MPS, firmware.speed_mps[0]),
-        fastest_mps=firmware.speed_mps[1],
+        slowest_mps=max(_SLOWEST_MPS, firmware.traits.missions.speed_mps[0]),
+        fastest_mps=firmware.traits.missions.speed_mps[1],
         airborne_s=climb_s(plan, firmware) + begin_s - takeoff.end_s,
         delay_begins_m=firmware.navigator.delay_begins_m,
     )

@@ -94,7 +94,7 @@ def build_missions(
     """
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     for known in set(autopilots):
-        if altitude.frame not in known.frames:
+        if altitude.frame not in known.traits.missions.frames:
             raise ScenarioError(
                 f"{known.title} refuses altitudes above the ground in missions.",
                 hint="give --altitude relative or --altitude amsl",
@@ -103,10 +103,10 @@ def build_missions(
         legs = dict.fromkeys(autopilots, legs or timed_legs(plan))
     missions = tuple(_vehicle_mission(plan, row, legs[known], known, altitude) for row, known in enumerate(autopilots))
     for known, mission in zip(autopilots, missions, strict=True):
-        count = known.home_is_item_0 + len(mission.items)
-        if count > known.items_max:
+        count, most = known.home_is_item_0 + len(mission.items), known.traits.missions.items_max
+        if count > most:
             raise ScenarioError(
-                f"A mission has {count} items; {known.title} stores at most {known.items_max}.",
+                f"A mission has {count} items; {known.title} stores at most {most}.",
                 hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
             )
     return missions

@@ -1,4 +1,4 @@
-"""Correct the leg speeds so that the modelled autopilot reaches each waypoint on time.
+"""Corrects leg speeds so that the modelled autopilot reaches each waypoint on time.
 
 Lateness over all legs is minimised by least squares (Levenberg-Marquardt on the logarithms of the speeds). Lateness
 above a second counts with its fourth power, so that unavoidable lateness is spread over legs. A speed acts on its own
@@ -165,7 +165,7 @@ def leg_profile(
 
 
 def _near_s(t_s: Array, position_ned_m: Array, near_m: float) -> float:
-    """When the samples have come within this distance of the last one, for good."""
+    """The time from which the samples stay within this distance of the last one."""
     far = np.flatnonzero(np.linalg.norm(position_ned_m - position_ned_m[-1], axis=1) > max(near_m, 1e-9))
     return float(t_s[far[-1] + 1]) if near_m > 0.0 and len(far) else float(t_s[-1])
 

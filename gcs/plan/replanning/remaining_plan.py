@@ -22,7 +22,8 @@ from gcs.plan.search.initial_guess import along
 from gcs.plan.search.leg_routes import routes_through
 from gcs.plan.search.leg_schedule import on_time
 from gcs.plan.search.routes import every_route
-from gcs.plan.trajectory.plan import MeshRound, Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario

@@ -17,38 +17,11 @@ from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.distances import formation_error_m, ground_distances_m, separations_m, zone_distances_m
 from gcs.plan.trajectory.passages import Passage, passages
+from gcs.plan.trajectory.phases import Phase
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
 from gcs.types import Array
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A named part of the flight."""
-
-    name: str  # takeoff, hover, run-up, mission, arrival-hover, landing
-    start_s: float
-    end_s: float
-
-    @property
-    def duration_s(self) -> float:
-        """Its length."""
-        return self.end_s - self.start_s
-
-
-def phases_of(scenario: Scenario) -> tuple[Phase, ...]:
-    """The phases in order. They meet to the last bit; phases of no length are left out."""
-    ground = scenario.ground_phases
-    run_up_s = ground.run_up_s if any(scenario.start.velocity_mps) else 0.0
-    phases = [Phase("mission", 0.0, scenario.time.flight_s)]
-    for name, length in (("run-up", run_up_s), ("hover", ground.hover_s), ("takeoff", ground.takeoff_s)):
-        if length > 0:
-            phases.insert(0, Phase(name, phases[0].start_s - length, phases[0].start_s))
-    for name, length in (("arrival-hover", ground.hover_s), ("landing", ground.landing_s)):
-        if length > 0:
-            phases.append(Phase(name, phases[-1].end_s, phases[-1].end_s + length))
-    return tuple(phases)
 
 
 @dataclass(frozen=True)
@@ -152,6 +125,10 @@ class Plan:
     def landing_points_ned_m(self) -> Array:
         """Ground points (V, 3) on which the vehicles land: below their places when the landing begins."""
         return landing_points_ned_m(self.scenario, self.shape.at(self.phase("landing").start_s))
+
+    def clamped(self, t_s: Array | float) -> Array:
+        """Plan times (N,), those before and after the plan moved to its ends; one instant is N = 1."""
+        return np.asarray(np.clip(np.atleast_1d(t_s), self.t_start_s, self.t_end_s))
 
     def phase(self, name: str) -> Phase:
         """The phase of that name."""

@@ -1,4 +1,4 @@
-"""The least height over a place that keeps a distance to the smooth ground in any direction.
+"""Least heights that keep a distance to the smooth ground in any direction.
 
 A vehicle keeps the distance `c` where it is above `ground(place + foot) + sqrt(c^2 - |foot|^2)` for every foot within
 `c` of its place: above the ground with a ball of radius `c` rolled over it.

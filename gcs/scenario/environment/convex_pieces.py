@@ -1,4 +1,4 @@
-"""Convex pieces: disks, polygons and half-planes, of which the areas that vehicles avoid consist."""
+"""Convex pieces of the areas that vehicles avoid: disks, polygons and half-planes."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ import numpy as np
 import rasterio
 from rasterio._err import CPLE_BaseError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.io import DatasetReader
 from rasterio.warp import transform
 from rasterio.windows import Window
 
@@ -58,7 +59,7 @@ def read_dem(file: Path, origin: Origin, region: Region, unit: HeightUnit | None
         raise DemError(f"cannot be read as an elevation model: {problem}") from None
 
 
-def _relief(raster: Any, origin: Origin, region: Region, unit: HeightUnit | None) -> Relief:
+def _relief(raster: DatasetReader, origin: Origin, region: Region, unit: HeightUnit | None) -> Relief:
     if raster.crs is None or raster.transform.is_identity:
         raise DemError(
             "does not say where on Earth it lies (no projection); add one, for example `gdal_translate -a_srs EPSG:… "
@@ -98,7 +99,7 @@ def _relief(raster: Any, origin: Origin, region: Region, unit: HeightUnit | None
     )
 
 
-def _refuse_large_blocks(raster: Any) -> None:
+def _refuse_large_blocks(raster: DatasetReader) -> None:
     """Raises DemError for a raster whose pieces need more memory than the window that is read."""
     (rows, columns), kind = raster.block_shapes[0], np.dtype(raster.dtypes[0])
     if kind.kind not in "iuf":
@@ -113,7 +114,7 @@ def _refuse_large_blocks(raster: Any) -> None:
         )
 
 
-def _metres_per_unit(raster: Any, unit: HeightUnit | None) -> float:
+def _metres_per_unit(raster: DatasetReader, unit: HeightUnit | None) -> float:
     said = (raster.units[0] or "").strip().lower()
     if said in _FEET:
         if unit != "ft":
@@ -126,7 +127,7 @@ def _metres_per_unit(raster: Any, unit: HeightUnit | None) -> float:
     return FOOT_M if unit == "ft" else 1.0
 
 
-def _window(raster: Any, origin: Origin, region: Region) -> Window:
+def _window(raster: DatasetReader, origin: Origin, region: Region) -> Window:
     """Pixels that hold the region and one more on every side where there are such."""
     edge_n, edge_e = _outline(region)
     row, column = _pixels(raster, edge_n, edge_e, origin)
@@ -148,7 +149,7 @@ def _window(raster: Any, origin: Origin, region: Region) -> Window:
     return Window(left, top, right - left, bottom - top)
 
 
-def _complete(table: Any, raster: Any, window: Window, origin: Origin) -> None:
+def _complete(table: Any, raster: DatasetReader, window: Window, origin: Origin) -> None:
     """Raises DemError where a pixel has no height."""
     holes = np.ma.getmaskarray(table) | ~np.isfinite(np.asarray(table.data, dtype=np.float64))
     if not holes.any():
@@ -168,7 +169,7 @@ def _outline(region: Region) -> tuple[Array, Array]:
     return grid[0].ravel(), grid[1].ravel()
 
 
-def _covered(raster: Any, origin: Origin) -> tuple[Array, Array]:
+def _covered(raster: DatasetReader, origin: Origin) -> tuple[Array, Array]:
     """What the whole raster covers, roughly: [low, high] north and east, m."""
     rows, columns = np.meshgrid(np.linspace(0, raster.height - 1, 5), np.linspace(0, raster.width - 1, 5))
     lat_deg, lon_deg = _on_earth(raster, rows, columns)
@@ -176,14 +177,14 @@ def _covered(raster: Any, origin: Origin) -> tuple[Array, Array]:
     return tuple(np.array([ned[..., axis].min(), ned[..., axis].max()]) for axis in (0, 1))  # type: ignore[return-value]
 
 
-def _on_earth(raster: Any, row: Array, column: Array) -> tuple[Array, Array]:
+def _on_earth(raster: DatasetReader, row: Array, column: Array) -> tuple[Array, Array]:
     """Latitude and longitude of pixel centres, each of the shape of `row`."""
     x, y = raster.transform @ (column.ravel() + 0.5, row.ravel() + 0.5)
     lon_deg, lat_deg = transform(raster.crs, _WORLD, np.asarray(x), np.asarray(y))
     return np.reshape(lat_deg, row.shape), np.reshape(lon_deg, row.shape)
 
 
-def _pixels(raster: Any, north_m: Array, east_m: Array, origin: Origin) -> tuple[Array, Array]:
+def _pixels(raster: DatasetReader, north_m: Array, east_m: Array, origin: Origin) -> tuple[Array, Array]:
     """Row and column (N,) of places at height 0, counted from 0 at the first pixel's centre."""
     lat_deg, lon_deg, _ = ned_to_geodetic(np.column_stack([north_m, east_m, np.zeros_like(north_m)]), origin)
     x, y = transform(_WORLD, raster.crs, lon_deg, lat_deg)
@@ -192,7 +193,7 @@ def _pixels(raster: Any, north_m: Array, east_m: Array, origin: Origin) -> tuple
 
 
 def _pixel_polynomials(
-    raster: Any, window: Window, origin: Origin, region: Region, centre: tuple[float, float], reach: float
+    raster: DatasetReader, window: Window, origin: Origin, region: Region, centre: tuple[float, float], reach: float
 ) -> tuple[Any, Any]:
     """Row and column in the window as cubic polynomials of north and east."""
     north, east = _outline(region)

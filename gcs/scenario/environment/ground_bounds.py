@@ -1,8 +1,8 @@
-"""Upper bounds of the ground over rectangles: no place of a rectangle is higher.
+"""Upper bounds of the ground height over rectangles.
 
 Mountains (Eq. 53) are bounded one by one at their nearest places, the ripple (Eq. 52) by its slope and by its peak. An
-elevation model is bilinear, so its bound is its highest value where grid lines and edges meet. Bounds come as near to
-the ground as rectangles are small.
+elevation model is bilinear, so its bound is its highest value where grid lines and edges meet. The smaller
+the rectangle, the tighter the bound.
 """
 
 from __future__ import annotations

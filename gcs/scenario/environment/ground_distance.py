@@ -1,4 +1,4 @@
-"""The distance from places to the ground in any direction: beside a cliff it is less than the height above the ground.
+"""The distance to the ground in any direction: beside a cliff it is less than the height above ground.
 
 The ground is the union of solids with a smooth top each: the mountains, both signs of the ripple, or the cells of a
 relief. The distance to a union is the least of the distances, so kinks of the ground need no special care.
@@ -35,7 +35,7 @@ _SEEDS = ((0.5, 0.5), (0.1, 0.1), (0.1, 0.9), (0.9, 0.1), (0.9, 0.9))
 def ground_distance_m(terrain: Terrain, north_m: Array, east_m: Array, up_m: Array, reach_m: float) -> Array:
     """Least distance (...) from places to the ground, in any direction; `reach_m` where it is larger than that.
 
-    Below the ground it is the height above the ground, which is negative.
+    Below the ground it is the negative height above ground.
     """
     north, east, up = (np.asarray(part, dtype=np.float64) for part in np.broadcast_arrays(north_m, east_m, up_m))
     shape = north.shape

@@ -1,4 +1,4 @@
-"""The zones that vehicles avoid: no-fly zones, disks (Eq. 21) or polygons, and all that is outside keep-in areas.
+"""The zones that vehicles avoid: no-fly zones, disks (Eq. 21) or polygons, and the outside of keep-in areas.
 
 Inside or outside is exact. The distance of a place outside a polygon's piece is that to the line of an edge: beside a
 corner it is less than the true distance, never more. `widened` and `narrowed` make the zones that a planner avoids to
@@ -40,7 +40,7 @@ class HasZones(Protocol):
 
 @dataclass(frozen=True)
 class ZoneName:
-    """What messages call a zone: each kind counts from 1 in the order of the scenario."""
+    """The name of a zone in messages: each kind counts from 1 in the order of the scenario."""
 
     number: int
     keep_in: bool = False
@@ -66,7 +66,7 @@ def zone_names(of: HasZones) -> tuple[ZoneName, ...]:
 
 
 def in_words(of: HasZones) -> str:
-    """What kinds of zones there are, as a table names them."""
+    """The kinds of zones, as a table names them."""
     kinds = {"keep-in areas": of.keep_in, "no-fly zones": of.no_fly}
     return " and ".join(kind for kind, listed in kinds.items() if listed) or "no-fly zones"
 

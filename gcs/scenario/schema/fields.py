@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Self
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, Strict, model_validator
 from pydantic_core import CoreSchema
 
 from gcs.scenario.schema.degree_keys import DegreeKeys
-from gcs.scenario.schema.toml_lines import Key
+from gcs.scenario.schema.mistake import sentence
+from gcs.scenario.schema.toml_lines import Key, Table
 
 # Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -46,7 +48,8 @@ def left_out(text: str) -> Any:
     return Field(default=None, description=text, exclude_if=lambda value: value is None)
 
 
-Finding = tuple[Key, str]  # a key inside a table, () for the table itself, and what is wrong with it
+# A key inside a table, () for the table itself; what is wrong with it; perhaps what to do.
+Finding = tuple[Key, str] | tuple[Key, str, str]
 Findings = Iterator[Finding]
 
 
@@ -54,8 +57,8 @@ class Disagreement(ValueError):
     """Keys of one table that are each valid, but not together."""
 
     def __init__(self, found: list[Finding]) -> None:
-        super().__init__("; ".join(": ".join((*map(str, key), text)) for key, text in found))
-        self.found = tuple(found)
+        self.found = [(key, text, "".join(step)) for key, text, *step in found]
+        super().__init__("; ".join(": ".join((*map(str, key), sentence(*said))) for key, *said in self.found))
 
 
 class Part(BaseModel):
@@ -65,7 +68,7 @@ class Part(BaseModel):
     degree_keys: ClassVar[tuple[DegreeKeys, ...]] = ()  # that a file may have instead of those in metres
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> Table:
         schema = handler(core)
         for keys in cls.degree_keys:
             keys.add_to(handler.resolve_ref_schema(schema))
@@ -79,3 +82,31 @@ class Part(BaseModel):
 
     def _disagreements(self) -> Findings:
         return iter(())
+
+
+@lru_cache
+def _inner_tables(model: type[Part]) -> dict[str, type[Part]]:
+    """The keys of a table that hold tables, and the models of these."""
+    found = {name: _part_in(model_field.annotation) for name, model_field in model.model_fields.items()}
+    return {name: part for name, part in found.items() if part is not None}
+
+
+def _part_in(annotation: object) -> type[Part] | None:
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return annotation
+    return next((part for part in map(_part_in, get_args(annotation)) if part is not None), None)
+
+
+def tables(model: type[Part], table: Table, key: Key = ()) -> Iterator[tuple[Key, type[Part], Table]]:
+    """A table and those inside it, with their keys and models. Each may be changed before those inside it come."""
+    yield key, model, table
+    for name, part in _inner_tables(model).items():
+        value = table.get(name)
+        if isinstance(value, dict):
+            table[name] = dict(value)
+            yield from tables(part, table[name], (*key, name))
+        elif isinstance(value, list | tuple):
+            table[name] = [dict(one) if isinstance(one, dict) else one for one in value]
+            for row, one in enumerate(table[name]):
+                if isinstance(one, dict):
+                    yield from tables(part, one, (*key, name, row))

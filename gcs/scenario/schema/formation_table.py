@@ -67,18 +67,15 @@ class ShapeTable(Part):
 
     def _disagreements(self) -> Findings:
         if self.name == START_SHAPE:
-            yield ("name",), "is the name of the shape at t = 0. Give this shape another name"
+            yield ("name",), "is the name of the shape at t = 0", "give this shape another name"
         if self.generator is None and not self.offsets_m:
-            yield (), "has no places. Give generator and spacing_m, or offsets_m"
+            yield (), "has no places", "give generator and spacing_m, or offsets_m"
         elif self.generator is None and self.spacing_m is not None:
-            yield ("spacing_m",), "has no effect on offsets_m. Remove it, or give a generator instead of them"
+            yield ("spacing_m",), "has no effect on offsets_m", "remove it, or give a generator instead of them"
         elif self.generator is None and self.heading_deg is not None:
-            yield ("heading_deg",), "has no effect on offsets_m. Remove it, or give a generator instead of them"
+            yield ("heading_deg",), "has no effect on offsets_m", "remove it, or give a generator instead of them"
         elif self.generator is not None and self.offsets_m:
-            yield (
-                ("offsets_m",),
-                f'generator = "{self.generator}" defines the places already. Keep one of the two',
-            )
+            yield ("offsets_m",), f'generator = "{self.generator}" defines the places already', "keep one of the two"
         if self.generator is not None and self.spacing_m is None:
             yield ("spacing_m",), f'missing; generator = "{self.generator}" needs the distance between neighbours, m'
 
@@ -125,31 +122,31 @@ class ChangeTable(Part):
         if self.auto:
             yield from self._automatic()
         elif self.weight is not None:
-            yield ("weight",), "is the cost of auto = true. Remove it, or set auto = true"
+            yield ("weight",), "is the cost of auto = true", "remove it, or set auto = true"
 
     def _when(self) -> Findings:
         times = {name: getattr(self, name) is not None for name in ("at_s", "gate_m", "at_point")} | {"auto": self.auto}
         given = [key for key, is_given in times.items() if is_given]
         if not given:
-            yield (), "has no time. Give one of at_s, gate_m, at_point and auto = true"
+            yield (), "has no time", "give one of at_s, gate_m, at_point and auto = true"
         for key in given[1:]:
-            yield (key,), f"{given[0]} sets the time already. Keep one of the two"
+            yield (key,), f"{given[0]} sets the time already", "keep one of the two"
         if self.gate_m is not None and self.gate_m[0] == self.gate_m[1]:
-            yield ("gate_m",), "is a single point. Give two different points"
+            yield ("gate_m",), "is a single point", "give two different points"
 
     def _what(self) -> Findings:
         for key, kind in _KIND_OF_KEY.items():
             given = getattr(self, key) is not None
             if given and self.kind != kind:
-                yield (key,), f'has no effect with kind = "{self.kind}". Remove it, or give kind = "{kind}"'
+                yield (key,), f'has no effect with kind = "{self.kind}"', f'remove it, or give kind = "{kind}"'
             if not given and self.kind == kind and key in _NEEDED:
                 yield (key,), f'missing; kind = "{kind}" needs it ({type(self).model_fields[key].description})'
         if self.axis is not None and max(map(abs, self.axis)) < _AXIS_LEAST:
-            yield ("axis",), "has no direction. Give for example [0, 0, 1], straight up"
+            yield ("axis",), "has no direction", "give for example [0, 0, 1], straight up"
 
     def _automatic(self) -> Findings:
         if self.kind == "rotate" and self.axis is not None:
-            yield ("axis",), "an automatic rotation turns about the vertical. Remove axis"
+            yield ("axis",), "an automatic rotation turns about the vertical", "remove axis"
         if self.kind == "rotate" and self.angle_deg is not None and self.angle_deg <= 0:
             yield ("angle_deg",), "must be > 0: with auto it is the largest angle in either direction"
         if self.kind == "shrink" and self.scale is not None and self.scale >= 1:
@@ -201,7 +198,7 @@ class Formation(Part):
 
     def _disagreements(self) -> Findings:
         if self.count is None and not self.vehicle:
-            yield (), "has no vehicles. Give [[formation.vehicle]] tables, or count and start_shape"
+            yield (), "has no vehicles", "give [[formation.vehicle]] tables, or count and start_shape"
         else:
             yield from self._fleet()
             yield from self._places()
@@ -210,12 +207,13 @@ class Formation(Part):
 
     def _fleet(self) -> Findings:
         if self.vehicle and self.count is not None:
-            yield ("count",), f"there are {len(self.vehicle)} [[formation.vehicle]] tables already. Keep one of the two"
+            text = f"there are {len(self.vehicle)} [[formation.vehicle]] tables already"
+            yield ("count",), text, "keep one of the two"
         rows: dict[int, int] = {}
         for row, vehicle in enumerate(self.vehicle):
             if rows.setdefault(vehicle.sysid, row) != row:
-                text = f"is the sysid of vehicle[{rows[vehicle.sysid]}] already. Give each vehicle its own"
-                yield ("vehicle", row, "sysid"), text
+                text = f"is the sysid of vehicle[{rows[vehicle.sysid]}] already"
+                yield ("vehicle", row, "sysid"), text, "give each vehicle its own"
         ids = self.sysids
         if self.leader not in ids:
             there = f"are {', '.join(map(str, ids))}" if len(ids) <= 10 else f"are {ids[0]} to {ids[-1]}"
@@ -225,14 +223,14 @@ class Formation(Part):
         if self.count is not None and self.start_shape is None:
             yield ("start_shape",), "missing; count needs the name of a [[formation.shape]] to start in"
         if self.count is None and self.start_shape is not None:
-            yield ("start_shape",), "belongs to count; [[formation.vehicle]] tables have positions. Keep one of the two"
+            text = "belongs to count; [[formation.vehicle]] tables have positions"
+            yield ("start_shape",), text, "keep one of the two"
         count = len(self.sysids)
         for index, shape in enumerate(self.shape):
             if shape.offsets_m and len(shape.offsets_m) != count:
                 missing = self._missing_sysids(len(shape.offsets_m) - count)
                 text = f"has {len(shape.offsets_m)} places for {count} vehicles{missing}"
-                text += ". Give one for each, leader included"
-                yield ("shape", index, "offsets_m"), text
+                yield ("shape", index, "offsets_m"), text, "give one for each, leader included"
 
     def _missing_sysids(self, places: int) -> str:
         """The vehicles that are missing in a row of numbers, where they are as many as the places too many."""
@@ -248,12 +246,12 @@ class Formation(Part):
         names = [shape.name for shape in self.shape]
         for index, name in enumerate(names):
             if name in names[:index]:
-                yield ("shape", index, "name"), f"is the name of shape[{names.index(name)}] already. Give another one"
+                yield ("shape", index, "name"), f"is the name of shape[{names.index(name)}] already", "give another one"
         if self.start_shape is not None and self.start_shape not in names:
-            yield ("start_shape",), _no_such_shape(self.start_shape, names)
+            yield ("start_shape",), *_no_such_shape(self.start_shape, names)
         for index, change in enumerate(self.change):
             if change.to is not None and change.to not in (START_SHAPE, *names):
-                yield ("change", index, "to"), _no_such_shape(change.to, [START_SHAPE, *names])
+                yield ("change", index, "to"), *_no_such_shape(change.to, [START_SHAPE, *names])
 
     def _schedule(self) -> Findings:
         first: dict[str, int] = {}
@@ -261,21 +259,21 @@ class Formation(Part):
         for index, change in enumerate(self.change):
             if change.auto:
                 if first.setdefault(change.kind, index) != index:
-                    text = f'change[{first[change.kind]}] with kind = "{change.kind}" is automatic already. Keep one'
-                    yield ("change", index, "auto"), text
+                    text = f'change[{first[change.kind]}] with kind = "{change.kind}" is automatic already'
+                    yield ("change", index, "auto"), text, "keep one"
                 if change.kind == "rotate" and self.frame == "course":
-                    text = 'with frame = "course" the heading follows the course. Give at_s or gate_m, or remove it'
-                    yield ("change", index, "auto"), text
+                    text = 'with frame = "course" the heading follows the course'
+                    yield ("change", index, "auto"), text, "give at_s or gate_m, or remove it"
             if change.at_s is not None:
                 before = self.change[latest].at_s
                 if before is not None and change.at_s < before:
-                    text = f"is before change[{latest}], which begins at {before:g} s. Give changes in order of time"
-                    yield ("change", index, "at_s"), text
+                    text = f"is before change[{latest}], which begins at {before:g} s"
+                    yield ("change", index, "at_s"), text, "give changes in order of time"
                 latest = index
 
 
-def _no_such_shape(name: str, names: list[str]) -> str:
+def _no_such_shape(name: str, names: list[str]) -> tuple[str, str]:
     if near := nearest(name, names):
-        return f'is the name of no shape. Write "{near}"'
+        return "is the name of no shape", f'write "{near}"'
     known = ", ".join(f'"{known}"' for known in names) if names else "none yet"
-    return f"is the name of no shape; [[formation.shape]] tables give names, and there are {known}"
+    return f"is the name of no shape; [[formation.shape]] tables give names, and there are {known}", ""

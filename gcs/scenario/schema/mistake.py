@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from gcs.scenario.schema.toml_lines import Key
 
-_STEPS = "Choose|Complete|Correct|Exchange|Give|Keep|Make|Move|Raise|Remove|Set|Shorten|Widen|Write"
-_LAST_STEP = re.compile(rf"\.\s+((?:{_STEPS})\b[^;]*)$")  # a sentence at the end that says what to do
 _NO_WORD = re.compile(r"[-+]?\d[\d.]*(?:[,:]\d+|\s*[A-Za-z/²^°]{1,7}2?)")  # 5 m: perhaps without quotes in the file
 _SHOWN_INT = 10**100
 _SHOWN_DEPTH = 10
@@ -22,13 +20,25 @@ EXACT = 7  # digits of what is written into a file
 
 
 @dataclass(frozen=True)
+class KeyChange:
+    """A key, and the value that it should have; as text, the words after "set"."""
+
+    key: Key
+    value: float | Sequence[float]
+
+    def __str__(self) -> str:
+        return f"{dotted(self.key)} to {plain(self.value, digits_of(self.key))}"
+
+
+@dataclass(frozen=True)
 class Mistake:
     """The mistake of one key; `text` follows "key = value: ". `remedy` says what to do, as a `next:` line has it."""
 
     key: Key
     text: str
-    value: Any = None
-    remedy: str = ""
+    value: object = None
+    remedy: str = ""  # with {} for each of the settings
+    settings: tuple[KeyChange, ...] = ()
     line: int | None = None  # where the text of the file itself is wrong
 
     @property
@@ -36,23 +46,25 @@ class Mistake:
         """The key and its value."""
         if self.value is None:
             return dotted(self.key)
-        return f"{dotted(self.key)} = {toml(self.value, EXACT if name_of(self.key).endswith('_deg') else _DIGITS)}"
+        return f"{dotted(self.key)} = {toml(self.value, digits_of(self.key))}"
 
     @property
-    def told(self) -> tuple[str, str]:
-        """What is wrong, and what to do, which is empty where nothing is known but the problem."""
-        if self.remedy or not (found := _LAST_STEP.search(self.text)):
-            return self.text, self.remedy
-        return self.text[: found.start()], found[1][0].lower() + found[1][1:]
+    def step(self) -> str:
+        """What to do; empty where nothing is known but the problem."""
+        return self.remedy.format(*self.settings) if self.settings else self.remedy
 
     @property
     def whole(self) -> str:
         """What is wrong and what to do."""
-        stop = "" if self.text.endswith("?") else "."
-        return f"{self.text}{stop} {self.remedy[0].upper()}{self.remedy[1:]}" if self.remedy else self.text
+        return sentence(self.text, self.step)
 
     def __str__(self) -> str:
         return f"{self.place}: {self.whole}"
+
+
+def sentence(text: str, step: str) -> str:
+    """What is wrong and what to do."""
+    return f"{text}{'' if text.endswith('?') else '.'} {step[0].upper()}{step[1:]}" if step else text
 
 
 def dotted(key: Key) -> str:
@@ -64,6 +76,11 @@ def dotted(key: Key) -> str:
 def name_of(key: Key) -> str:
     """The name of a value, or of the list that it stands in."""
     return next((part for part in reversed(key) if isinstance(part, str)), "")
+
+
+def digits_of(key: Key) -> int:
+    """The digits after the point that a number of this key needs."""
+    return EXACT if name_of(key).endswith("_deg") else _DIGITS
 
 
 def value_at(table: Any, key: Key) -> Any:
@@ -83,8 +100,11 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return next(iter(with_unit or difflib.get_close_matches(same, names, n=1)), None)
 
 
-def plain(value: float, digits: int = _DIGITS) -> str:
-    """A number in a sentence: few digits after the point, or three in all below 0.1, and no zeros at the end."""
+def plain(value: float | Sequence[Any], digits: int = _DIGITS) -> str:
+    """A number or a list in a sentence: few digits after the point, or three in all below 0.1, no zeros at the end."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(plain(one, digits) for one in value)}]"
+    assert isinstance(value, int | float)
     if isinstance(value, int):
         return str(value) if abs(value) < _SHOWN_INT else hex(value)  # Python refuses thousands of decimal digits
     if digits == _DIGITS and 0.0 < abs(value) < _SMALL:
@@ -92,7 +112,7 @@ def plain(value: float, digits: int = _DIGITS) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")
 
 
-def from_e7(value: Any) -> float | None:
+def from_e7(value: object) -> float | None:
     """The degrees in an integer as MAVLink has them; None for what may be metres."""
     return value / _E7 if isinstance(value, int) and _E7_LEAST < abs(value) <= 180 * _E7 else None
 
@@ -102,7 +122,7 @@ def degrees(value: float) -> str:
     return plain(float(value), EXACT)
 
 
-def toml(value: Any, digits: int = _DIGITS, depth: int = 0) -> str:
+def toml(value: object, digits: int = _DIGITS, depth: int = 0) -> str:
     """The value in TOML, cut when it is long or nested deeply. What may stand without quotes has none."""
     if depth > _SHOWN_DEPTH:
         text = "..."

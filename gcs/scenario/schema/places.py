@@ -75,11 +75,11 @@ class Mountains(Part):
     def _disagreements(self) -> Findings:
         lengths = {key: len(getattr(self, key)) for key in type(self).model_fields}
         if len(set(lengths.values())) > 1:
-            found = ", ".join(f"{key} {length}" for key, length in lengths.items())
-            yield (
-                (),
-                f"lists must be equally long, one entry per mountain; lengths are {found}. Complete the short ones",
-            )
+            beside = dict(zip(SUMMITS.metres, SUMMITS.degrees, strict=True))
+            names = {key: f"{key} or {beside[key]}" if key in beside else key for key in lengths}
+            found = ", ".join(f"{names[key]} {length}" for key, length in lengths.items())
+            text = f"lists must be equally long, one entry per mountain; lengths are {found}"
+            yield (), text, "complete the short ones"
 
 
 class Dem(Part):
@@ -103,7 +103,7 @@ class Terrain(Part):
 
     def _disagreements(self) -> Findings:
         if self.dem is not None and (self.ripple is not None or self.mountains.height_m):
-            yield ("dem",), "is the whole ground. Remove ripple and mountains, or remove [terrain.dem]"
+            yield ("dem",), "is the whole ground", "remove ripple and mountains, or remove [terrain.dem]"
 
 
 class NoFlyZone(Part):
@@ -130,17 +130,16 @@ class NoFlyZone(Part):
         lacking = [key for key, value in disk.items() if value is None]
         if self.polygon_m is None:
             for key in lacking:
-                yield (key,), "missing; a disk needs north_m, east_m and radius_m. Give it, or give polygon_m"
+                text = "missing; a disk needs north_m, east_m (or lat_deg, lon_deg) and radius_m"
+                yield (key,), text, "give it, or give polygon_m or polygon_deg"
         elif len(lacking) < len(disk):
-            yield (
-                ("polygon_m",),
-                f"stands beside {next(k for k in disk if k not in lacking)}. Keep the polygon or the disk",
-            )
+            beside = "radius_m" if self.radius_m is not None else "the centre of a disk"
+            yield ("polygon_m",), f"stands beside {beside}", "keep the polygon or the disk"
         if self.polygon_m is not None:
             yield from polygon_findings(self.polygon_m)
         times = [move[0] for move in self.moves]
         if any(b <= a for a, b in itertools.pairwise(times)):
-            yield ("moves",), "must be in order of time. Make each time later than the one before"
+            yield ("moves",), "must be in order of time", "make each time later than the one before"
 
 
 def polygon_findings(corners: tuple[Point, ...]) -> Findings:
@@ -148,9 +147,9 @@ def polygon_findings(corners: tuple[Point, ...]) -> Findings:
     if len(corners) < 3:
         yield ("polygon_m",), f"has {len(corners)} corners; a polygon needs at least 3"
     elif (shape := shapely.Polygon(corners)) and not shape.is_valid:
-        yield ("polygon_m",), f"crosses itself: {_reason(shape)} (north east, m). Give the corners in order"
+        yield ("polygon_m",), f"crosses itself: {_reason(shape)} (north east, m)", "give the corners in order"
     elif shape.area <= 0.0:
-        yield ("polygon_m",), "has no area: its corners are on one line. Move a corner"
+        yield ("polygon_m",), "has no area: its corners are on one line", "move a corner"
 
 
 def _reason(shape: shapely.Polygon) -> str:
@@ -184,13 +183,13 @@ class RoutePoint(Part):
         if self.at_s is not None:
             for key in ("after_s", "by_s"):
                 if getattr(self, key) is not None:
-                    yield (key,), f"at_s = {self.at_s:g} sets the time already. Keep one of the two"
+                    yield (key,), f"at_s = {self.at_s:g} sets the time already", "keep one of the two"
         elif self.after_s is not None and self.by_s is not None and self.after_s >= self.by_s:
             yield ("by_s",), f"must be more than after_s = {self.after_s:g}"
         if self.hold_s is not None and self.radius_m is not None:
-            yield ("radius_m",), "the leader hovers at the point itself. Remove radius_m or hold_s"
+            yield ("radius_m",), "the leader hovers at the point itself", "remove radius_m or hold_s"
         if self.hold_s is not None and self.speed_mps is not None:
-            yield ("speed_mps",), "the leader hovers here. Remove speed_mps or hold_s"
+            yield ("speed_mps",), "the leader hovers here", "remove speed_mps or hold_s"
 
 
 class _Polygon(Part):
@@ -232,7 +231,7 @@ class SurveyTable(Part):
     def _disagreements(self) -> Findings:
         yield from polygon_findings(self.polygon_m)
         if shapely.Polygon(self.polygon_m).is_valid and self.area.is_empty:
-            yield ("hole",), "leave nothing of the area. Remove one of them"
+            yield ("hole",), "leave nothing of the area", "remove one of them"
 
     @property
     def area(self) -> BaseGeometry:

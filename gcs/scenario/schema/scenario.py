@@ -6,7 +6,7 @@ degrees); `gcs.scenario.values.si` converts them to SI, NED and radians.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field, Strict
 
@@ -17,6 +17,7 @@ from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
     Acceleration,
     Coordinate,
+    Disagreement,
     Distance,
     Findings,
     Force,
@@ -39,6 +40,7 @@ from gcs.scenario.schema.fields import (
 from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Formation, Generator
 from gcs.scenario.schema.heightmap import Relief
 from gcs.scenario.schema.places import ROUTE_MAX, KeepIn, Mountains, NoFlyZone, Ripple, RoutePoint, SurveyTable, Terrain
+from gcs.scenario.schema.toml_lines import Table
 
 __all__ = ["START_SHAPE", "ChangeTable", "Formation", "Generator"]  # of the tables beside these, for all users
 __all__ += ["KeepIn", "Mountains", "NoFlyZone", "Relief", "Ripple", "RoutePoint", "SurveyTable", "Terrain"]
@@ -64,17 +66,16 @@ else:
 def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
     low, high = pair
     if low >= high:
-        step = f". Write [{high:g}, {low:g}]" if low > high else ""
-        raise ValueError(f"must be [low, high] with low < high{step}")
+        step = "exchange the two numbers" if low > high else ""
+        raise Disagreement([((), "must be [low, high] with low < high", step)])
     return pair
 
 
 def _upwards(pair: tuple[float, float]) -> tuple[float, float]:
     low, high = pair
     if high < low <= 0.0:
-        raise ValueError(
-            f"must be [low, high] with low < high; heights are positive upwards. Write [{0.0 - low:g}, {0.0 - high:g}]"
-        )
+        text = "must be [low, high] with low < high; heights are positive upwards"
+        raise Disagreement([((), text, f"write [{0.0 - low:g}, {0.0 - high:g}]")])
     return _ordered(pair)
 
 
@@ -124,11 +125,11 @@ class Performance(Part):
     def _disagreements(self) -> Findings:
         given = [key for key in ROLL_PITCH_KEYS if getattr(self, key) is not None]
         if not given:
-            yield (), f"lacks the limits of U_2 and U_3. Give one of {', '.join(ROLL_PITCH_KEYS[:2])}"
+            yield (), "lacks the limits of U_2 and U_3", f"give one of {', '.join(ROLL_PITCH_KEYS[:2])}"
         for key in given[1:]:
-            yield (key,), f"stands beside {given[0]}; both limit U_2 and U_3. Keep one"
+            yield (key,), f"stands beside {given[0]}; both limit U_2 and U_3", "keep one"
         if self.torque is not None and self.yaw_moment_Nm is not None:
-            yield ("yaw_moment_Nm",), "stands beside torque, whose third number is the same limit. Keep one"
+            yield ("yaw_moment_Nm",), "stands beside torque, whose third number is the same limit", "keep one"
         if given and self.torque is None and self.yaw_moment_Nm is None:
             yield ("yaw_moment_Nm",), "missing; it must be a number > 0 (largest |U_4|, N m)"
 
@@ -284,7 +285,7 @@ class SensorsTable(Part):
     )
 
 
-def _or_at_start(schema: dict[str, Any]) -> None:
+def _or_at_start(schema: Table) -> None:
     """The end may be the word "start" instead of a table: the leader's place at t = 0, at rest."""
     table = {key: schema.pop(key) for key in list(schema)}
     schema["anyOf"] = [table, {"const": AT_START, "description": "the start's position and attitude, at rest"}]
@@ -336,7 +337,7 @@ class PreflightTable(Part):
 
     def _disagreements(self) -> Findings:
         for name in sorted({*self.required_sensors} & {*self.mentioned_sensors}):
-            yield ("mentioned_sensors",), f'has "{name}", which required_sensors has too. Name it in one of them'
+            yield ("mentioned_sensors",), f'has "{name}", which required_sensors has too', "name it in one of them"
 
 
 class Scenario(Part):

@@ -6,8 +6,10 @@ It handles tables, arrays of tables, dotted and quoted keys, and values over sev
 from __future__ import annotations
 
 import re
+from typing import Any
 
 Key = tuple[str | int, ...]
+Table = dict[str, Any]  # of a file, or of a JSON Schema, before it is checked
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*')"""
 _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"

@@ -15,6 +15,7 @@ from pydantic import Field
 from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, Scenario, VehicleTable
+from gcs.scenario.schema.toml_lines import Table
 
 KEY = "vehicle_type"
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -44,7 +45,7 @@ def vehicle_file(wanted: str, folder: Path) -> Path:
     return preset_file(wanted) if wanted in presets() else folder / wanted
 
 
-def _beside(given: dict[str, Any], own: Any) -> dict[str, Any]:
+def _beside(given: Table, own: Any) -> Table:
     """A type's limits without those of U_2..U_4 that the scenario's own replace, which may have another unit."""
     kept = dict(given)
     if old := kept.pop("torque", None):
@@ -57,7 +58,7 @@ def _beside(given: dict[str, Any], own: Any) -> dict[str, Any]:
     return kept
 
 
-def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
+def with_vehicle(data: Table, kind: VehicleFile) -> Table:
     """A scenario's tables, completed by those of its vehicle type."""
     found = {name: value for name, value in data.items() if name != KEY}
     given = kind.model_dump(mode="json", exclude_none=True)
@@ -71,7 +72,7 @@ def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
     return found
 
 
-def scenario_schema() -> dict[str, Any]:
+def scenario_schema() -> Table:
     """The JSON Schema of every table and key. It does not require those that a vehicle type may give; loading does."""
     tables = Scenario.model_json_schema()
     kinds = f"type of vehicle: {', '.join(presets())}, or the path of a vehicle file"

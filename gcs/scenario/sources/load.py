@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
+from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.mistake import Mistake, dotted, nearest, value_at
 from gcs.scenario.schema.scenario import AT_START, Scenario
-from gcs.scenario.schema.toml_lines import Key, key_lines, line_of
+from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.schema_words import from_pydantic
@@ -44,13 +45,13 @@ _SLIPS = [  # what is looked for in a line, what was meant, and a sentence where
     (_BARE, r'\1"\2"', "the text {} stands without quotes", 'write "{}"'),
 ]
 _WORDS = {  # what tomllib says, as this program says it
-    "Cannot overwrite a value": "this key stands twice in its table. Keep one of the two",
-    "Unclosed array": "a list is not closed. Give the missing ]",
-    "Unclosed inline table": "a table in one line is not closed. Give the missing }",
-    "Invalid value": "no value of TOML stands here. Give a number, true, false, text in quotes or a list",
-    "Unterminated string": "text is not closed. Give the missing quote",
-    "Expected '=' after a key in a key/value pair": "a key has no value. Write key = value",
-    "Expected newline or end of document after a statement": "something stands after the value. Remove it",
+    "Cannot overwrite a value": ("this key stands twice in its table", "keep one of the two"),
+    "Unclosed array": ("a list is not closed", "give the missing ]"),
+    "Unclosed inline table": ("a table in one line is not closed", "give the missing }"),
+    "Invalid value": ("no value of TOML stands here", "give a number, true, false, text in quotes or a list"),
+    "Unterminated string": ("text is not closed", "give the missing quote"),
+    "Expected '=' after a key in a key/value pair": ("a key has no value", "write key = value"),
+    "Expected newline or end of document after a statement": ("something stands after the value", "remove it"),
 }
 
 
@@ -100,7 +101,7 @@ def load_vehicle(file: Path) -> VehicleFile:
     return kind
 
 
-def _possible_types(data: dict[str, Any], folder: Path, mistakes: list[Mistake]) -> list[VehicleFile | None]:
+def _possible_types(data: Table, folder: Path, mistakes: list[Mistake]) -> list[VehicleFile | None]:
     """The type that a scenario names, or None for its own [vehicle]; all presets where its type is a mistake.
 
     Raises ScenarioError with the mistakes of the vehicle's file.
@@ -136,7 +137,7 @@ def _stand_ins() -> list[VehicleFile | None]:
     return [load_vehicle(preset_file(name)) for name in presets()]
 
 
-def _judged(data: dict[str, Any], folder: Path, certain: set[Key]) -> tuple[Scenario | None, list[Mistake]]:
+def _judged(data: Table, folder: Path, certain: set[Key]) -> tuple[Scenario | None, list[Mistake]]:
     """The scenario of these tables, and its mistakes. `certain` keys were converted to metres."""
     data = {name: value for name, value in data.items() if name != KEY}
     if data.get("end") == AT_START and isinstance(start := data.get("start"), dict):
@@ -169,7 +170,7 @@ def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mista
     return scenario.model_copy(update={"terrain": terrain.model_copy(update={"relief": relief})}), []
 
 
-def _meant(file: Path, text: str, model: type[BaseModel], also: tuple[str, ...] = ()) -> Meant:
+def _meant(file: Path, text: str, model: type[Part], also: tuple[str, ...] = ()) -> Meant:
     """The tables of a TOML file, or of a JSON file that a program wrote, with the slips in them."""
     slips: list[Mistake] = []
     try:
@@ -191,7 +192,7 @@ def _meant(file: Path, text: str, model: type[BaseModel], also: tuple[str, ...] 
     return meant
 
 
-def _read_toml(text: str) -> tuple[dict[str, Any], str, list[Mistake]]:
+def _read_toml(text: str) -> tuple[Table, str, list[Mistake]]:
     """The tables of a text, the text that was read, and the slips in it.
 
     Raises tomllib.TOMLDecodeError where it is not plain what was meant.
@@ -215,10 +216,11 @@ def _read_toml(text: str) -> tuple[dict[str, Any], str, list[Mistake]]:
 def _syntax_mistake(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
     """The mistake of a text that is not TOML."""
     said = _PLACE.sub("", str(error))
+    words, step = _WORDS.get(said, (said, ""))
     if found := _TWICE.fullmatch(said):
         name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
-        said = f"table [{name}] stands twice. Keep one, with the keys of both"
-    return Mistake((), f"not TOML: {_WORDS.get(said, said)}", line=_line_at(text, error))
+        words, step = f"table [{name}] stands twice", "keep one, with the keys of both"
+    return Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))
 
 
 def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
@@ -240,7 +242,7 @@ def _mended(line: str, number: int) -> tuple[str, list[Mistake]]:
     return re.sub(r"\0(\d+)\0", lambda mark: pieces[int(mark[1])], code), told
 
 
-def _from_toml(text: str) -> dict[str, Any]:
+def _from_toml(text: str) -> Table:
     """The tables of a TOML text. Raises ValueError, also for what would take `tomllib` minutes."""
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -288,7 +290,7 @@ def _read(file: Path) -> str:
         raise ScenarioError(f"{file}:{line}: not UTF-8 text", hint="save the file as UTF-8") from None
 
 
-def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
+def _sound_tables(data: Table) -> Table:
     """The tables that are valid in themselves, and the defaults of tables left out."""
     sound = {}
     for name, field in Scenario.model_fields.items():
@@ -324,14 +326,14 @@ def _error_report(
     placed, listed = [], []
     for one, *others in (rows.values() for rows in alike.values()):
         placed.append(one)
-        text = one.told[0] if len(alike) == 1 and elsewhere is None else one.whole
+        text = one.text if len(alike) == 1 and elsewhere is None else one.whole
         listed.append(sentence(one, text) + (f" (and {len(others)} more in this list)" if others else ""))
     if len(listed) > 1:
         listed.insert(0, f"{file} has {len(placed)} mistakes")
     if elsewhere is not None:
         return ScenarioError("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint)
     steps = [
-        one.told[1] or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
+        one.step or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
         for one in placed
     ]
     number = "both" if len(placed) == 2 else f"all {len(placed)}"

@@ -20,7 +20,7 @@ from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.scenario import OriginTable, Scenario
 from gcs.scenario.sources.load import FILE_NAME, load_scenario
-from gcs.scenario.validation.written_places import question
+from gcs.scenario.validation.to_metres import question
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.scenario.values.si import offsets_ned_m

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gcs.errors import counted
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
 from gcs.scenario.schema.fields import Place
-from gcs.scenario.schema.mistake import Mistake, dotted, plain
+from gcs.scenario.schema.mistake import KeyChange, Mistake, plain
 from gcs.scenario.schema.scenario import START_SHAPE, Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.formation_rules import pairs_in_start_shape
@@ -54,11 +54,11 @@ def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
     place = next(v.position_m for v in formation.vehicle if v.sysid == formation.leader)
     if max(abs(a - b) for a, b in zip(place, start, strict=True)) > _SAME_M:
         at = ", ".join(plain(value) for value in place)
-        text = f"differs from [{at}], the position of the leader, vehicle {formation.leader}. Make them equal"
+        text = f"differs from [{at}], the position of the leader, vehicle {formation.leader}"
+        step = "make them equal"
         if len(formation.vehicle) > 1:
-            way = _way(np.subtract(start, place))
-            text += f": move [start] back, or every vehicle by {way}"
-        yield Mistake(("start", "position_m"), text, start)
+            step += f": move [start] back, or every vehicle by {_way(np.subtract(start, place))}"
+        yield Mistake(("start", "position_m"), text, start, step)
 
 
 @RULES.needs("start", "end", "formation", "limits")
@@ -83,11 +83,10 @@ def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
         outside = int(np.count_nonzero((along < low - SLACK) | (along > high + SLACK)))
         if outside and low <= own <= high:  # else the rule about the leader reports it
             text = (
-                f"puts {counted(outside, 'place')} of the last shape, {name}, outside limits.{key}, {plain(low)} to "
-                f"{plain(high)}; the shape would reach from {plain(along.min())} to {plain(along.max())}"
+                f"puts {counted(outside, 'place')} of the last shape, {name}, {_outside(scenario, axis)}; the shape "
+                f"would reach from {plain(along.min())} to {plain(along.max())}"
             )
-            step = _into_the_box(scenario, "end", axis, own, along)
-            yield Mistake(("end", "position_m", axis), text, own, remedy=step)
+            yield _into_the_box(scenario, ("end",), axis, own, along, text)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain")
@@ -108,9 +107,8 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
         missing = _missing_m(scenario, begin + share * (start.places_up_m - begin))
         if missing.max() > SLACK:
             sysid, below = start.sysids[int(missing.argmax())], _below(float(missing.max()), scenario)
-            text = f"vehicle {sysid} would be {below}, {share * length:.0f} m into the run-up. "
-            text += "Shorten it, or raise [start]"
-            yield Mistake(("ground_phases", "run_up_m"), text, length)
+            text = f"vehicle {sysid} would be {below}, {share * length:.0f} m into the run-up"
+            yield Mistake(("ground_phases", "run_up_m"), text, length, "shorten it, or raise [start]")
             return
 
 
@@ -179,20 +177,17 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
 
 def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
     """The mistake of vehicles outside the box along an axis, but for those outside by their own positions."""
-    key, stray = BOX[axis], _strays(scenario, axis)
-    low, high = getattr(scenario.limits, key)
+    (low, high), stray = getattr(scenario.limits, BOX[axis]), _strays(scenario, axis)
     along = stop.places_up_m[:, axis]
     beyond = np.maximum(low - along, along - high) - stop.radius_m
     beyond[np.isin(stop.sysids, [si.sysids(scenario)[row] for row in stray])] = 0.0
     worst = int(beyond.argmax())
     if beyond[worst] > SLACK:
         text = (
-            f"puts {_vehicles(stop, beyond > SLACK)} outside limits.{key}, {plain(low)} to {plain(high)}; "
+            f"puts {_vehicles(stop, beyond > SLACK)} {_outside(scenario, axis)}; "
             f"vehicle {stop.sysids[worst]} would be at {plain(along[worst])}"
         )
-        own = stop.position_m[axis]
-        step = _into_the_box(scenario, dotted(stop.key), axis, own, along)
-        yield Mistake((*stop.key, "position_m", axis), text, own, remedy=step)
+        yield _into_the_box(scenario, stop.key, axis, stop.position_m[axis], along, text)
 
 
 def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
@@ -206,8 +201,8 @@ def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
         text = f"vehicle {stop.sysids[worst]} would be {_below(float(missing[worst]), scenario)}"
         key: Key = ("formation", "vehicle", worst) if stop.key == _START and rows else stop.key
         own = stop.position_m[2] if key == stop.key else float(stop.places_up_m[worst, 2])
-        step = f"set {dotted(key)}.position_m[2] to {plain(up(own + float(missing[worst]), 0.1))} or more"
-        yield Mistake((*key, "position_m", 2), text, own, remedy=step)
+        key = (*key, "position_m", _HEIGHT)
+        yield Mistake(key, text, own, "set {} or more", (KeyChange(key, up(own + float(missing[worst]), 0.1)),))
 
 
 def _own_mistakes(scenario: Scenario, wrong: NDArray[np.bool_]) -> list[int]:
@@ -228,23 +223,22 @@ def _strays(scenario: Scenario, axis: int) -> list[int]:
 
 def _stray_vehicle(scenario: Scenario, axis: int) -> Mistake:
     """The mistake of vehicles outside the box along an axis, at the key of the one that is the farthest outside."""
-    key, rows = BOX[axis], _strays(scenario, axis)
-    low, high = getattr(scenario.limits, key)
+    (low, high), rows = getattr(scenario.limits, BOX[axis]), _strays(scenario, axis)
     start = _at_start(scenario)
     along = start.places_up_m[:, axis]
     worst = max(rows, key=lambda row: float(max(low - along[row], along[row] - high)))
     own, others = float(along[worst]), np.delete(along, worst)
     table: Key = ("formation", "vehicle", worst, "position_m", axis)
-    text = f"puts vehicle {start.sysids[worst]} outside limits.{key}, {plain(low)} to {plain(high)}"
+    text = f"puts vehicle {start.sysids[worst]} {_outside(scenario, axis)}"
     wider = _wider(scenario, axis, along)
     if len(rows) > 1:
         text += f"; in all, {_vehicles(start, np.isin(np.arange(len(along)), rows))} are outside"
-        return Mistake(table, text, own, remedy=f"set {wider}, or move these vehicles")
+        return Mistake(table, text, own, "set {}, or move these vehicles", (wider,))
     if axis == _HEIGHT and np.ptp(others) <= SLACK:
-        to = f"{plain(float(others[0]))}, as the others have"
-    else:
-        to = plain(min(max(own, low), high))
-    return Mistake(table, text, own, remedy=f"set {dotted(table)} to {to}, or {wider}")
+        return Mistake(
+            table, text, own, "set {}, as the others have, or {}", (KeyChange(table, float(others[0])), wider)
+        )
+    return Mistake(table, text, own, "set {}, or {}", (KeyChange(table, min(max(own, low), high)), wider))
 
 
 def _vehicles_move_with(scenario: Scenario, axis: int, moved_m: float) -> str:
@@ -264,25 +258,29 @@ def _way(north_east_up_m: Array) -> str:
     return ", ".join(f"{plain(abs(size))} m {words[int(size < 0)]}" for size, words in along if abs(size) > _SAME_M)
 
 
-def _into_the_box(scenario: Scenario, table: str, axis: int, own: float, along_m: Array) -> str:
-    """How to bring vehicles into the box along one axis: by another position, and else by a wider box."""
+def _outside(scenario: Scenario, axis: int) -> str:
+    low, high = getattr(scenario.limits, BOX[axis])
+    return f"outside the box, {BOX[axis].removesuffix('_m')} {plain(low)} to {plain(high)} m"
+
+
+def _into_the_box(scenario: Scenario, table: Key, axis: int, own: float, along_m: Array, text: str) -> Mistake:
+    """The mistake of a position, with how to bring vehicles into the box: by another position, else by a wider box."""
+    key, wider = (*table, "position_m", axis), _wider(scenario, axis, along_m)
     (low, high), least, most = getattr(scenario.limits, BOX[axis]), float(along_m.min()), float(along_m.max())
     if most - least > high - low:
-        return f"set {_wider(scenario, axis, along_m)}"
+        return Mistake(key, text, own, "set {}", (wider,))
     moved = own + (low - least if least < low else high - most)
-    others = _vehicles_move_with(scenario, axis, moved) if table == "start" else ""
-    step = f"set {table}.position_m[{axis}] to {plain(moved)}{others}, or {_wider(scenario, axis, along_m)}"
+    step = f"set {{}}{_vehicles_move_with(scenario, axis, moved) if table == _START else ''}, or {{}}"
     feet_m = _FOOT_M * own
     if axis == _HEIGHT and most > high and low <= feet_m <= high:
         step += f"; is it in feet? {plain(own)} ft are {plain(feet_m)} m"
-    return step
+    return Mistake(key, text, own, step, (KeyChange(key, moved), wider))
 
 
-def _wider(scenario: Scenario, axis: int, along_m: Array) -> str:
+def _wider(scenario: Scenario, axis: int, along_m: Array) -> KeyChange:
     """The box along an axis that holds these places too."""
     low, high = getattr(scenario.limits, BOX[axis])
-    ends_m = min(low, np.floor(along_m.min())), max(high, np.ceil(along_m.max()))
-    return f"limits.{BOX[axis]} to [{', '.join(map(plain, ends_m))}]"
+    return KeyChange(("limits", BOX[axis]), [min(low, np.floor(along_m.min())), max(high, np.ceil(along_m.max()))])
 
 
 def up(value: float, step: float) -> float:

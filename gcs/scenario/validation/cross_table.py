@@ -74,38 +74,19 @@ def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
         yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps, remedy=step)
 
 
-@RULES.needs("start", "end", "time", "limits")
-def _time_is_enough(scenario: Scenario) -> Mistakes:
-    if scenario.route:
-        return  # `route_rules` has the rule
-    distance_m = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
-    needed = distance_m / scenario.limits.speed_ned_mps
-    axis = int(needed.argmax())
-    time = scenario.time
-    key, longest_s = ("latest_s", time.latest_s) if time.free else ("flight_s", time.flight_s)
-    if longest_s is not None and needed[axis] > longest_s:
-        name = ("north", "east", "vertical")[axis]
-        text = (
-            f"too short: {plain(distance_m[axis])} m {name} take at least {needed[axis]:.1f} s "
-            f"at limits.speed_ned_mps[{axis}] = {plain(scenario.limits.speed_ned_mps[axis])} m/s"
-        )
-        enough_s = np.ceil(needed[axis] * route_rules.WITH_TURNS)
-        yield Mistake(("time", key), text, longest_s, remedy=f"set time.{key} to {enough_s:.0f}")
-
-
 @RULES.needs("time", "objective", "formation")
 def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
     cannot = "the planner cannot choose the time while"
     is_costless = scenario.time.latest_s is None and not scenario.objective.time_weight
     is_fixed = any(not change.auto and change.at_point is None for change in scenario.formation.change)
-    for is_wrong, text in (
-        (is_costless, "needs a cost of time, or the slowest flight is the best. Give [objective] time_weight, or "
-         "a latest_s here"),
-        (is_fixed, f"{cannot} changes have fixed times. Set auto = true in each"),
-        (any(zone.moves for zone in scenario.no_fly), f"{cannot} no-fly zones move. Remove their moves"),
-    ):  # fmt: skip
+    is_moved, costless = any(zone.moves for zone in scenario.no_fly), "needs a cost of time, or the slowest flight is"
+    for is_wrong, text, step in (
+        (is_costless, f"{costless} the best", "give [objective] time_weight, or a latest_s here"),
+        (is_fixed, f"{cannot} changes have fixed times", "set auto = true in each"),
+        (is_moved, f"{cannot} no-fly zones move", "remove their moves"),
+    ):
         if scenario.time.free and is_wrong:
-            yield Mistake(("time", "free"), text, True)
+            yield Mistake(("time", "free"), text, True, step)
 
 
 @RULES.needs("start", "ground_phases")

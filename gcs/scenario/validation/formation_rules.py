@@ -94,14 +94,14 @@ def _changes_begin_in_flight(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("formation", "limits")
 def _gates_are_in_the_box(scenario: Scenario) -> Mistakes:
-    limits = scenario.limits
+    box_m = scenario.limits.north_m, scenario.limits.east_m
     for index, change in enumerate(scenario.formation.change):
-        if change.gate_m is not None and not _crosses(change.gate_m, (limits.north_m, limits.east_m)):
-            text = (
-                f"lies outside the box: limits.north_m, {limits.north_m[0]:g} to {limits.north_m[1]:g}, "
-                f"and limits.east_m, {limits.east_m[0]:g} to {limits.east_m[1]:g}. Move it"
+        if change.gate_m is not None and not _crosses(change.gate_m, box_m):
+            sides = (
+                f"{name} {low:g} to {high:g} m" for name, (low, high) in zip(("north", "east"), box_m, strict=True)
             )
-            yield Mistake(("formation", "change", index, "gate_m"), text, change.gate_m)
+            text = f"lies outside the box of [limits], {' and '.join(sides)}"
+            yield Mistake(("formation", "change", index, "gate_m"), text, change.gate_m, "move it")
 
 
 @RULES.needs("formation", "limits")
@@ -186,8 +186,8 @@ def _too_small(scenario: Scenario, index: int, before: _Size, brings: str) -> Mi
         f"limits.separation_min_m requires {least:g} m"
     )
     allowed = np.ceil(least / before.gap_m * 1000.0 - 1e-6) / 1000.0
-    text += f". Give a scale of at least {allowed:g}" if allowed < 1 else ". The shape cannot shrink here"
-    return Mistake(("formation", "change", index, "scale"), text, scale)
+    step = f"give a scale of at least {allowed:g}" if allowed < 1 else "remove the change: the shape cannot shrink here"
+    return Mistake(("formation", "change", index, "scale"), text, scale, step)
 
 
 def _crosses(gate_m: tuple[Point, Point], box_m: tuple[Point, Point]) -> bool:

@@ -23,7 +23,7 @@ from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK
 from gcs.scenario.values.si import route_points
 
-WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
+_WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
 _SHORTEST_M = 0.1  # leg
 _TIMES = ("at_s", "after_s", "by_s")
 
@@ -32,19 +32,22 @@ RULES = Rules()
 
 @dataclass(frozen=True)
 class _Leg:
-    """One leg: its number, the table that it leads to, and the least time that it takes."""
+    """One leg: its number, the table that it leads to, how long it is and the least time that it takes."""
 
     number: int
     to: Key
+    away_m: float  # along the axis
     least_s: float
     axis: int  # that takes longest
     hold_s: float  # before it begins
 
-    def in_words(self, speeds_mps: tuple[float, float, float]) -> str:
+    def in_words(self, scenario: Scenario) -> str:
         """What it takes, at the limit of its slowest axis."""
+        leg = f"leg {self.number}, to {dotted(self.to)}, takes"
+        whole = f"{plain(self.away_m)} m {('north', 'east', 'vertical')[self.axis]} take"
         return (
-            f"leg {self.number}, to {dotted(self.to)}, takes at least {self.least_s:.1f} s at "
-            f"limits.speed_ned_mps[{self.axis}] = {plain(speeds_mps[self.axis])} m/s"
+            f"{leg if scenario.route else whole} at least {self.least_s:.1f} s at "
+            f"limits.speed_ned_mps[{self.axis}] = {plain(scenario.limits.speed_ned_mps[self.axis])} m/s"
         )
 
 
@@ -52,7 +55,7 @@ class _Leg:
 def _rounds_are_few(scenario: Scenario) -> Mistakes:
     count, loops = len(scenario.route), scenario.loops
     if loops > 1 and not count:
-        yield Mistake(("loops",), "has no effect without [[route]]. Remove it, or give points", loops)
+        yield Mistake(("loops",), "has no effect without [[route]]", loops, "remove it, or give points")
     if count * loops > ROUTE_MAX:
         text = f"makes {count * loops} points of {count}; all rounds together have at most {ROUTE_MAX}"
         yield Mistake(("loops",), text, loops, remedy=f"set loops to {ROUTE_MAX // count} or less")
@@ -65,8 +68,8 @@ def _times_are_in_one_round(scenario: Scenario) -> Mistakes:
     for row, point in enumerate(scenario.route):
         for key in _TIMES:
             if (time_s := getattr(point, key)) is not None:
-                text = f"is one time, and the point is passed {scenario.loops} times. Remove it, or write all rounds"
-                yield Mistake(("route", row, key), text, time_s)
+                text = f"is one time, and the point is passed {scenario.loops} times"
+                yield Mistake(("route", row, key), text, time_s, "remove it, or write all rounds")
 
 
 @RULES.needs("start", "route", "loops", "end")
@@ -77,16 +80,13 @@ def _legs_have_a_length(scenario: Scenario) -> Mistakes:
         if np.linalg.norm(np.subtract(second, first)) <= _SHORTEST_M and scenario.route and own not in told:
             told.add(own)
             other = dotted(key if own == before else before)
-            text = f"is the place of {other} too; a leg is longer than {_SHORTEST_M:g} m. Remove the point"
-            yield Mistake((*own, "position_m"), text, scenario.route[int(own[1])].position_m)
+            text = f"is the place of {other} too; a leg is longer than {_SHORTEST_M:g} m"
+            yield Mistake((*own, "position_m"), text, scenario.route[int(own[1])].position_m, "remove the point")
 
 
 @RULES.needs("start", "route", "loops", "end", "time", "limits")
 def _times_are_enough(scenario: Scenario) -> Mistakes:
     """From each time that is set to the next one, at the speed limits and without turns."""
-    if not scenario.route:
-        return  # `cross_table` has the rule
-    speeds = scenario.limits.speed_ned_mps
     since_s, since, earliest_s, way = 0.0, "the start", 0.0, list[_Leg]()
     for leg, point in zip(_legs(scenario), (*route_points(scenario), None), strict=True):
         way.append(leg)
@@ -96,13 +96,13 @@ def _times_are_enough(scenario: Scenario) -> Mistakes:
             at: Key = ("time", key) if point is None else (*leg.to, key)
             if due_s > since_s:
                 needed_s = earliest_s - since_s
-                text = f"too {'short' if point is None else 'early'}: {_needs(way, needed_s, speeds)}"
-                text += f"{key} leaves {plain(due_s - since_s)} s from {since}"
-                enough_s = since_s + np.ceil(needed_s * WITH_TURNS)
+                text = f"too {'short' if point is None else 'early'}: {_needs(scenario, way, needed_s)}"
+                text += f"; {key} leaves {plain(due_s - since_s)} s from {since}" if scenario.route else ""
+                enough_s = since_s + np.ceil(needed_s * _WITH_TURNS)
                 yield Mistake(at, text, due_s, remedy=f"set {dotted(at)} to {enough_s:.0f} or more")
             elif point is not None:  # else the rule about times after the flight reports it
-                text = f"must be later than {since} at {plain(since_s)} s: the leader passes it before. Correct it"
-                yield Mistake(at, text, due_s)
+                text = f"must be later than {since} at {plain(since_s)} s: the leader passes it before"
+                yield Mistake(at, text, due_s, "correct it")
             earliest_s = due_s
         fixed_s = _fixed_s(scenario, point)
         if point is not None and fixed_s is not None:
@@ -123,13 +123,13 @@ def _times_are_in_flight(scenario: Scenario) -> Mistakes:
                 yield Mistake(("route", row, name), text, time_s, remedy=step)
 
 
-def _needs(way: list[_Leg], needed_s: float, speeds_mps: tuple[float, float, float]) -> str:
+def _needs(scenario: Scenario, way: list[_Leg], needed_s: float) -> str:
     """What some legs and the holds before them take, and which takes longest."""
-    longest = max(way, key=lambda leg: leg.least_s).in_words(speeds_mps)
+    longest = max(way, key=lambda leg: leg.least_s).in_words(scenario)
     if len(way) == 1 and not way[0].hold_s:
-        return f"{longest}; "
+        return longest
     what = f"{counted(len(way), 'leg')}{' and holds' if any(leg.hold_s for leg in way) else ''}"
-    return f"{longest}, and {what} take {needed_s:.1f} s; "
+    return f"{longest}, and {what} take {needed_s:.1f} s"
 
 
 def _due(scenario: Scenario, point: RoutePoint | None) -> tuple[str, float | None]:
@@ -166,7 +166,7 @@ def _legs(scenario: Scenario) -> list[_Leg]:
         away_m = np.abs(np.subtract(second, first))
         least_s = np.maximum(away_m - radii[number - 1] - radii[number], 0.0) / scenario.limits.speed_ned_mps
         axis = int(least_s.argmax())
-        found.append(_Leg(number, key, float(least_s[axis]), axis, holds[number - 1]))
+        found.append(_Leg(number, key, away_m[axis], float(least_s[axis]), axis, holds[number - 1]))
     return found
 
 
@@ -219,7 +219,7 @@ def _shapes_exist(scenario: Scenario) -> Mistakes:
     for row, point in enumerate(scenario.route):
         if point.shape is not None and point.shape not in names:
             known = ", ".join(f'"{name}"' for name in names)
-            yield Mistake(("route", row, "shape"), f"names no shape; there are {known}. Correct it", point.shape)
+            yield Mistake(("route", row, "shape"), f"names no shape; there are {known}", point.shape, "correct it")
 
 
 @RULES.needs("route", "loops", "formation")
@@ -229,8 +229,8 @@ def _changes_begin_at_points(scenario: Scenario) -> Mistakes:
         if change.at_point is not None and change.at_point > count:
             rounds = f" in {scenario.loops} rounds" if scenario.loops > 1 else ""
             there = f"has {counted(count, 'point')}{rounds}" if count else "does not exist"
-            text = f"is no point: [[route]] {there}. Correct it"
-            yield Mistake(("formation", "change", row, "at_point"), text, change.at_point)
+            text = f"is no point: [[route]] {there}"
+            yield Mistake(("formation", "change", row, "at_point"), text, change.at_point, "correct it")
 
 
 @RULES.needs("route", "formation")

@@ -1,4 +1,4 @@
-"""Describes a key by its JSON Schema, and words pydantic's errors."""
+"""Describes a key by its JSON Table, and words pydantic's errors."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from pydantic_core import ErrorDetails
 from gcs.scenario.schema.fields import Disagreement
 from gcs.scenario.schema.mistake import EXACT, Mistake, dotted, from_e7, name_of, nearest, plain, toml, value_at
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.schema.toml_lines import Key
-
-Schema = dict[str, Any]
+from gcs.scenario.schema.toml_lines import Key, Table
 
 
 @lru_cache
-def json_schema(model: type[BaseModel]) -> Schema:
+def json_schema(model: type[BaseModel]) -> Table:
     """The JSON Schema of a model, with what it refers to in place, and without the null of optional values."""
     root = model.model_json_schema()
     return dict(_in_place(root, root.get("$defs", {})))
@@ -29,7 +27,7 @@ def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario, wit
     return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, model, within)]
 
 
-def _in_place(node: Any, known: Schema) -> Any:
+def _in_place(node: Any, known: Table) -> Any:
     if isinstance(node, list):
         return [_in_place(one, known) for one in node]
     if not isinstance(node, dict):
@@ -41,7 +39,7 @@ def _in_place(node: Any, known: Schema) -> Any:
     return own
 
 
-def inside(node: Schema, part: str | int) -> Schema:
+def inside(node: Table, part: str | int) -> Table:
     """The part of a schema for a key of a table, or for a place in a list; empty without one."""
     if isinstance(part, str):
         return dict(node.get("properties", {}).get(part, {}))
@@ -55,9 +53,9 @@ def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Itera
     for part in key:
         above, node = node, inside(node, part)
     if isinstance(error, Disagreement):
-        for inner, text in error.found:
+        for inner, text, step in error.found:
             given = value_at(value, inner)
-            yield Mistake((*key, *inner), text, None if isinstance(given, dict) else given)
+            yield Mistake((*key, *inner), text, None if isinstance(given, dict) else given, step)
     elif found["type"] == "extra_forbidden":
         yield _unknown_key(key, above, json_schema(model))
     elif found["type"] == "missing" and isinstance(key[-1], int):
@@ -71,7 +69,7 @@ def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Itera
             step = f"add a table [{dotted(key)}]" if "properties" in node else f"add {dotted(key)}"
             yield Mistake(key, f"missing; it must be {_wanted(node)}", remedy=step)
     elif isinstance(value, dict) and "properties" in inside(node, 0):
-        yield Mistake(key, f"must be an array of tables. Write [[{dotted(key)}]]")
+        yield Mistake(key, "must be an array of tables", remedy=f"write [[{dotted(key)}]]")
     elif found["type"] == "value_error":
         yield Mistake(key, str(error), value)
     else:
@@ -79,7 +77,7 @@ def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Itera
         yield Mistake(key, f"must be {_wanted(node)}{text}", value, remedy=step)
 
 
-def _guess(key: Key, value: Any, node: Schema) -> tuple[str, str]:
+def _guess(key: Key, value: Any, node: Table) -> tuple[str, str]:
     """What a value outside its range is perhaps, and what to write then; both empty where nothing is likely."""
     write = f"write {key[-1]} = " if isinstance(key[-1], str) else "write "
     if isinstance(value, str):
@@ -98,7 +96,7 @@ def _guess(key: Key, value: Any, node: Schema) -> tuple[str, str]:
     return "", ""
 
 
-def _unknown_key(key: Key, table: Schema, root: Schema) -> Mistake:
+def _unknown_key(key: Key, table: Table, root: Table) -> Mistake:
     """The mistake of a key that its table does not have."""
     name, known = str(key[-1]), table.get("properties", {})
     if homes := [(path, header) for path, header, other in _tables(root) if name in other["properties"]]:
@@ -108,7 +106,7 @@ def _unknown_key(key: Key, table: Schema, root: Schema) -> Mistake:
     return Mistake(key, f"unknown key; known ones are {', '.join(known)}", remedy=step)
 
 
-def _tables(node: Schema, path: Key = ()) -> Iterator[tuple[Key, str, Schema]]:
+def _tables(node: Table, path: Key = ()) -> Iterator[tuple[Key, str, Table]]:
     """Every table with its key and its header, the outer ones first."""
     for name, part in node.get("properties", {}).items():
         for depth, table in enumerate((part, inside(part, 0)), start=1):
@@ -117,13 +115,13 @@ def _tables(node: Schema, path: Key = ()) -> Iterator[tuple[Key, str, Schema]]:
                 yield from _tables(table, (*path, name))
 
 
-def _wanted(node: Schema) -> str:
+def _wanted(node: Table) -> str:
     """What a value must be, and what the key means."""
     said = node.get("description")
     return _shape(node) + (f" ({said.rstrip('.')})" if said else "")
 
 
-def _shape(node: Schema) -> str:
+def _shape(node: Table) -> str:
     kind, slots = node.get("type"), [_shape(slot) for slot in node.get("prefixItems", ())]
     if "const" in node or "enum" in node:
         choices = node.get("enum", [node.get("const")])
@@ -148,7 +146,7 @@ def _shape(node: Schema) -> str:
     return "true or false" if kind == "boolean" else "something else"
 
 
-def _bounds(node: Schema) -> str:
+def _bounds(node: Table) -> str:
     if "minimum" in node and "maximum" in node:
         return f" from {node['minimum']:g} to {node['maximum']:g}"
     signs = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))

@@ -9,13 +9,11 @@ from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from typing import Any
 
-from pydantic import BaseModel
-
-from gcs.scenario.schema.degree_keys import CENTRE, POSITION
+from gcs.scenario.schema.degree_keys import CENTRE, POSITION, is_number, numbers
+from gcs.scenario.schema.fields import Part, tables
 from gcs.scenario.schema.mistake import EXACT, Mistake, name_of, nearest, plain, toml
-from gcs.scenario.schema.toml_lines import Key
-from gcs.scenario.validation.schema_words import Schema, inside, json_schema
-from gcs.scenario.validation.written_places import is_number, numbers, written
+from gcs.scenario.schema.toml_lines import Key, Table
+from gcs.scenario.validation.schema_words import inside, json_schema
 
 _ALIKE = 0.75  # below, the key may mean something else, whose value fits nothing
 _KEPT_MAX = 20  # slips that one error lists
@@ -56,7 +54,7 @@ _IN_SIXTIETHS = re.compile(
 class Meant:
     """The tables as they were meant, the slips in them, and the keys of the file behind those that were renamed."""
 
-    data: dict[str, Any]
+    data: Table
     text: str = ""  # of the file, without the slips that TOML refuses
     mistakes: list[Mistake] = field(default_factory=list)
     written: dict[Key, Key] = field(default_factory=dict)
@@ -73,16 +71,16 @@ class Meant:
         """Whether a mistake only follows from a guess."""
         return any(mistake.key[: len(key)] == key for key in self.guessed)
 
-    def table(self, table: dict[str, Any], node: Schema, key: Key, also: tuple[str, ...] = ()) -> dict[str, Any]:
-        """One table of the file as it was meant, with its slips told."""
-        known, read = (*node["properties"], *also), dict[str, Any]()
-        for name, value in self._with_place(table, known, key).items():
-            free = [one for one in known if one not in table and one not in read]
+    def mend(self, table: Table, node: Table, key: Key, also: tuple[str, ...] = ()) -> None:
+        """Make one table of the file what was meant, and tell its slips."""
+        known, given = (*node["properties"], *also), dict(table)
+        table.clear()
+        for name, value in self._with_place(given, known, key).items():
+            free = [one for one in known if one not in given and one not in table]
             target, own = (name, value) if name in known else self._renamed(name, value, node, free, key)
-            read[target] = self._value(own, inside(node, target), (*key, target))
-        return read
+            table[target] = self._value(own, inside(node, target), (*key, target))
 
-    def _renamed(self, name: str, value: Any, node: Schema, free: list[str], key: Key) -> tuple[str, Any]:
+    def _renamed(self, name: str, value: Any, node: Table, free: list[str], key: Key) -> tuple[str, Any]:
         """The known key that an unknown one means, or the unknown one, and the value in the unit of that key."""
         stem, own = _stem(name), value
         target = f"{stem}_deg" if f"{stem}_deg" in free and _has_degrees(value) else None
@@ -95,10 +93,7 @@ class Meant:
             return name, value
         text, step = f"unknown key; the nearest known one is {target}", f"write {target} instead of {name}"
         if is_converted:
-            text, step = (
-                f"unknown key; Skein has it as {target}",
-                f"write {target} = {plain(own, EXACT)}",
-            )
+            text, step = f"unknown key; Skein has it as {target}", f"write {target} = {plain(own, EXACT)}"
         elif not target.startswith(f"{name}_") and SequenceMatcher(None, name.lower(), target).ratio() < _ALIKE:
             self.guessed.add((*key, target))
             text += f" ({inside(node, target).get('description')})"
@@ -106,7 +101,7 @@ class Meant:
         self._told((*key, name), text, step)
         return target, own
 
-    def _with_place(self, table: dict[str, Any], known: Iterable[str], key: Key) -> dict[str, Any]:
+    def _with_place(self, table: Table, known: Iterable[str], key: Key) -> Table:
         """The table with its place under the keys that it has for one, where people expect others."""
         keys = POSITION if "position_deg" in known else CENTRE if {"radius_m", "lat_deg"} <= {*known} else None
         names = {role: name for name in table if name not in known and (role := _ROLES.get(_stem(name)))}
@@ -118,7 +113,7 @@ class Meant:
         forms = f"{' and '.join(keys.metres)}, or {' and '.join(keys.degrees)}"
         text = f"unknown key; a place is {forms}{' with height_m or alt_amsl_m' if keys.heights else ''}"
         height = toml(found["height"]) if "height" in found else "".join(map(plain, pair[2:]))
-        step = f"write {written(keys, [pair[:2]], height, metres=not is_in_degrees)}"
+        step = f"write {keys.written([pair[:2]], height, metres=not is_in_degrees)}"
         self._told((*key, next(iter(names.values()))), text, step)
         rest = {name: value for name, value in table.items() if name not in names.values()}
         if keys is CENTRE:
@@ -126,16 +121,13 @@ class Meant:
         self.guessed |= {(*key, name) for name in (*keys.metres, *keys.every)}
         return rest
 
-    def _value(self, value: Any, node: Schema, key: Key) -> Any:
-        if isinstance(value, dict) and "properties" in node:
-            return self.table(value, node, key)
+    def _value(self, value: Any, node: Table, key: Key) -> Any:
         is_list = isinstance(value, list) and node.get("type") == "array"
         given = value if is_list else [value]
         parts = [inside(node, row) for row in range(len(value))] if is_list else [node]
-        kinds = [part.get("type") for part in parts]
         found = [
-            reading(one, name_of(key)) if isinstance(one, str) and kind in ("number", "integer") else None
-            for one, kind in zip(given, kinds, strict=True)
+            reading(one, name_of(key)) if isinstance(one, str) and part.get("type") in ("number", "integer") else None
+            for one, part in zip(given, parts, strict=True)
         ]
         if any(found):
             read = [one[0] if one else old for one, old in zip(found, given, strict=True)]
@@ -149,17 +141,18 @@ class Meant:
             ]
         return value
 
-    def _told(self, key: Key, text: str, step: str, value: Any = None) -> None:
+    def _told(self, key: Key, text: str, step: str, value: object = None) -> None:
         self.mistakes.append(Mistake(key, text, value, remedy=step))
 
 
-def as_meant(data: dict[str, Any], model: type[BaseModel], also: tuple[str, ...] = ()) -> Meant:
+def as_meant(data: Table, model: type[Part], also: tuple[str, ...] = ()) -> Meant:
     """The tables of a file as they were meant, and the slips in them.
 
     `also` are keys of the outermost table that the model does not have.
     """
-    meant = Meant({})
-    meant.data = meant.table(data, json_schema(model), (), also)
+    meant = Meant(dict(data))
+    for key, part, table in tables(model, meant.data):
+        meant.mend(table, json_schema(part), key, () if key else also)
     return meant if len(meant.mistakes) <= _KEPT_MAX else Meant(data)  # no slips, but something else than a scenario
 
 
@@ -167,10 +160,10 @@ def _stem(name: str) -> str:
     return name.lower().removesuffix("_deg").removesuffix("_m")
 
 
-def _has_degrees(value: Any) -> bool:
+def _has_degrees(value: object) -> bool:
     """Whether a place, or a list of them, has as many digits as degrees need."""
-    if numbers(value):
-        return any(round(one, _METRES_DIGITS) != one for one in value[:2])
+    if found := numbers(value):
+        return any(round(one, _METRES_DIGITS) != one for one in found[:2])
     return isinstance(value, list) and any(numbers(one) and _has_degrees(one) for one in value)
 
 

@@ -5,17 +5,15 @@ They are within all ranges, so that a plan could be made of them: a flight of ce
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from gcs.scenario.schema.degree_keys import POSITION
-from gcs.scenario.schema.fields import Part
+from gcs.scenario.schema.degree_keys import POSITION, Pair
+from gcs.scenario.schema.fields import tables
 from gcs.scenario.schema.mistake import Mistake, plain
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.written_places import Pair, pairs_of, written
 from gcs.scenario.values.si import local_origin
 
 _NEAR_DEG = 0.5  # of the origin
@@ -50,18 +48,18 @@ def _are_in_metres(table: str, scenario: Scenario) -> Mistakes:
     here = (origin.lat_deg, origin.lon_deg)
     if max(map(abs, here)) < _NOWHERE_DEG:
         return
-    for key, part in _parts(getattr(scenario, table), (table,)):
-        for keys in part.degree_keys:
-            given = [getattr(part, name) for name in keys.metres]
-            meant = [_as_degrees(pair, here) for pair in pairs_of(keys, given)]
+    for key, model, part in tables(Scenario, scenario.model_dump(include={table}, warnings=False)):
+        for keys in model.degree_keys:
+            given: list[Any] = [part.get(name) for name in keys.metres]
+            meant = [_as_degrees(pair, here) for pair in keys.pairs(given)]
             places = [one for one in meant if one]
             if places and len(places) == len(meant):
-                is_swapped = places[0] != pairs_of(keys, given)[0]
+                is_swapped = places[0] != keys.pairs(given)[0]
                 text = _LOOKS + (", and latitude comes first" if is_swapped else "")
                 height = plain(given[0][2]) if keys is POSITION else ""
-                yield Mistake((*key, keys.metres[0]), text, given[0], remedy=f"write {written(keys, places, height)}")
-        if any(_as_degrees((north, east), here) for _, north, east in getattr(part, "moves", ())):
-            yield Mistake((*key, "moves"), _MOVES, part.moves, remedy="write moves = [[s, m north, m east], ...]")
+                yield Mistake((*key, keys.metres[0]), text, given[0], remedy=f"write {keys.written(places, height)}")
+        if any(_as_degrees((north, east), here) for _, north, east in part.get("moves", ())):
+            yield Mistake((*key, "moves"), _MOVES, part["moves"], remedy="write moves = [[s, m north, m east], ...]")
 
 
 for _table in Scenario.model_fields:
@@ -76,7 +74,7 @@ def _flight_has_a_length(scenario: Scenario) -> Mistakes:
     is_precise = all(round(value, _WRITTEN_DIGITS) != value for end in ends.values() for value in end[:2])
     if not scenario.route and apart_m < _SHORT_M and is_precise:
         for table, place in ends.items():
-            step = f"write {written(POSITION, [place[:2]], plain(place[2]))}, and check [origin]"
+            step = f"write {POSITION.written([place[:2]], plain(place[2]))}, and check [origin]"
             yield Mistake((table, "position_m"), _LOOKS, place, remedy=step)
 
 
@@ -102,17 +100,6 @@ def _heights_count_upwards_from_the_origin(scenario: Scenario) -> Mistakes:
         fits = [(text, step) for meant, text, step in guesses if low <= meant <= high]
         if fits and not low <= height <= high:
             yield Mistake(key, fits[0][0], height, remedy=fits[0][1])
-
-
-def _parts(value: Any, key: Key) -> Iterator[tuple[Key, Any]]:
-    """A table, or each of an array, and all tables inside it."""
-    if isinstance(value, Part):
-        yield key, value
-        for name in type(value).model_fields:
-            yield from _parts(getattr(value, name), (*key, name))
-    elif isinstance(value, tuple) and value and isinstance(value[0], Part):
-        for row, one in enumerate(value):
-            yield from _parts(one, (*key, row))
 
 
 def _as_degrees(pair: Pair, here: Pair) -> Pair | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from gcs.errors import counted
@@ -79,7 +77,7 @@ def _outside_m(zone: Zone, t_s: float, places_up_m: Array) -> Array:
     return outside_m(zone, np.array(t_s), places_up_m[:, 0], places_up_m[:, 1])
 
 
-def _place_of(name: ZoneName, zone: Zone) -> tuple[Key, Any]:
+def _place_of(name: ZoneName, zone: Zone) -> tuple[Key, float | None]:
     """The key that a message about a zone names, and its value where it is short."""
     if isinstance(zone, KeepIn):
         return ("keep_in", name.number - 1, "polygon_m"), None

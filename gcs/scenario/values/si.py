@@ -172,11 +172,6 @@ def with_changes_of_route(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"formation": formation, "route": route})
 
 
-def route_ned_m(scenario: Scenario) -> Array:
-    """The same points (P, 3), NED, m."""
-    return np.asarray(np.array([point.position_m for point in route_points(scenario)]).reshape(-1, 3) * NED_FROM_UP)
-
-
 def hover_start_ned_m(scenario: Scenario) -> Array:
     """Where each vehicle hovers before the run-up (V, 3): behind its place at t = 0, at the same height."""
     velocity = np.array(scenario.start.velocity_mps) * NED_FROM_UP

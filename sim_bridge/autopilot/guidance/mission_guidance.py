@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders, NavigatorState, vector
-from gcs.frames import from_degE7, geodetic_to_ned
+from gcs.frames import geodetic_to_ned
 from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.types import Array
@@ -26,7 +26,7 @@ from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Mark, Piece, PieceP
 
 _DAY_S = 86400.0
 _NEAR_M = 1.0
-_FASTEST_MPS = max(known.speed_mps[1] for known in Autopilot)  # PX4's own limit is part of its navigator
+_FASTEST_MPS = max(known.traits.missions.speed_mps[1] for known in Autopilot)  # PX4's own is part of its navigator
 _MOVED_M = 0.05  # a target closer than this counts as reached
 _AHEAD = 5  # pieces of a navigator's flight that are computed at once
 _SETTLE_S = 8.0  # time to come to rest at the last waypoint of a mission that ends there
@@ -251,7 +251,7 @@ class MissionGuidance:
         if not (item.lat_degE7 or item.lon_degE7):
             north, east = (self._waypoints[-1].place_ned_m if self._waypoints else self._flat[0])[:2]
             return np.array([north, east, path_generator.origin.alt_amsl_m - amsl_m])
-        return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), amsl_m, path_generator.origin)
+        return geodetic_to_ned(*item.place_deg, amsl_m, path_generator.origin)
 
 
 def is_navigation(command: int) -> bool:

@@ -1,4 +1,4 @@
-"""Polynomial pieces: the form in which every guidance law hands its reference to the controller.
+"""Polynomial pieces: the reference that every guidance law gives to the controller.
 
 A piece gives position and yaw over time, so jerk and snap are exact. A path is a sequence of pieces with marks.
 `PieceBatch` evaluates the present pieces of the whole fleet with one matrix product per step of 20 ms.

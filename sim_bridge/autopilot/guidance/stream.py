@@ -31,8 +31,8 @@ _KEPT_AHEAD = 256
 class StampedSetpoint:
     """One setpoint in simulated time and the common local NED frame; columns north, east, down, yaw.
 
-    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and zero. `arrived_s` is when it came; long
-    before its time if not told.
+    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and zero. `arrived_s` is when it came, by
+    default long before its time.
     """
 
     t_s: float

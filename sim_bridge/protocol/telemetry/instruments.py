@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class GeodeticPositions:
         return _Places(t_s, [Origin(*place) for place in np.stack(columns, axis=-1).tolist()])
 
 
-def on_earth(place: Origin, *names: str) -> Fields:
+def on_earth(place: Origin, *names: str) -> dict[str, int]:
     """Return latitude, longitude and altitude in the units of the wire, under these names."""
     values = to_degE7(place.lat_deg), to_degE7(place.lon_deg), round(place.alt_amsl_m * 1000.0)
     return dict(zip(names, values, strict=True))
@@ -164,5 +164,5 @@ class Sources:
         return self.autopilot.readiness.reached(milestone)
 
 
-Fields = dict[str, Any]  # of one message
+Fields = dict[str, object]  # of one message
 Builder = Callable[[Sources], Fields | None]  # None: no data yet

@@ -165,9 +165,8 @@ def _nav_output(sources: Sources) -> Fields:
 def _servo_output(sources: Sources) -> Fields:
     off = not sources.autopilot.armed
     pwm = [_PWM_OFF] * 4 if off else [round(_PWM_IDLE + _PWM_RANGE * share) for share in _throttle(sources).tolist()]
-    fields = {"time_usec": sources.instruments.boot_ms * 1000 & 0xFFFFFFFF, "port": 0}
-    fields |= {f"servo{n}_raw": value for n, value in enumerate(pwm + [_PWM_OFF] * 4, start=1)}
-    return fields
+    servos = {f"servo{n}_raw": value for n, value in enumerate(pwm + [_PWM_OFF] * 4, start=1)}
+    return {"time_usec": sources.instruments.boot_ms * 1000 & 0xFFFFFFFF, "port": 0, **servos}
 
 
 def _target(sources: Sources) -> tuple[int, Array]:

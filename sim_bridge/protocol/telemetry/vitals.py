@@ -127,27 +127,26 @@ def _filter_flags(sources: Sources) -> int:
 
 def _gps_raw(sources: Sources) -> Fields:
     instruments = sources.instruments
-    fields = {"time_usec": 0, "fix_type": 0, "lat": 0, "lon": 0, "alt": 0}
-    fields |= {"eph": _UNKNOWN, "epv": _UNKNOWN, "vel": 0, "cog": 0, "satellites_visible": 0}
-    if sources.reached(Milestone.FIXED) and instruments.has_fix:
-        v_north, v_east = instruments.gnss[3:5].tolist()
-        grade = instruments.airframes.grade
-        eph, epv = _DILUTION.get(grade.name, _DILUTION["gnss"])
-        fields = {
-            "time_usec": instruments.boot_ms * 1000,
-            "fix_type": _RTK_FIXED if grade.name == "rtk" and sources.personality.streams.reports_rtk else _FIX_3D,
-            **on_earth(instruments.fixed, "lat", "lon", "alt"),
-            "eph": eph,
-            "epv": epv,
-            "vel": min(round(math.hypot(v_north, v_east) * 100.0), _UNKNOWN),
-            "cog": round(math.degrees(math.atan2(v_east, v_north)) * 100.0) % 36000,
-            "satellites_visible": _SATELLITES,
-            "alt_ellipsoid": round(instruments.fixed.alt_amsl_m * 1000.0),
-            "h_acc": round(1000.0 * (grade.gnss_horizontal_m + grade.gnss_horizontal_drift_m.sigma)),
-            "v_acc": round(1000.0 * (grade.gnss_vertical_m + grade.gnss_vertical_drift_m.sigma)),
-            "vel_acc": round(1000.0 * grade.gnss_horizontal_mps),
-        }
-    return fields
+    if not (sources.reached(Milestone.FIXED) and instruments.has_fix):
+        zero = dict.fromkeys(("time_usec", "fix_type", "lat", "lon", "alt", "vel", "cog", "satellites_visible"), 0)
+        return {**zero, "eph": _UNKNOWN, "epv": _UNKNOWN}
+    v_north, v_east = instruments.gnss[3:5].tolist()
+    grade = instruments.airframes.grade
+    eph, epv = _DILUTION.get(grade.name, _DILUTION["gnss"])
+    return {
+        "time_usec": instruments.boot_ms * 1000,
+        "fix_type": _RTK_FIXED if grade.name == "rtk" and sources.personality.streams.reports_rtk else _FIX_3D,
+        **on_earth(instruments.fixed, "lat", "lon", "alt"),
+        "eph": eph,
+        "epv": epv,
+        "vel": min(round(math.hypot(v_north, v_east) * 100.0), _UNKNOWN),
+        "cog": round(math.degrees(math.atan2(v_east, v_north)) * 100.0) % 36000,
+        "satellites_visible": _SATELLITES,
+        "alt_ellipsoid": round(instruments.fixed.alt_amsl_m * 1000.0),
+        "h_acc": round(1000.0 * (grade.gnss_horizontal_m + grade.gnss_horizontal_drift_m.sigma)),
+        "v_acc": round(1000.0 * (grade.gnss_vertical_m + grade.gnss_vertical_drift_m.sigma)),
+        "vel_acc": round(1000.0 * grade.gnss_horizontal_mps),
+    }
 
 
 def _extended_state(sources: Sources) -> Fields:
@@ -171,8 +170,8 @@ def _rc_channels(sources: Sources) -> Fields | None:
         return None
     padded = [*channels_us, *[_UNKNOWN] * _CHANNELS][:_CHANNELS]
     values = {f"chan{n}_raw": us for n, us in enumerate(padded, start=1)}
-    head = {"time_boot_ms": sources.instruments.boot_ms, "chancount": len(channels_us), "rssi": _NO_RSSI}
-    return head | values
+    boot_ms = sources.instruments.boot_ms
+    return {"time_boot_ms": boot_ms, "chancount": len(channels_us), "rssi": _NO_RSSI, **values}
 
 
 BUILDERS: dict[MessageId, Builder] = {

@@ -101,7 +101,7 @@ def test_the_rows_agree_with_the_recorded_vehicles(firmware: Autopilot) -> None:
     assert link.home_is_item_0 == recorded.missions.home_is_item_0
     assert link.mission_files == recorded.missions.as_files
     assert link.integers_in_bytes == recorded.param_traits.bytes_in_float
-    assert firmware.items_max <= recorded.missions.storage[0].capacity
+    assert firmware.traits.missions.items_max <= recorded.missions.storage[0].capacity
     assert (firmware.traits.missions.altitude_decimals == 2) == (recorded.missions.storage[0].altitude_per_m == 100.0)
     assert firmware.traits.flight.takeoff_above_sea == recorded.flight.takeoff_above_sea
     names = {param.name: param.value for param in recorded.params}

@@ -20,8 +20,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.kept import SHARING
+
 ROOT = Path(__file__).resolve().parents[3]
-COPIED = ("README.md", "docs", "gcs", "missions", "sim_bridge", "pyproject.toml", "tools")
+COPIED = ("README.md", "docs", "gcs", "missions", "sim_bridge", "pyproject.toml", "requirements.lock", "tools")
 BLOCK = re.compile(
     r"(?:^<!-- run: (?P<note>[^\n]*?) -->\n+)?^```(?P<language>sh|python)\n(?P<code>.*?)^```$", re.M | re.S
 )
@@ -72,13 +74,14 @@ def test_the_blocks_of_a_document_run(document: str, tmp_path: Path) -> None:
     copy.mkdir()
     for name in COPIED:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(ROOT / name, copy / name)
         elif (ROOT / name).exists():
             shutil.copy(ROOT / name, copy / name)
     # The environment is there already: only what stands behind `./tools/run` is of interest.
     (copy / "tools" / "run").write_text('#!/bin/sh\nexec "$@"\n')
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(copy), "MPLBACKEND": "Agg"}
+    places = f"{SHARING['PYTHONPATH']}{os.pathsep}{copy}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": places, "MPLBACKEND": "Agg"}
     for block in runnable:
         command = ["sh", "-euc", block.commands] if block.language == "sh" else [sys.executable, "-c", block.code]
         done = subprocess.run(

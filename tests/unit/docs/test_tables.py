@@ -118,11 +118,11 @@ FLOWN = {
         (HOSTILE + "outputs.py", "test_a_terminal_that_is_closed_in_flight"),
         (HOSTILE + "outputs.py", "test_a_reader_that_leaves_in_flight"),
     ],
-    "the terminal stands still (Ctrl-S, a stalled connection)": [
+    "the terminal blocks (Ctrl-S, a stalled connection)": [
         (HOSTILE + "outputs.py", "test_a_terminal_that_stands_still_does_not_stop_the_stream")
     ],
     "the disk is full, or fails": [(HOSTILE + "disks.py", "test_a_disk_that_is_full_in_flight_and_has_room_again")],
-    "the disk stands still": [(RECORDS, "test_a_disk_that_stands_still_keeps_no_frame_waiting")],
+    "the disk blocks": [(RECORDS, "test_a_disk_that_stands_still_keeps_no_frame_waiting")],
     "the flight's folder is deleted": [(HOSTILE + "disks.py", "test_a_flight_whose_folder_is_deleted")],
     "no room for the record, before the flight": [
         (HOSTILE + "disks.py", "test_without_room_nothing_is_uploaded"),
@@ -154,7 +154,7 @@ FLOWN = {
         ),
         (HOSTILE + "files_bombs.py", "test_attach_resumes_no_changed_plan_and_still_brings_its_vehicles_down"),
     ],
-    "a file of others: huge, packed zeros, damaged, a pipe or a device": [
+    "an untrusted file: huge, packed zeros, damaged, a pipe or a device": [
         (HOSTILE + "files_bombs.py", "test_two_megabytes_of_packed_zeros_are_no_plan"),
         (HOSTILE + "files_bombs.py", "test_mutated_files_never_reach_a_bug"),
     ],
@@ -182,7 +182,7 @@ FLOWN = {
     "no route, interface down, a firewall on this machine": [
         ("tests/bridge/test_endpoint_udp.py", "test_what_the_operating_system_refuses_is_a_lost_frame")
     ],
-    "ground station stood still (stopped, suspended, swapped out, busy) for more than 1 s": [
+    "ground station paused (stopped, suspended, swapped out, busy) for more than 1 s": [
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
         (STALLS, "test_stopped_on_the_ground_or_in_a_landing_it_goes_on"),
         (STALLS, "test_emulated_vehicles_that_wait_meanwhile_notice_nothing"),
@@ -228,7 +228,7 @@ FLOWN = {
     "a jump between take-off and the common start of missions on board": [
         ("tests/bridge/test_clock_jumps.py", "test_a_jump_before_the_common_start_lands_all_and_names_the_vehicle")
     ],
-    "a time of a stranger, or one that no flight has (before 2010, after 2099)": [
+    "a time from an unknown system, or an impossible one (before 2010, after 2099)": [
         (HOSTILE + "clocks.py", "test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing")
     ],
     "the computer's clock is set in flight": [

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along
 from gcs.plan.search.leg_routes import routes_through
 from gcs.plan.search.leg_schedule import on_time
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.values.si import with_changes_of_route
+from gcs.scenario.values.si import NED_FROM_UP, route_points, with_changes_of_route
 from tests.unit.plan.problems import meadow
 
 CORNERS = ([60.0, 20.0, 6.0], [60.0, 60.0, 8.0])  # north, east, up, m
@@ -29,6 +31,11 @@ def flight_through(scenario: Scenario, *route: dict[str, Any], vehicles: int = 1
         "ground_phases": {"takeoff_s": 12.0, "landing_s": 15.0},
     }
     return with_changes_of_route(meadow(scenario, route=list(route), **{**ends, **tables}))
+
+
+def route_ned_m(scenario: Scenario) -> np.ndarray:
+    """The points of the route (P, 3), round after round, NED, m."""
+    return np.array([point.position_m for point in route_points(scenario)]).reshape(-1, 3) * NED_FROM_UP
 
 
 def first_guess(scenario: Scenario) -> tuple[Problem, Trajectory]:

@@ -12,15 +12,16 @@ import shapely
 
 from gcs.frames import geodetic_to_ned
 from gcs.mission.drawings.drawing import Datum
-from gcs.mission.drawings.read_drawing import read_drawing
+from gcs.mission.drawings.route_formats import read_drawing
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.coverage import coverage
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Terrain
 from gcs.scenario.sources.load import load_scenario
-from gcs.scenario.values.si import NED_FROM_UP, local_origin, route_ned_m
+from gcs.scenario.values.si import NED_FROM_UP, local_origin
 from gcs.types import Array
+from tests.unit.plan.route_flights import route_ned_m
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
 # One formation at each scale, and one vehicle; the README of every mission plans it as well.

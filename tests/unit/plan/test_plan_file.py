@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from gcs.errors import FileFormatError
 from gcs.plan.plan_file import is_plan_file, load_plan, read_plan, save_plan
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from tests.unit.plan.problems import changed
 from tests.unit.plan.routed import with_route

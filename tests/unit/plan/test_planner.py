@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from gcs.physics.quadrotor import derivative
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory.plan import Plan, phases_of
+from gcs.plan.trajectory.phases import phases_of
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.terrain import ground_height_m

@@ -16,8 +16,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.values.si import route_ned_m
-from tests.unit.plan.route_flights import CORNER, FAR, flight_through
+from tests.unit.plan.route_flights import CORNER, FAR, flight_through, route_ned_m
 
 Point = dict[str, Any]
 PlanOf = Callable[..., Plan]

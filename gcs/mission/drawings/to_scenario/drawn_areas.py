@@ -29,7 +29,7 @@ class AreaTable:
 
 @dataclass(frozen=True)
 class AreaTables:
-    """The areas to stay in, the no-fly zones, and what is said about areas."""
+    """The areas to stay in, the no-fly zones, and the remarks on areas."""
 
     keep_in: tuple[AreaTable, ...]
     no_fly: tuple[AreaTable, ...]

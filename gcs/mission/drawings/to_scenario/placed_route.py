@@ -171,7 +171,7 @@ def _away_m(points_m: Array, start_m: Array, end_m: Array) -> Array:
 
 @dataclass(frozen=True)
 class PlacedRoute:
-    """The points in order, whether the route ends at its start, the origin, and what is said about the drawing."""
+    """The points in order, whether the route ends at its start, the origin, and the remarks on the drawing."""
 
     points: tuple[PlacedPoint, ...]
     returns: bool

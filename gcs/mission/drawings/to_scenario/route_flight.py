@@ -1,4 +1,4 @@
-"""The scenario of a drawn route: what stands in its template, with names and heights as they were drawn."""
+"""The scenario of a drawn route: the values for its template, with names and heights as drawn."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIO
     """The map of a plan: tracks from take-off to landing, with a point every `period_s` and at both ends."""
     steps = int(np.ceil((plan.t_end_s - plan.t_start_s) / period_s))
     t_s = np.unique(np.rint(np.linspace(plan.t_start_s, plan.t_end_s, steps + 1) * _MS) / _MS)
-    inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    inside = plan.clamped(t_s)
     position = plan.leader_trajectory.state(inside)[:, POSITION] + plan.offsets(inside)
     lat, lon, alt = ned_to_geodetic(position, local_origin(plan.scenario))
     rounded = np.round(lat, DEGREE_DECIMALS), np.round(lon, DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)
@@ -85,32 +85,3 @@ def _points(plan: Plan) -> tuple[MapPoint, ...]:
         t_s, alt_m = round(passage.arrives_s, _METRE_DECIMALS), round(float(alt[0]), _METRE_DECIMALS)
         found.append(MapPoint(passage.number, passage.point.name or "", t_s, *place, alt_m))
     return tuple(found)
-
-
-def checked_points(points: list[MapPoint]) -> tuple[MapPoint, ...]:
-    """The route points as read, if they are valid. Raises ValueError."""
-    for point in points:
-        if not np.isfinite([point.t_s, point.lat_deg, point.lon_deg, point.alt_amsl_m]).all():
-            raise ValueError(f"route point {point.number} has a value that is not a finite number")
-        if abs(point.lat_deg) > 90 or abs(point.lon_deg) > 180:
-            raise ValueError(f"route point {point.number} is not on Earth")
-    return tuple(points)
-
-
-def checked(tracks: list[Track]) -> tuple[Track, ...]:
-    """The tracks as read, if they are valid. Raises ValueError."""
-    for track in tracks:
-        parts = (track.t_s, track.lat_deg, track.lon_deg, track.alt_amsl_m)
-        if len({len(part) for part in parts}) > 1:
-            raise ValueError(f"the track of vehicle {track.sysid} has {[len(p) for p in parts]} values in its columns")
-        if not len(track.t_s):
-            raise ValueError(f"the track of vehicle {track.sysid} is empty")
-        if not all(np.isfinite(part).all() for part in parts):
-            raise ValueError(f"the track of vehicle {track.sysid} has a value that is not a finite number")
-        if (np.abs(track.lat_deg) > 90).any() or (np.abs(track.lon_deg) > 180).any():
-            raise ValueError(f"the track of vehicle {track.sysid} has a position that is not on Earth")
-        if (np.diff(track.t_s) <= 0).any():
-            raise ValueError(f"the times of vehicle {track.sysid} do not increase")
-    if len({track.sysid for track in tracks}) < len(tracks):
-        raise ValueError("a vehicle has two tracks")
-    return tuple(tracks)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
-from gcs.errors import FileFormatError
-from gcs.mission.formats.tables.csv_table import read_csv, with_units, write_csv
+from gcs.mission.formats.tables.csv_table import with_units, write_csv
 from gcs.types import Array
 
 if TYPE_CHECKING:
@@ -21,7 +19,6 @@ COLUMNS = with_units(
     "roll_rate_radps pitch_rate_radps yaw_rate_radps U1_N U2_N U3_N U4_Nm"
 )
 _TITLE = "Skein state and control history: common local NED frame, t_s = 0 is T0"
-_STATES = 12
 _MS = 1000
 _STATE_DECIMALS, _CONTROL_DECIMALS = 6, 7  # micrometres and microradians: what all machines agree on
 ALL_VEHICLES = slice(None)
@@ -41,33 +38,15 @@ class History:
 def build_histories(plan: Plan, rate_hz: float, rows: slice = ALL_VEHICLES) -> list[History]:
     """The histories of the vehicles in `rows`, from take-off to landing: at t = k / rate_hz and at both ends."""
     ticks = np.arange(np.ceil(plan.t_start_s * rate_hz), np.floor(plan.t_end_s * rate_hz) + 1)
-    # The end belongs to the last polynomial.
     inside = np.rint(ticks * _MS / rate_hz) / _MS
-    t_s = np.unique(np.clip(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]]), plan.t_start_s, plan.t_end_s))
-    states, controls = plan.motion(np.minimum(t_s, np.nextafter(plan.t_end_s, -np.inf)), rows)
+    t_s = np.unique(plan.clamped(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]])))
+    states, controls = plan.motion(t_s, rows)
     states, controls = np.round(states, _STATE_DECIMALS) + 0.0, np.round(controls, _CONTROL_DECIMALS) + 0.0
     return [History(sysid, plan.hash, t_s, states[row], controls[row]) for row, sysid in enumerate(plan.sysids[rows])]
 
 
 def write_history(history: History) -> bytes:
-    """The bytes of a file; `read_history` gives back the same values."""
+    """The bytes of a file."""
     columns = np.column_stack([history.t_s, history.states, history.controls])
     table = pa.table({name: columns[:, index] for index, name in enumerate(COLUMNS)})
     return write_csv(_TITLE, {"plan": history.plan_hash, "vehicle": str(history.sysid)}, COLUMNS, table)
-
-
-def read_history(data: bytes | str, source: str) -> History:
-    """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or incomplete."""
-    try:
-        comments, table = read_csv(data, COLUMNS)
-        values = np.column_stack([table.column(name).to_numpy() for name in COLUMNS])
-        if not np.isfinite(values).all():
-            raise ValueError("a value is not a finite number")
-        if (np.diff(values[:, 0]) <= 0).any():
-            raise ValueError("times do not increase")
-        if not re.fullmatch(r"[1-9]\d{0,8}", comments.get("vehicle", "")):
-            raise ValueError("the comment with the vehicle is missing (# vehicle: 1)")
-    except ValueError as error:
-        raise FileFormatError(f"{source}: {error}.", hint="write the file again with `gcs export`") from error
-    states, controls = values[:, 1 : 1 + _STATES], values[:, 1 + _STATES :]
-    return History(int(comments["vehicle"]), comments.get("plan", ""), values[:, 0].copy(), states, controls)

@@ -71,7 +71,7 @@ def test_a_terminal_has_twenty_and_names_the_file_that_has_all(
 def test_one_vehicle_too_high_is_one_mistake_of_this_vehicle(capsys: pytest.CaptureFixture[str]) -> None:
     edit("{ sysid = 5, position_m = [0.0, 10.0, 15.0] }", "{ sysid = 5, position_m = [0.0, 10.0, 90.0] }")
     error, step = errors(capsys)
-    assert "formation.vehicle[4].position_m[2] = 90.0: puts vehicle 5 outside limits.height_m" in error
+    assert "formation.vehicle[4].position_m[2] = 90.0: puts vehicle 5 outside the box, height" in error
     assert step.startswith("next: set formation.vehicle[4].position_m[2] to 15, as the others have, or limits.height_m")
     edit("{ sysid = 5, position_m = [0.0, 10.0, 90.0] }", "{ sysid = 5, position_m = [0.0, 10.0, 3.0] }")
     error, step = errors(capsys)

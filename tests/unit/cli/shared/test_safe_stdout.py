@@ -15,7 +15,7 @@ from typing import IO
 import pytest
 
 from gcs.cli.shared.console import Screen
-from gcs.cli.shared.safe_stdout import QUEUED_MAX, Outlet
+from gcs.cli.shared.safe_stdout import QUEUED_MAX, SafeStream
 
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
 
@@ -38,34 +38,34 @@ def full_disk() -> IO[str]:
 
 @pytest.mark.parametrize("open_it", [closed_pipe, full_disk, closed_stream])
 def test_a_stream_that_fails_raises_nothing(open_it: Callable[[], IO[str]]) -> None:
-    outlet = Outlet(open_it())
+    safe = SafeStream(open_it())
     for _ in range(3):
-        assert outlet.write("flying\n") == 7
-        outlet.flush()
-    assert isinstance(outlet.lost, OSError | ValueError)
-    assert not outlet.isatty()
-    outlet.end()
+        assert safe.write("flying\n") == 7
+        safe.flush()
+    assert isinstance(safe.lost, OSError | ValueError)
+    assert not safe.isatty()
+    safe.end()
 
 
 def test_without_a_stream_there_is_nothing_to_lose() -> None:
-    outlet = Outlet(None)
-    outlet.write("flying\n")
-    outlet.flush()
-    outlet.end()
-    assert outlet.lost is None
+    safe = SafeStream(None)
+    safe.write("flying\n")
+    safe.flush()
+    safe.end()
+    assert safe.lost is None
 
 
 def test_a_character_the_encoding_lacks_is_escaped() -> None:
     raw = io.BytesIO()
-    outlet = Outlet(io.TextIOWrapper(raw, encoding="ascii"))
-    outlet.write("0 – 1\n")
-    outlet.flush()
+    safe = SafeStream(io.TextIOWrapper(raw, encoding="ascii"))
+    safe.write("0 – 1\n")
+    safe.flush()
     assert raw.getvalue() == b"0 \\u2013 1\n"
 
 
 def test_a_terminal_that_stands_still_keeps_no_caller_waiting() -> None:
     read, write = os.pipe()
-    outlet = Outlet(os.fdopen(write, "w"))
+    safe = SafeStream(os.fdopen(write, "w"))
     lines = 2 * QUEUED_MAX // 100
     got = bytearray()
 
@@ -73,14 +73,14 @@ def test_a_terminal_that_stands_still_keeps_no_caller_waiting() -> None:
         while data := os.read(read, 65_536):
             got.extend(data)
 
-    with outlet.without_waiting():
+    with safe.without_waiting():
         for _ in range(lines):
-            outlet.write("x" * 99 + "\n")  # a direct write would wait after 64 kB
-        assert isinstance(outlet.lost, BlockingIOError)  # memory is bounded
+            safe.write("x" * 99 + "\n")  # a direct write would wait after 64 kB
+        assert isinstance(safe.lost, BlockingIOError)  # memory is bounded
         reader = threading.Thread(target=come_back)
         reader.start()
-    outlet.write("landed\n")
-    outlet.end()
+    safe.write("landed\n")
+    safe.end()
     os.close(write)
     reader.join()
     os.close(read)

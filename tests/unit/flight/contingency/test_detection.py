@@ -41,9 +41,8 @@ def test_silence_is_told_twice_and_its_end_with_the_first_position() -> None:
     assert kinds(ours.look(110.1)) == [IncidentKind.VEHICLE_LOST]
     ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.guided}), 120.0)
     assert kinds(ours.look(120.0)) == []  # where is it?
-    ours.usable = False
     ours.receive(PLACE, 120.3)
-    (back,) = ours.look(120.3)
+    (back,) = ours.look(120.3, usable=False)
     assert back.unix_s == 120.3
     assert back.kind is IncidentKind.LINK_BACK
     assert not back.usable
@@ -343,10 +342,9 @@ def test_a_failsafe_of_a_standstill_of_this_program(
 ) -> None:
     """What is expected: the vehicle can be taken over, and the standstill is the cause."""
     theirs = watch(behaviour=PX4)
-    theirs.ours = ours_too
     says(theirs, text, 101.0)
     shows(theirs, getattr(PX4, mode), 101.5, 5)
-    (took,) = theirs.look(101.5)
+    (took,) = theirs.look(101.5, ours=ours_too)
     assert took.kind is IncidentKind.FAILSAFE
     assert (took.takeable, took.ours) == expected
 

@@ -15,6 +15,7 @@ from gcs.flight.contingency.manoeuvres import (
     BRAKE_MPS2,
     SPREAD_MPS2,
     MotionReference,
+    MotionStart,
     RejoinReference,
     hold_reference,
     return_reference,
@@ -71,7 +72,7 @@ def zoned_routes(plan_of: Callable[[str], Plan]) -> ReturnRoutes:
 @settings(max_examples=40, deadline=None)
 @given(middle, speeds)
 def test_holding_brakes_straight_on(open_routes: ReturnRoutes, place: Array, velocity: Array) -> None:
-    course = hold_reference(place, velocity, 0.3, 5.0, open_routes)
+    course = hold_reference(MotionStart(place, velocity, 0.3, 5.0), open_routes)
     path, rate, _ = consistent(course)
     np.testing.assert_allclose(path[0], place, atol=1e-9)
     np.testing.assert_allclose(rate[0], velocity, atol=1e-9)
@@ -82,8 +83,10 @@ def test_holding_brakes_straight_on(open_routes: ReturnRoutes, place: Array, vel
 @settings(max_examples=40, deadline=None)
 @given(middle, speeds)
 def test_spreading_ends_above(open_routes: ReturnRoutes, place: Array, velocity: Array) -> None:
-    path, _, _ = consistent(spread_reference(place, velocity, 0.0, 5.0, open_routes, 2.0), BRAKE_MPS2 + SPREAD_MPS2)
-    stop = consistent(hold_reference(place, velocity, 0.0, 5.0, open_routes))[0][-1]
+    path, _, _ = consistent(
+        spread_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes, 2.0), BRAKE_MPS2 + SPREAD_MPS2
+    )
+    stop = consistent(hold_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes))[0][-1]
     np.testing.assert_allclose(path[-1], stop - [0.0, 0.0, 2.0], atol=1e-6)
 
 
@@ -99,8 +102,8 @@ def test_holding_and_spreading_stop_before_a_no_fly_zone(
     across = np.array([-out[1], out[0], 0.0])
     velocity = -speed_mps * math.cos(aside) * out + speed_mps * math.sin(aside) * across
     for course in (
-        hold_reference(place, velocity, 0.0, 5.0, zoned_routes),
-        spread_reference(place, velocity, 0.0, 5.0, zoned_routes, 2.0),
+        hold_reference(MotionStart(place, velocity, 0.0, 5.0), zoned_routes),
+        spread_reference(MotionStart(place, velocity, 0.0, 5.0), zoned_routes, 2.0),
     ):
         path, _, _ = consistent(course, 3.4 + SPREAD_MPS2)
         assert np.linalg.norm((path - zone)[:, :2], axis=1).min() >= 20.0 - 1e-6
@@ -112,10 +115,10 @@ def test_returning_climbs_crosses_and_sinks(
     open_routes: ReturnRoutes, place: Array, velocity: Array, over: Array, level_m: float
 ) -> None:
     home = np.array([over[0], over[1], -2.0])
-    course = return_reference(place, velocity, 0.0, 5.0, open_routes, home, home[2] - level_m, SPEEDS, 1.0)
+    course = return_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes, home, home[2] - level_m, SPEEDS, 1.0)
     assert course is not None
     path, rate, _ = consistent(course, 3.4)  # harder and sideways where it would leave the fence
-    stop = hold_reference(place, velocity, 0.0, 5.0, open_routes)
+    stop = hold_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes)
     moving = np.arange(5.0, course.end_s + 1.0, STEP_S)[: len(path)] > stop.end_s
     level = np.hypot(*(path[:, :2] - path[-1, :2]).T)
     crossing = moving & (np.hypot(rate[:, 0], rate[:, 1]) > 1e-6)
@@ -128,7 +131,7 @@ def test_returning_climbs_crosses_and_sinks(
 
 
 def test_rejoining_fades_what_is_off(open_routes: ReturnRoutes) -> None:
-    base = hold_reference(np.array([10.0, 20.0, -5.0]), np.zeros(3), 0.5, 0.0, open_routes)
+    base = hold_reference(MotionStart(np.array([10.0, 20.0, -5.0]), np.zeros(3), 0.5, 0.0), open_routes)
     off, rate = np.array([3.0, -1.0, 0.5]), np.array([-1.0, 0.2, 0.0])
     course = RejoinReference(base, off, rate, 100.0, 8.0)
     place, velocity, acceleration = sampled(course, 100.0, 110.0)
@@ -150,7 +153,7 @@ def test_spreading_climbs_at_a_metre_a_second_at_most(
     open_routes: ReturnRoutes, up_m: float, takes_s: float, top_mps: float
 ) -> None:
     """From rest to rest at 0.75 m/s2: trapezoid for a long way, triangle for a short one."""
-    course = spread_reference(np.array([300.0, 0.0, -9.0]), np.zeros(3), 0.0, 5.0, open_routes, up_m)
+    course = spread_reference(MotionStart(np.array([300.0, 0.0, -9.0]), np.zeros(3), 0.0, 5.0), open_routes, up_m)
     assert course.end_s - course.begin_s == pytest.approx(takes_s)
     path, rate, push = sampled(course, 5.0, course.end_s)
     assert rate[:, 2].min() == pytest.approx(-top_mps, abs=0.02)
@@ -159,7 +162,7 @@ def test_spreading_climbs_at_a_metre_a_second_at_most(
 
 
 def test_a_delayed_motion_is_the_same_one_later(open_routes: ReturnRoutes) -> None:
-    course = hold_reference(np.array([300.0, 0.0, -9.0]), np.array([3.0, 0.0, 0.0]), 0.3, 5.0, open_routes)
+    course = hold_reference(MotionStart(np.array([300.0, 0.0, -9.0]), np.array([3.0, 0.0, 0.0]), 0.3, 5.0), open_routes)
     before, ends_s = course.at(0, 6.0), course.end_s
     course.delay(3.0)
     assert (course.begin_s, course.end_s) == (8.0, ends_s + 3.0)

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from gcs.autopilots.traits import Autopilot
-from gcs.flight.contingency.manoeuvres import return_reference
+from gcs.flight.contingency.manoeuvres import MotionStart, return_reference
 from gcs.flight.recording.tlog import load_tlog
 from gcs.frames import geodetic_to_ned
 from gcs.mission.returns.fence_areas import inclusion_corners, planned_places_m
@@ -57,7 +57,7 @@ def test_the_return_that_was_flown_into_the_fence_leads_round_it(flight: Flight)
         crossed.append(bool(outside_m(zone, np.zeros(1), straight[:, 0], straight[:, 1]).min() < -2.0))
         top_down_m = float(home[2]) - returns.altitudes_m[row]
         course = return_reference(
-            places[row], velocities[row], 0.0, CALLED_S, routes, home, top_down_m, returns.speeds, 1.0
+            MotionStart(places[row], velocities[row], 0.0, CALLED_S), routes, home, top_down_m, returns.speeds, 1.0
         )
         assert course is not None
         courses.append(course)

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
+from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.conflict_prediction import Conflict
 from gcs.flight.contingency.detection import DetectionLimits, Incident
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss, State
-from gcs.flight.execution import executor as executor_module
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.policy import State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
@@ -445,12 +445,12 @@ def test_the_vehicle_farther_from_its_place_yields_whether_it_is_above_or_below(
     assert incident.higher is (int(np.argmin(down_m)) == farther - 1)
 
 
-def test_a_flight_is_checked_every_tenth_of_a_second_of_fleet_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_is_checked_every_tenth_of_a_second_of_fleet_time() -> None:
     """While fleet time is not known there is no check, nor between a start that is over and a known T0."""
-    monkeypatch.setattr(executor_module, "_SLEEP_S", 0.0)
     ours: Any = object.__new__(ContingencyExecutor)
     fleet_s = iter([0.0625, 0.1, 0.1875, 0.2, None, 0.375, 0.4375, 0.5, 0.75])
     checks_s: list[float] = []
+    awaited_s: list[float] = []
 
     def check(now_s: float, t_s: float) -> None:
         assert t_s == now_s - 0.5
@@ -462,13 +462,18 @@ def test_a_flight_is_checked_every_tenth_of_a_second_of_fleet_time(monkeypatch: 
             return now_s
         raise asyncio.CancelledError
 
-    ours._time = SimpleNamespace(hold=lambda: None, sure_s=lambda: 0.0, now_s=next_s)
+    async def comes_to(unix_s: float) -> None:
+        awaited_s.append(unix_s)
+
+    ours._time = SimpleNamespace(hold=lambda: None, sure_s=lambda: 0.0, now_s=next_s, comes_to=comes_to)
+    ours._loop = SimpleNamespace(time=lambda: 0.0)
     ours._vehicles, ours._watches = {}, {}
     ours.policy = SimpleNamespace(states={1: State.STARTING}, troubles=[])
     ours._monitor = SimpleNamespace(t0_unix_s=None)
     ours._plan = SimpleNamespace(t_start_s=-0.5)
-    ours._standstill = SimpleNamespace(reads=lambda checked_s: False)
+    ours._standstill = SimpleNamespace(open=False, reads=lambda checked_s: False)
     ours._tell_clocks, ours._check = lambda now_s: None, check
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(ours.run())
     assert checks_s == [0.1, 0.2, 0.375, 0.5]
+    assert sorted(set(awaited_s)) == pytest.approx([0.1, 0.2, 0.3, 0.475, 0.6])

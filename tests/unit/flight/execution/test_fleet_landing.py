@@ -13,9 +13,11 @@ from gcs.errors import FlightError, OrderError
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.fleet_landing import HANDED_OVER, FleetLanding
+from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.fleet_time import FleetTime
+from gcs.flight.monitoring.monitor import Monitor
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavResult
 from gcs.mission.export.setpoint_stream import build_stream
@@ -49,9 +51,7 @@ def land(
         time = FleetTime({crew.sysid: crew.session})
         streamer = Streamer(plan, build_stream(plan, 25.0), fleet, time, options)
         landing = FleetLanding(
-            fleet,
-            streamer,
-            options,
+            FlyingFleet(plan, fleet, Monitor(plan), streamer, time, options),
             lambda: {crew.sysid: state},
             lambda order: told.append(f"did not {order.what}"),
             tell,

@@ -6,6 +6,7 @@ The points hold their places without setpoints. Expected are times that were cho
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
 from typing import Any
@@ -14,9 +15,11 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.contingency.policy import OnLoss, State
+from gcs.flight.contingency.choices import FlightMode, OnLoss
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.policy import State
 from gcs.flight.execution.standstill import Standstill
+from gcs.flight.execution.streamer import Streamer
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.states import POSITION
@@ -217,13 +220,23 @@ def test_a_pilot_who_takes_over_in_a_standstill_keeps_the_vehicle(hop: Plan, hop
     assert [what.split(",")[0] for what in told(fleet) if what not in of_pilot] == ["stayed without setpoints", BACK]
 
 
+class Hushed(SimpleNamespace):
+    """A streamer that sends nothing after a standstill until it resumes."""
+
+    def __init__(self, missing_s: float = 0.0, **others: Any) -> None:
+        super().__init__(paused=True, hush=lambda: None, missing_s=lambda now_s: missing_s, **others)
+
+    def resume(self) -> None:
+        self.paused = False
+
+
 @pytest.mark.parametrize("t_s", [30.0, 80.0])  # after the end of the plan too
 def test_a_vehicle_holds_from_where_it_is_when_its_setpoints_begin(t_s: float) -> None:
     """It was seen 0.5 s ago at 2 m/s, and its setpoints begin 0.3 s from now: 1.6 m on, and 1.33 m to brake."""
     ours: Any = object.__new__(Standstill)
     t0_unix_s, now_s = EPOCH_S, EPOCH_S + t_s
     ours._plan, ours._options = straight_plan(), FlightOptions(lead_s=0.3)
-    ours._monitor = SimpleNamespace(t0_unix_s=t0_unix_s)
+    ours._monitor = SimpleNamespace(t0_s=t0_unix_s)
     ours._routes = SimpleNamespace(depth_m=lambda tracks, at_s: np.zeros(len(at_s)))
     seen = VehicleView(1, np.array([10.0, 0.0, -8.0]), np.array([0.0, 2.0, 0.0]), now_s - 0.5)
     track = ours._hold_at(SimpleNamespace(view=seen), now_s)
@@ -249,8 +262,8 @@ def test_vehicles_gather_until_all_are_slow_or_both_clocks_say_that_it_takes_too
     """One of them follows setpoints a little later than the other. They are slow below 0.5 m/s."""
     ours: Any = object.__new__(Standstill)
     clock = SimpleNamespace(now_s=0.0)
-    ours._loop, ours._streamer = SimpleNamespace(time=lambda: clock.now_s), SimpleNamespace(paused=True)
-    ours._monitor, ours._before_s, ours._held = SimpleNamespace(t0_unix_s=0.0), 0.0, set()
+    ours._loop, ours._streamer = SimpleNamespace(time=lambda: clock.now_s), Hushed()
+    ours._monitor, ours._before_s, ours._held = SimpleNamespace(t0_s=0.0), 0.0, set()
     ours._stranded, ours.gathers = True, False
     ours._vehicles = {
         sysid: SimpleNamespace(
@@ -261,7 +274,7 @@ def test_vehicles_gather_until_all_are_slow_or_both_clocks_say_that_it_takes_too
         )
         for sysid in (1, 2)
     }
-    ours._states = lambda: dict.fromkeys((1, 2), State.FLYING)
+    ours._policy = SimpleNamespace(states=dict.fromkeys((1, 2), State.FLYING))
     ours._hold, ours._choose = lambda *_: None, lambda *_: "they go on"
     ours._vehicles[2].session.custom_mode = RTL
     assert ours.step(0.0, lambda _: True) is None
@@ -278,7 +291,7 @@ def reading(lead_s: float, missing_s: float, *, is_read: bool) -> tuple[Any, Sim
     clock = SimpleNamespace(now_s=50.0)
     ours._stalls, ours._seen = SimpleNamespace(count=1), 0
     ours._loop, ours._time = SimpleNamespace(time=lambda: clock.now_s), SimpleNamespace(sure_s=lambda: 0.0)
-    ours._streamer = SimpleNamespace(paused=False, hush=lambda: None, missing_s=lambda now_s: missing_s)
+    ours._streamer = Hushed(missing_s=missing_s)
     ours._options, ours._reads, ours._stranded, ours.gathers = FlightOptions(lead_s=lead_s), False, False, False
     ours._heard, ours._is_read = lambda: [None], lambda vehicle: is_read
     return ours, clock
@@ -301,10 +314,28 @@ def test_vehicles_that_say_nothing_new_are_waited_for_until_a_limit(lead_s: floa
 @pytest.mark.parametrize(("missing_s", "leads_back"), [(0.45, False), (0.55, True)])
 def test_without_setpoints_for_half_a_second_vehicles_are_led_back(missing_s: float, leads_back: bool) -> None:
     ours, _ = reading(0.0, missing_s, is_read=True)
-    ours._streamer.paused = True
     assert not ours.reads(7.0)
     assert ours.open is leads_back
     assert ours._streamer.paused is leads_back
+
+
+def test_after_a_standstill_nothing_is_sent_for_three_seconds_or_until_it_is_resumed() -> None:
+    """Of two standstills, three seconds after the second."""
+    ours: Any = object.__new__(Streamer)
+    clock = SimpleNamespace(now_s=50.0)
+    ours._loop, ours._woken = SimpleNamespace(time=lambda: clock.now_s), asyncio.Event()
+    ours._stalls, ours._stalls_seen, ours._hushed_until_s = SimpleNamespace(count=0), 0, -math.inf
+    seen = []
+    for count, now_s in ((0, 50.0), (1, 51.0), (1, 53.9), (1, 54.1), (2, 55.0), (3, 57.0), (3, 59.9), (3, 60.1)):
+        ours._stalls.count, clock.now_s = count, now_s
+        ours.hush()
+        seen.append(ours.paused)
+    assert seen == [False, True, True, False, True, True, True, False]
+    ours._stalls.count = 4
+    ours.hush()
+    assert ours.paused and not ours._woken.is_set()
+    ours.resume()
+    assert not ours.paused and ours._woken.is_set()
 
 
 @pytest.mark.parametrize("flies", [True, False])
@@ -316,7 +347,7 @@ def test_a_vehicle_that_is_taken_back_gets_setpoints_again(flies: bool) -> None:
     async def take(vehicle: object, *reference: object) -> None:
         done.append((*reference, ours._streamer.paused))
 
-    ours._streamer = SimpleNamespace(paused=True, obey=take, take_over=take)
+    ours._streamer = Hushed(obey=take, take_over=take)
     ours._monitor = SimpleNamespace(t0_unix_s=EPOCH_S if flies else None)
     ours._time, ours._held = SimpleNamespace(sure_s=lambda: 7.0), set()
     ours._hold_at = lambda vehicle, now_s: ("hold", now_s)

@@ -38,6 +38,11 @@ class Vehicle:
     boot_s: float = 50.0  # its boot clock as the fleet began
     clock: VehicleClock = field(default_factory=VehicleClock)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
+    listeners: list[Callable[[Message], None]] = field(default_factory=list)
+
+    def subscribe(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+        self.listeners.append(listener)
+        return lambda: self.listeners.remove(listener)
 
 
 class Fleet:
@@ -61,7 +66,10 @@ class Fleet:
             if sysid not in self.silent:
                 boot_ms = round(1e3 * (self.true_s - EPOCH_S + vehicle.boot_s))
                 stamps = {"time_boot_ms": boot_ms, "time_unix_usec": round(1e6 * (self.true_s + vehicle.ahead_s))}
-                vehicle.clock.receive(Message("SYSTEM_TIME", stamps), now_s)
+                report = Message("SYSTEM_TIME", stamps)
+                vehicle.clock.receive(report, now_s)
+                for listener in tuple(vehicle.listeners):
+                    listener(report)
 
     async def report(self) -> None:
         while True:
@@ -112,6 +120,41 @@ def test_a_wait_ends_at_the_vehicles_time(rate: float, monkeypatch: pytest.Monke
             await fleet.time.until(end_s)  # already past: no wait at all
 
         await reporting(fleet, wait())
+
+    on_a_loop(work, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("at_s", "takes_s"),
+    [(0.02, 0.02), (60.0, LOOK_S), (-1.0, 0.03)],  # it is predicted; it is far; after it the next report counts
+)
+def test_a_wait_for_a_time_ends_when_it_is_predicted_or_reported(
+    at_s: float, takes_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def work() -> None:
+        fleet = Fleet(0.0, 0.0)
+        await reporting(fleet, fleet.run(2.0))
+        fleet.loop.call_later(0.03, fleet.hear)
+        began_s = fleet.loop.time()
+        await fleet.time.comes_to(fleet.time.sure_s() + at_s)
+        assert fleet.loop.time() - began_s == pytest.approx(takes_s, abs=1e-3)
+        assert not any(vehicle.listeners for vehicle in fleet.vehicles.values())
+
+    on_a_loop(work, monkeypatch)
+
+
+def test_a_wait_ends_with_the_report_of_a_vehicle_that_flies_faster_than_predicted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def work() -> None:
+        fleet = Fleet(0.0, 0.0)
+        await reporting(fleet, fleet.run(2.0))
+        end_s = fleet.time.sure_s() + 0.3
+        fleet.began_s -= 0.4
+        fleet.loop.call_later(0.01, fleet.hear)
+        began_s = fleet.loop.time()
+        await fleet.time.comes_to(end_s)
+        assert fleet.loop.time() - began_s == pytest.approx(0.01, abs=1e-3)
 
     on_a_loop(work, monkeypatch)
 

@@ -31,7 +31,7 @@ class Heard:
     def __init__(self, plan: Plan, landings: dict[int, LandingProfile]) -> None:
         self.plan = plan
         self.monitor = Monitor(plan, landings)
-        self.monitor.t0_unix_s = T0_UNIX_S
+        self.monitor.begin(T0_UNIX_S)
         self.clock = VehicleClock()
 
     def at(self, t_s: float, off_ned_m: tuple[float, float, float]) -> None:
@@ -102,7 +102,7 @@ def test_a_vehicle_that_left_the_plan_has_no_error_beside_it(simulation1_plan: P
     plan = simulation1_plan
     heard = Heard(plan, dict.fromkeys(plan.sysids, SLOW))
     heard.at(10.0, (0.0, 0.0, 20.0))
-    heard.monitor.in_formation = plan.sysids[1:]
+    heard.monitor.watch_formation(plan.sysids[1:])
     errors_m = heard.monitor.errors_m
     assert math.isnan(errors_m[plan.sysids[0]])
     assert errors_m[plan.sysids[1]] == pytest.approx(20.0, abs=0.01)
@@ -228,5 +228,5 @@ def test_a_vehicle_that_came_down_elsewhere_is_named(simulation1_plan: Plan) -> 
 
 def test_a_flight_that_all_vehicles_broke_off_is_not_flown(simulation1_plan: Plan) -> None:
     found = flown(simulation1_plan)
-    found.broke_off = True
+    found.lands((), broke_off=True)
     assert found.missing({}) == ["no vehicle flew it to its landing"]

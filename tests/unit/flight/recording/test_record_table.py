@@ -16,6 +16,7 @@ from gcs.flight.assessment import judge
 from gcs.flight.assessment.comparison import compare
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitoring.monitor import Lateness, lateness_s, skew_s
+from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.recording.record_table import FlightReports, build_record, load_record
 from gcs.flight.recording.tlog import Gap, LoggedFrame, scan
 from gcs.link.wire.codec import Codec
@@ -58,7 +59,7 @@ def told(plan: Plan, late_s: dict[int, float]) -> list[Message]:
 def test_the_record_holds_what_was_told_beside_the_plan(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     late_s = dict.fromkeys(plan.sysids, 0.0)
-    record = build_record(plan, T0, iter(told(plan, late_s)))
+    record = build_record(plan, PlanTime.of(T0), iter(told(plan, late_s)))
     assert record.num_rows == 540 * 6
     assert float(np.max(record.column("error_m").to_numpy())) < 1e-6
     assert record.column("armed").to_pylist() == [True] * record.num_rows
@@ -73,7 +74,7 @@ def test_a_jump_of_gnss_time_in_flight_moves_no_row(simulation1_plan: Plan) -> N
         if message.sysid == 2 and boot_ms > 150_000:
             stamps = {"time_unix_usec": round((BOOT_S + boot_ms / 1e3 + 3600.0) * 1e6), "time_boot_ms": boot_ms}
             messages.append(Message("SYSTEM_TIME", stamps, 2, 1))
-    record = build_record(plan, T0, messages)
+    record = build_record(plan, PlanTime.of(T0), messages)
     assert record.num_rows == 540 * 6
     assert float(np.max(record.column("error_m").to_numpy())) < 1e-6
 
@@ -81,8 +82,8 @@ def test_a_jump_of_gnss_time_in_flight_moves_no_row(simulation1_plan: Plan) -> N
 def test_lateness_and_skew(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     late_s = {1: 0.02, 2: 0.02, 3: 0.05, 4: 0.02, 5: 0.0, 6: 0.02}
-    record = build_record(plan, T0, iter(told(plan, late_s)))
-    found = compare(plan, record, T0, None)
+    record = build_record(plan, PlanTime.of(T0), iter(told(plan, late_s)))
+    found = compare(plan, record, None)
     assert {c.sysid: c.late_s for c in found} == pytest.approx(late_s, abs=1e-3)
     assert skew_s(c.late_s for c in found) == pytest.approx(0.05, abs=1e-3)
     assert all(np.isnan(c.plan_truth_m) for c in found)
@@ -90,11 +91,11 @@ def test_lateness_and_skew(simulation1_plan: Plan) -> None:
 
 def test_truth_beside_estimate_and_plan(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
-    record = build_record(plan, T0, iter(told(plan, dict.fromkeys(plan.sysids, 0.0))))
+    record = build_record(plan, PlanTime.of(T0), iter(told(plan, dict.fromkeys(plan.sysids, 0.0))))
     t_s = np.arange(0.0, 274.0, 0.05)
     states = plan.states(t_s).copy()
     states[..., 0] += 0.3
-    found = compare(plan, record, T0, Truth(plan.sysids, T0 + t_s, states))
+    found = compare(plan, record, Truth(plan.sysids, T0 + t_s, states))
     for c in found:
         assert c.plan_estimate_m == pytest.approx(0.0, abs=1e-6)
         assert c.estimate_truth_m == pytest.approx(0.3, abs=0.01)
@@ -122,12 +123,12 @@ def test_the_record_holds_how_far_the_shape_was_off(simulation1_plan: Plan) -> N
             message.fields["y"] += 5.0  # all together: no error of the shape
             if message.sysid == 4 and 100.0 <= at_s < 120.0:
                 message.fields["x"] += 3.0
-    record = build_record(plan, T0, iter(messages))
+    record = build_record(plan, PlanTime.of(T0), iter(messages))
     t_s, error = (record.column(name).to_numpy() for name in ("t_s", "formation_error_m"))
     assert np.nanmax(error[(t_s < 99.4) | (t_s > 120.1)]) < 0.05  # reports are half a second apart
     assert error[(t_s > 100.0) & (t_s < 119.0)] == pytest.approx(3.0 * 5 / 6, abs=0.05)
     silent = [m for m in messages if m.sysid != 4 or m.fields.get("time_boot_ms", 0) / 1e3 + BOOT_S - T0 < 150.0]
-    record = build_record(plan, T0, iter(silent))
+    record = build_record(plan, PlanTime.of(T0), iter(silent))
     t_s, error = (record.column(name).to_numpy() for name in ("t_s", "formation_error_m"))
     assert np.isnan(error[t_s > 150.0]).all()
     assert np.isfinite(error[(t_s > 1.0) & (t_s < 149.0)]).all()
@@ -206,7 +207,7 @@ def test_columns_by_name(folder: Path) -> None:
     assert len(one.formation_error_m) == len(one.t_s)
     with pytest.raises(KeyError, match="vehicle 9 has no row; those with one are 1, 2, 3"):
         reports.of(9)
-    with pytest.raises(KeyError, match="'north' is no column; there are t_s, sysid"):
+    with pytest.raises(KeyError, match="'north' is no column; there are t_s, unix_s, sysid"):
         reports.column("north")
 
 

@@ -33,7 +33,8 @@ from gcs.mission.formats.registry import FORMATS
 from gcs.mission.model import VehicleMission
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import FLAT, changed

@@ -17,13 +17,12 @@ from gcs.errors import FileFormatError, UsageError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
-from gcs.mission.formats.maps.geojson import read_geojson
-from gcs.mission.formats.maps.kml import read_kml, read_kmz
 from gcs.mission.formats.param import read_parameters
 from gcs.mission.formats.qgc_plan import read_mission
 from gcs.mission.formats.qgc_wpl import read_fence, read_rally, read_waypoints
 from gcs.mission.formats.registry import FORMATS
-from gcs.mission.formats.tables.history_csv import read_history
+from gcs.mission.formats.tables.csv_table import read_csv
+from gcs.mission.formats.tables.history_csv import COLUMNS as HISTORY_COLUMNS
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.model import Altitude
@@ -31,6 +30,7 @@ from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
+from tests.unit.mission.map_tracks import geojson_tracks, kml_tracks
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -71,25 +71,20 @@ def test_every_format(hop: Plan, tmp_path: Path) -> None:
         listed = json.loads(written[INDEX])["parameters"][str(sysid)]
         assert parameters.values == with_new_names(Autopilot.ARDUPILOT, listed.items())
         assert plan_file.rally[0].alt_m * 100 == pytest.approx(dict(parameters.values)["RTL_ALT"])
-        history = read_history(written[f"uav{sysid}.history.csv"], "h")
-        assert (history.sysid, history.plan_hash) == (sysid, plan.hash)
-        assert (history.t_s[0], history.t_s[-1]) == (plan.t_start_s, plan.t_end_s)
-        states, controls = plan.motion(history.t_s[1:-1])
-        assert np.abs(history.states[1:-1] - states[plan.sysids.index(sysid)]).max() <= 0.51e-6
-        assert np.abs(history.controls[1:-1] - controls[plan.sysids.index(sysid)]).max() <= 0.51e-7
-    maps = [read(written[f"formation.{suffix}"], "m") for suffix, read in MAPS]
-    assert maps[0].geofence == plan_file.geofence
-    for drawn in maps:
-        assert (drawn.title, drawn.plan_hash, drawn.geofence) == (maps[0].title, plan.hash, maps[0].geofence)
-        assert [track.sysid for track in drawn.tracks] == list(plan.sysids)
+        comments, table = read_csv(written[f"uav{sysid}.history.csv"], HISTORY_COLUMNS)
+        assert (comments["vehicle"], comments["plan"]) == (str(sysid), plan.hash)
+        values = np.column_stack([table.column(name).to_numpy() for name in HISTORY_COLUMNS])
+        assert (values[0, 0], values[-1, 0]) == (plan.t_start_s, plan.t_end_s)
+        states, controls = plan.motion(values[1:-1, 0])
+        assert np.abs(values[1:-1, 1:13] - states[plan.sysids.index(sysid)]).max() <= 0.51e-6
+        assert np.abs(values[1:-1, 13:] - controls[plan.sysids.index(sysid)]).max() <= 0.51e-7
+    for drawn in (kml_tracks(written["formation.kml"]), geojson_tracks(written["formation.geojson"])):
+        assert [track.sysid for track in drawn] == list(plan.sysids)
         origin = local_origin(plan.scenario)
-        for row, track in enumerate(drawn.tracks):
+        for row, track in enumerate(drawn):
             flown = geodetic_to_ned(track.lat_deg, track.lon_deg, track.alt_amsl_m, origin)
             wanted = plan.states(track.t_s[:-1])[row, :, POSITION]
             assert np.allclose(flown[:-1], wanted, atol=7e-3)  # seven decimals of a degree
-
-
-MAPS = (("kml", read_kml), ("kmz", read_kmz), ("geojson", read_geojson))
 
 
 def test_every_format_reads_back_what_it_wrote(hop: Plan, tmp_path: Path) -> None:
@@ -98,8 +93,9 @@ def test_every_format_reads_back_what_it_wrote(hop: Plan, tmp_path: Path) -> Non
         folder = tmp_path / firmware.key
         export(hop, folder, formats=FORMATS, firmware=firmware, setpoint_rate_hz=1, timed=False)
         for row in FORMATS:
-            stem = "uav1" if row.content.per_vehicle else "formation"
-            name = row.file_name(stem, firmware)
+            if row.reader is None:
+                continue
+            name = row.file_name("uav1", firmware)
             data = (folder / name).read_bytes()
             written = row.write(row.read(data, name, firmware))
             assert (written.encode() if isinstance(written, str) else written) == data, name

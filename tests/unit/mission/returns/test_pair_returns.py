@@ -15,7 +15,8 @@ from gcs.mission.returns.rtl_altitudes import plan_returns, return_warnings
 from gcs.mission.returns.rtl_cases import ReturnSpeeds, pair_distances, return_cases, return_ends
 from gcs.mission.returns.zones_crossed import zones_crossed
 from gcs.plan.formation.shape import Shape
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array

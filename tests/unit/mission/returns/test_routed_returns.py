@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.flight.contingency.manoeuvres import MotionReference, return_reference
+from gcs.flight.contingency.manoeuvres import MotionReference, MotionStart, return_reference
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.physics.states import POSITION, VELOCITY
@@ -42,7 +42,9 @@ def flown(plan: Plan, returns: ReturnPlan, t_s: float) -> Array:
     courses: list[MotionReference] = []
     for row, home in enumerate(plan.pads_ned_m):
         top_down_m = float(home[2]) - returns.altitudes_m[row]
-        course = return_reference(places[row], velocities[row], 0.0, t_s, routes, home, top_down_m, returns.speeds, 0.0)
+        course = return_reference(
+            MotionStart(places[row], velocities[row], 0.0, t_s), routes, home, top_down_m, returns.speeds, 0.0
+        )
         assert course is not None
         courses.append(course)
     looks = np.arange(t_s, max(course.end_s for course in courses), STEP_S)

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory.plan import Phase, Plan, phases_of
+from gcs.plan.trajectory.phases import Phase, phases_of
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m

@@ -66,8 +66,8 @@ def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot, la
     limit_mps = np.linalg.norm(plan.scenario.limits.speed_ned_mps)
     for mission in made.missions:
         speeds = [item.params[1] for item in mission.items if item.command == Command.DO_CHANGE_SPEED]
-        assert firmware.speed_mps[0] <= min(speeds)
-        assert max(speeds) <= min(limit_mps, firmware.speed_mps[1])
+        assert firmware.traits.missions.speed_mps[0] <= min(speeds)
+        assert max(speeds) <= min(limit_mps, firmware.traits.missions.speed_mps[1])
 
 
 def test_a_formation_flies_one_set_of_legs(small: Plan) -> None:

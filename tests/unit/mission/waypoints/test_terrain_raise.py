@@ -16,7 +16,8 @@ from gcs.mission.waypoints.arrival_times import TerrainRaise
 from gcs.mission.waypoints.placement import short_of_m
 from gcs.mission.waypoints.speed_correction import Corrected, LegProfile
 from gcs.plan.formation.shape import Shape, rigid
-from gcs.plan.trajectory.plan import Plan, phases_of
+from gcs.plan.trajectory.phases import phases_of
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario, Terrain
 from gcs.types import Array

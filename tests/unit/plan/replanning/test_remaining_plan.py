@@ -13,9 +13,8 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
-from gcs.scenario.values.si import route_ned_m
 from gcs.types import Array
-from tests.unit.plan.route_flights import CORNER, FAR, flight_through
+from tests.unit.plan.route_flights import CORNER, FAR, flight_through, route_ned_m
 
 OFF = np.array([2.0, -3.0, -0.5, 0.3, -0.2, 0.0, *[0.0] * 6])
 

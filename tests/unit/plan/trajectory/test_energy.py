@@ -11,7 +11,8 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Quadrotor, air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Power
 

@@ -12,7 +12,8 @@ from scipy.interpolate import PPoly
 
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.energy import battery_model
-from gcs.plan.trajectory.plan import Plan, phases_of
+from gcs.plan.trajectory.phases import phases_of
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.coverage import Coverage, coverage
 from gcs.scenario.schema.scenario import Power, Scenario

@@ -10,7 +10,8 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.plan.formation.shape import Shape
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification import exact_checks as exact_checks_module
 from gcs.plan.verification.exact_checks import exact_checks

@@ -10,7 +10,8 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.states import ATTITUDE, VELOCITY
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.route_checks import route_checks
 from gcs.plan.verification.verify import verify

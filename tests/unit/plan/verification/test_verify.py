@@ -11,7 +11,8 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.plan.formation.shape import joined, rigid
-from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import Report, verify
 from tests.unit.plan.problems import alone, changed

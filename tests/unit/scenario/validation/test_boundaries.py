@@ -97,38 +97,38 @@ def data(repo_root: Path) -> Data:
         (limits(north_m=[-5.0, 50.0]), ""),
         (
             limits(north_m=[-4.9, 100.0]),
-            "formation.vehicle[1].position_m[0] = -5.0: puts vehicle 2 outside limits.north_m, -4.9 to 100. Set "
+            "formation.vehicle[1].position_m[0] = -5.0: puts vehicle 2 outside the box, north -4.9 to 100 m. Set "
             "formation.vehicle[1].position_m[0] to -4.9, or limits.north_m to [-5, 100]",
         ),
         (
             limits(north_m=[-100.0, 49.5]),
-            "end.position_m[0] = 50.0: puts vehicles 1, 3 outside limits.north_m, -100 to 49.5; vehicle 1 would be"
+            "end.position_m[0] = 50.0: puts vehicles 1, 3 outside the box, north -100 to 49.5 m; vehicle 1 would be"
             " at 50. Set end.position_m[0] to 49.5, or limits.north_m to [-100, 50]",
         ),
         (
             limits(east_m=[-100.0, 4.0]),
-            "formation.vehicle[2].position_m[1] = 5.0: puts vehicle 3 outside limits.east_m, -100 to 4. Set "
+            "formation.vehicle[2].position_m[1] = 5.0: puts vehicle 3 outside the box, east -100 to 4 m. Set "
             "formation.vehicle[2].position_m[1] to 4, or limits.east_m to [-100, 5]",
         ),
         (  # too narrow for all
             limits(east_m=[1.0, 4.0]),
-            "start.position_m[1] = 0.0: puts vehicles 1, 2, 3 outside limits.east_m, 1 to 4; vehicle 1 would be at"
+            "start.position_m[1] = 0.0: puts vehicles 1, 2, 3 outside the box, east 1 to 4 m; vehicle 1 would be at"
             " 0. Set limits.east_m to [0, 5]\n"
-            "end.position_m[1] = 0.0: puts vehicles 1, 2, 3 outside limits.east_m, 1 to 4; vehicle 1 would be at "
+            "end.position_m[1] = 0.0: puts vehicles 1, 2, 3 outside the box, east 1 to 4 m; vehicle 1 would be at "
             "0. Set limits.east_m to [0, 5]",
         ),
         (limits(height_m=[0.0, 12.0]), ""),
         (
             limits(height_m=[0.0, 11.5]),
-            "formation.vehicle[2].position_m[2] = 12.0: puts vehicle 3 outside limits.height_m, 0 to 11.5. Set "
+            "formation.vehicle[2].position_m[2] = 12.0: puts vehicle 3 outside the box, height 0 to 11.5 m. Set "
             "formation.vehicle[2].position_m[2] to 10, as the others have, or limits.height_m to [0, 12]",
         ),
         (
             limits(height_m=[0.0, 9.0]),
-            "start.position_m[2] = 10.0: puts vehicles 1, 2, 3 outside limits.height_m, 0 to 9; vehicle 3 would be"
+            "start.position_m[2] = 10.0: puts vehicles 1, 2, 3 outside the box, height 0 to 9 m; vehicle 3 would be"
             " at 12. Set start.position_m[2] to 7 and move every vehicle by 3 m down, or limits.height_m to [0, "
             "12]; is it in feet? 10 ft are 3.048 m\n"
-            "end.position_m[2] = 10.0: puts vehicles 1, 2, 3 outside limits.height_m, 0 to 9; vehicle 3 would be "
+            "end.position_m[2] = 10.0: puts vehicles 1, 2, 3 outside the box, height 0 to 9 m; vehicle 3 would be "
             "at 12. Set end.position_m[2] to 7, or limits.height_m to [0, 12]; is it in feet? 10 ft are 3.048 m",
         ),
         (
@@ -136,57 +136,57 @@ def data(repo_root: Path) -> Data:
                 "start": {"position_m": [-101.0, 0.0, 10.0]},
                 "formation": fleet([-101.0, 0.0, 10.0], [-105.0, 0.0, 10.0]),
             },
-            "start.position_m[0] = -101.0: puts vehicles 1, 2 outside limits.north_m, -100 to 100; vehicle 2 would"
+            "start.position_m[0] = -101.0: puts vehicles 1, 2 outside the box, north -100 to 100 m; vehicle 2 would"
             " be at -105. Set start.position_m[0] to -96 and move every vehicle by 5 m north, or limits.north_m to"
             " [-105, 100]",
         ),
         (
             {"end": end(50.0, 100.0), "ground_phases": {"landing_s": 96.0}},
-            "end.position_m[2] = 100.0: puts vehicles 1, 2, 3 outside limits.height_m, 0 to 40; vehicle 3 would be"
+            "end.position_m[2] = 100.0: puts vehicles 1, 2, 3 outside the box, height 0 to 40 m; vehicle 3 would be"
             " at 102. Set end.position_m[2] to 38, or limits.height_m to [0, 102]; is it in feet? 100 ft are 30.48"
             " m",
         ),
         (
             {"end": end(50.0, 140.0), "ground_phases": {"landing_s": 140.0}},
-            "end.position_m[2] = 140.0: puts vehicles 1, 2, 3 outside limits.height_m, 0 to 40; vehicle 3 would be"
+            "end.position_m[2] = 140.0: puts vehicles 1, 2, 3 outside the box, height 0 to 40 m; vehicle 3 would be"
             " at 142. Set end.position_m[2] to 38, or limits.height_m to [0, 142]",
         ),
         (
             {"end": end(-99.0)},
-            "end.position_m[0] = -99.0: puts vehicle 2 outside limits.north_m, -100 to 100; vehicle 2 would be at "
+            "end.position_m[0] = -99.0: puts vehicle 2 outside the box, north -100 to 100 m; vehicle 2 would be at "
             "-104. Set end.position_m[0] to -95, or limits.north_m to [-104, 100]",
         ),
         (
             {"formation": fleet(LEADER, [-101.0, 0.0, 10.0], [-104.5, 5.0, 12.0])},
-            "formation.vehicle[2].position_m[0] = -104.5: puts vehicle 3 outside limits.north_m, -100 to 100; in "
+            "formation.vehicle[2].position_m[0] = -104.5: puts vehicle 3 outside the box, north -100 to 100 m; in "
             "all, vehicles 2, 3 are outside. Set limits.north_m to [-105, 100], or move these vehicles",
         ),
         (
             {"formation": fleet(LEADER, [101.5, 0.0, 10.0], [104.25, 5.0, 12.0])},
-            "formation.vehicle[2].position_m[0] = 104.25: puts vehicle 3 outside limits.north_m, -100 to 100; in "
+            "formation.vehicle[2].position_m[0] = 104.25: puts vehicle 3 outside the box, north -100 to 100 m; in "
             "all, vehicles 2, 3 are outside. Set limits.north_m to [-100, 105], or move these vehicles",
         ),
         (
             {"formation": fleet(LEADER, [-104.5, 0.0, 10.0], [101.5, 5.0, 12.0])},
-            "formation.vehicle[1].position_m[0] = -104.5: puts vehicle 2 outside limits.north_m, -100 to 100; in "
+            "formation.vehicle[1].position_m[0] = -104.5: puts vehicle 2 outside the box, north -100 to 100 m; in "
             "all, vehicles 2, 3 are outside. Set limits.north_m to [-105, 102], or move these vehicles",
         ),
         (
             {"start": {"position_m": [0.5, 0.0, 10.0]}, "formation": fleet(LEADER, [-101.0, 0.0, 10.0], EAST)},
             "start.position_m = [0.5, 0.0, 10.0]: differs from [0, 0, 10], the position of the leader, vehicle 1. "
             "Make them equal: move [start] back, or every vehicle by 0.5 m north\n"
-            "start.position_m[0] = 0.5: puts vehicle 2 outside limits.north_m, -100 to 100; vehicle 2 would be at "
+            "start.position_m[0] = 0.5: puts vehicle 2 outside the box, north -100 to 100 m; vehicle 2 would be at "
             "-100.5. Set start.position_m[0] to 1 and move every vehicle by 1 m north, or limits.north_m to [-101,"
             " 100]",
         ),
         (
             {"formation": fleet(LEADER, SOUTH, [0.0, 5.0, 40.5]), "ground_phases": {"landing_s": 38.0}},
-            "formation.vehicle[2].position_m[2] = 40.5: puts vehicle 3 outside limits.height_m, 0 to 40. Set "
+            "formation.vehicle[2].position_m[2] = 40.5: puts vehicle 3 outside the box, height 0 to 40 m. Set "
             "formation.vehicle[2].position_m[2] to 10, as the others have, or limits.height_m to [0, 41]",
         ),
         (
             {"formation": fleet(LEADER, [-5.0, 0.0, 41.0], EAST), "ground_phases": {"landing_s": 39.0}},
-            "formation.vehicle[1].position_m[2] = 41.0: puts vehicle 2 outside limits.height_m, 0 to 40. Set "
+            "formation.vehicle[1].position_m[2] = 41.0: puts vehicle 2 outside the box, height 0 to 40 m. Set "
             "formation.vehicle[1].position_m[2] to 40, or limits.height_m to [0, 41]",
         ),
     ],
@@ -202,48 +202,48 @@ def test_places_in_the_box(data: Data, tables: Data, told: str) -> None:
         ({"formation": ending(to("row")), "end": end(-100.0)}, ""),
         (
             {"formation": ending(to("row")), "end": end(84.5)},
-            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside limits.north_m, -100 to 100; "
+            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside the box, north -100 to 100 m; "
             "the shape would reach from 84.5 to 100.5. Set end.position_m[0] to 84, or limits.north_m to [-100, "
             "101]",
         ),
         (
             {"formation": ending(to("row")), "end": end(93.0)},
-            "end.position_m[0] = 93.0: puts 2 places of the last shape, row, outside limits.north_m, -100 to 100; "
+            "end.position_m[0] = 93.0: puts 2 places of the last shape, row, outside the box, north -100 to 100 m; "
             "the shape would reach from 93 to 109. Set end.position_m[0] to 84, or limits.north_m to [-100, 109]",
         ),
         (
             {"formation": ending(to("row")), "end": end(100.0)},
-            "end.position_m[0] = 100.0: puts 2 places of the last shape, row, outside limits.north_m, -100 to 100;"
+            "end.position_m[0] = 100.0: puts 2 places of the last shape, row, outside the box, north -100 to 100 m;"
             " the shape would reach from 100 to 116. Set end.position_m[0] to 84, or limits.north_m to [-100, 116]",
         ),
         (  # the leader alone
             {"formation": ending(to("row")), "end": end(100.5)},
-            "end.position_m[0] = 100.5: puts vehicle 1 outside limits.north_m, -100 to 100; vehicle 1 would be at "
+            "end.position_m[0] = 100.5: puts vehicle 1 outside the box, north -100 to 100 m; vehicle 1 would be at "
             "100.5. Set end.position_m[0] to 100, or limits.north_m to [-100, 101]",
         ),
         (
             {"formation": ending(to("row")), "end": end(50.0, 3.5), **limits(height_m=[3.5, 15.0])},
-            "end.position_m[2] = 3.5: puts 1 place of the last shape, row, outside limits.height_m, 3.5 to 15; the"
+            "end.position_m[2] = 3.5: puts 1 place of the last shape, row, outside the box, height 3.5 to 15 m; the"
             " shape would reach from 0.5 to 3.5. Set end.position_m[2] to 6.5, or limits.height_m to [0, 15]",
         ),
         ({"formation": ending(to("row"), frame="course"), "end": end(84.5)}, ""),
         ({"formation": ending(to("row"), to("start", at_s=70.0)), "end": end(84.5)}, ""),
         (
             {"formation": ending(to("start"), to("row", at_s=70.0)), "end": end(84.5)},
-            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside limits.north_m, -100 to 100; "
+            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside the box, north -100 to 100 m; "
             "the shape would reach from 84.5 to 100.5. Set end.position_m[0] to 84, or limits.north_m to [-100, "
             "101]",
         ),
         ({"formation": ending(to("start"), to("row", gate_m=GATE_M)), "end": end(84.5)}, ""),  # whichever comes last
         (
             {"formation": ending(to("row", gate_m=GATE_M)), "end": end(84.5)},
-            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside limits.north_m, -100 to 100; "
+            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside the box, north -100 to 100 m; "
             "the shape would reach from 84.5 to 100.5. Set end.position_m[0] to 84, or limits.north_m to [-100, "
             "101]",
         ),
         (
             {"formation": ending(to("row"), to("start", auto=True)), "end": end(84.5)},
-            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside limits.north_m, -100 to 100; "
+            "end.position_m[0] = 84.5: puts 1 place of the last shape, row, outside the box, north -100 to 100 m; "
             "the shape would reach from 84.5 to 100.5. Set end.position_m[0] to 84, or limits.north_m to [-100, "
             "101]",
         ),
@@ -251,13 +251,13 @@ def test_places_in_the_box(data: Data, tables: Data, told: str) -> None:
         ({"formation": ending(to("row")), "end": end(84.5), "route": [{**end(20.0), "shape": "row"}]}, ""),
         (  # told once
             {"formation": fleet(LEADER, [-101.0, 0.0, 10.0], EAST, change=[to("start")]), "end": end(0.5)},
-            "formation.vehicle[1].position_m[0] = -101.0: puts vehicle 2 outside limits.north_m, -100 to 100. Set "
+            "formation.vehicle[1].position_m[0] = -101.0: puts vehicle 2 outside the box, north -100 to 100 m. Set "
             "formation.vehicle[1].position_m[0] to -100, or limits.north_m to [-101, 100]",
         ),
         (
             {"formation": fleet(LEADER, [-90.0, 0.0, 10.0], EAST, change=[to("start")]), "end": end(-20.0)},
-            "end.position_m[0] = -20.0: puts 1 place of the last shape, start, outside limits.north_m, -100 to "
-            "100; the shape would reach from -110 to -20. Set end.position_m[0] to -10, or limits.north_m to "
+            "end.position_m[0] = -20.0: puts 1 place of the last shape, start, outside the box, north -100 to "
+            "100 m; the shape would reach from -110 to -20. Set end.position_m[0] to -10, or limits.north_m to "
             "[-110, 100]",
         ),
     ],
@@ -420,7 +420,7 @@ def test_heights_above_the_ground_and_pads(data: Data, tables: Data, told: str) 
                 "formation": fleet(LEADER, SOUTH, [0.0, 5.0, 40.5]),
                 "ground_phases": {"takeoff_s": 9.8, "landing_s": 38.0},
             },
-            "formation.vehicle[2].position_m[2] = 40.5: puts vehicle 3 outside limits.height_m, 0 to 40. Set "
+            "formation.vehicle[2].position_m[2] = 40.5: puts vehicle 3 outside the box, height 0 to 40 m. Set "
             "formation.vehicle[2].position_m[2] to 10, as the others have, or limits.height_m to [0, 41]\n"
             "ground_phases.takeoff_s = 9.8: too short for 10.0 m from rest to rest; 2 m/s "
             "(limits.speed_ned_mps[2]) and 0.60 m/s² of spare thrust (limits.thrust_N) take 9.8 s. Set "
@@ -446,7 +446,7 @@ def test_a_leader_of_a_counted_formation_stands_at_the_start(data: Data) -> None
     assert violated(RULES, with_tables(many, start={"position_m": [0.0, 0.0, 30.0]}, end=end(50.0, 30.0))) == []
     found = violated(RULES, with_tables(many, limits={"east_m": [-30.0, 30.0], "height_m": [0.0, 40.0]}))
     assert found == [
-        f"{table}.position_m[1] = 0.0: puts vehicles 16, 17, 18, 19, 20, 21, 22, 23, and 7 more outside limits.east_m, "
-        f"-30 to 30; vehicle 30 would be at 60. Set limits.east_m to [-56, 60]"
+        f"{table}.position_m[1] = 0.0: puts vehicles 16, 17, 18, 19, 20, 21, 22, 23, and 7 more outside the box, east "
+        f"-30 to 30 m; vehicle 30 would be at 60. Set limits.east_m to [-56, 60]"
         for table in ("start", "end")
     ]

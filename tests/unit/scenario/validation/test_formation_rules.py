@@ -56,7 +56,7 @@ def test_a_counted_formation_starts_where_start_says(data: Data) -> None:
     edge = changed(counted(data, 3, table, leader=2), "limits", "east_m", [5.0, 1600.0])
     assert sentences(changed(edge, "start", "position_m", [2.0, 7.0, 3.0])) == []
     (sentence,) = sentences(changed(edge, "start", "position_m", [2.0, 6.0, 3.0]))
-    assert sentence.startswith("start.position_m[1] = 6.0: puts vehicle 1 outside limits.east_m, 5 to 1600")
+    assert sentence.startswith("start.position_m[1] = 6.0: puts vehicle 1 outside the box, east 5 to 1600 m")
     assert sentence.endswith("vehicle 1 would be at 4. Set start.position_m[1] to 7, or limits.east_m to [4, 1600]")
 
 
@@ -95,7 +95,7 @@ def test_scheduled_shrinking_keeps_vehicles_apart(data: Data) -> None:
     to_grid = {"kind": "reshape", "to": "grid", "at_s": 60.0}
     (sentence,) = sentences(with_changes(data, to_grid, shrink(0.99, at_s=70.0), shape=[tight]))
     assert sentence.endswith(
-        "from 0.40 m to 0.40 m; limits.separation_min_m requires 0.4 m. The shape cannot shrink here"
+        "from 0.40 m to 0.40 m; limits.separation_min_m requires 0.4 m. Remove the change: the shape cannot shrink here"
     )
 
 
@@ -165,7 +165,9 @@ def test_gates_are_where_somebody_may_fly(data: Data, gate_m: list[list[float]],
         found = sentences(with_changes(data, {**TURN, "at_s": None, "gate_m": gate}))
         assert len(found) == (0 if inside else 1)
         for sentence in found:
-            assert sentence.startswith(f"formation.change[0].gate_m = {gate}: lies outside the box: limits")
+            assert sentence.startswith(
+                f"formation.change[0].gate_m = {gate}: lies outside the box of [limits], north 0 to 1500 m"
+            )
 
 
 def test_changes_ask_no_more_of_a_vehicle_than_it_may(data: Data) -> None:
@@ -232,7 +234,10 @@ def test_landing_points_are_apart_where_they_are_known(data: Data) -> None:
 def test_a_long_list_of_vehicles_outside_is_cut(data: Data) -> None:
     line = {"name": "line", "generator": "line", "spacing_m": 2.0}
     found = sentences(changed(counted(data, 1000, line), "limits", "east_m", [-600.0, 1500.0]))
-    assert "puts vehicles 603, 605, 607, 609, 611, 613, 615, 617, and 191 more outside limits.east_m" in found[0]
+    assert (
+        "puts vehicles 603, 605, 607, 609, 611, 613, 615, 617, and 191 more outside the box, east -600 to 1500 m"
+        in found[0]
+    )
 
 
 def test_acceleration_is_enough_for_takeoff_run_up_and_flight(data: Data) -> None:

@@ -76,7 +76,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (zone(f"{TRIANGLE}, radius_m = 50"), "]]: stands beside radius_m", "keep the polygon or the disk"),
     (zone("lat_deg = 47.4013, radius_m = 50"), "no_fly[0].lon_deg: missing", "add lon_deg"),
     (zone("lat_deg = 47.4013, east_m = 60, radius_m = 50"), "lat_deg = 47.4013: stands beside east_m", "keep one"),
-    (zone("lat_deg = 47.4013, lon_deg = 8.5508"), "a disk needs lat_deg, lon_deg and radius_m", "give it"),
+    (zone("lat_deg = 47.4013, lon_deg = 8.5508"), "a disk needs north_m, east_m (or lat_deg, lon_deg) and", "give it"),
     # Keys that people expect.
     (end("position = [47.4027, 8.55], height_m = 15"), "end.position: unknown key; a place is", f"write {HERE}"),
     (end("latitude = 47.4027, longitude = 8.55, height = 15"), "or position_deg with", f"write {HERE}, height_m = 15"),
@@ -92,7 +92,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (end(f"{HERE}, height_m = 503"), "height_m = 503: looks like a height above mean sea", "write 15"),
     (end(f"{HERE}, alt_amsl_m = 15"), "is -473.007 m above the origin", "write height_m = 15"),
     (end("position_deg = [47.4034, 8.55], height_m = 15"), "[47.4034, 8.55]: puts", "end.position_deg to [47.403237"),
-    (box("lat_deg = [47.399, 47.402]", "lon_deg = [8.54, 8.56]"), "lat_deg, north -1", "limits.lat_deg to [47.3"),
+    (box("lat_deg = [47.399, 47.402]", "lon_deg = [8.54, 8.56]"), "the box, north -1", "limits.lat_deg to [47.3"),
     (zone("lat_deg = 47.4, lon_deg = 8.55, radius_m = 50"), "contains vehicle 1", "move the zone"),
     (zone(f"polygon_deg = [{A}, {C}, {B}, [47.4012, 8.5515]]"), "polygon_deg = [[47.4", "give the corners in order"),
     (edit((FORMATION, VEHICLES % "position_deg = [47.4001, 8.55], height_m = 15" + "\n")), "differs from [11", "equal"),
@@ -196,7 +196,8 @@ def test_gates_and_summits_have_degrees_of_their_own(tmp_path: Path) -> None:
     assert len(lines) == 3
     assert "gate_deg = [[8.549, 47.401], [8.551, 47.401]]: 5,470 km" in lines[1] and "swapped" in lines[1]
     assert (
-        "terrain.mountains: lists must be equally long" in lines[2] and "lat_deg 2, lon_deg 1, height_m 2" in lines[2]
+        "terrain.mountains: lists must be equally long" in lines[2]
+        and "lat_deg 2, east_m or lon_deg 1, height_m 2" in lines[2]
     )
     file.write_text(
         text

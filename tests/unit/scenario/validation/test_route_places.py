@@ -26,7 +26,7 @@ def broken(point: dict[str, Any], **tables: Any) -> list[tuple[str, str]]:
     [
         ({"position_m": [141.0, 0.0, 15.0]}, "route[0].position_m[0]", "vehicle 1 would be at 141"),
         ({"position_m": [80.0, 105.0, 15.0]}, "route[0].position_m[1]", "vehicle 4 would be at 121"),
-        ({"position_m": [80.0, 0.0, 40.5]}, "route[0].position_m[2]", "outside limits.height_m, 0 to 40"),
+        ({"position_m": [80.0, 0.0, 40.5]}, "route[0].position_m[2]", "outside the box, height 0 to 40 m"),
         ({"position_m": [80.0, 0.0, 4.0]}, "route[0].position_m[2]", "vehicle 1 would be 1.00 m too low"),
         ({"position_m": [80.0, 0.0, 15.0], "speed_mps": 7.3}, "route[0].speed_mps", "allows 7.23 m/s"),
     ],

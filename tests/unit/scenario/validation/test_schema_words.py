@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from gcs.scenario.schema.mistake import Mistake, nearest
+from gcs.scenario.schema.mistake import KeyChange, Mistake, nearest
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.schema_words import from_pydantic
 from tests.unit.scenario.variants import Data, with_tables
 
@@ -185,16 +186,19 @@ def test_the_nearest_name_is_the_same_with_a_unit_or_one_alike(
 
 
 @pytest.mark.parametrize(
-    ("text", "remedy", "problem", "step", "whole"),
+    ("text", "remedy", "settings", "step", "whole"),
     [
-        ("too high. Set it to 5", "", "too high", "set it to 5", "too high. Set it to 5"),
-        ("too high", "set it to 5", "too high", "set it to 5", "too high. Set it to 5"),
-        ("is it in feet?", "write metres", "is it in feet?", "write metres", "is it in feet? Write metres"),
-        ("too high", "", "too high", "", "too high"),
+        ("too high", "set it to 5", [], "set it to 5", "too high. Set it to 5"),
+        ("too high", "set {}", [(("a", "b_m"), 5.0)], "set a.b_m to 5", "too high. Set a.b_m to 5"),
+        ("no", "set {}", [(("a_deg",), [1.00000004, 2])], "set a_deg to [1, 2]", "no. Set a_deg to [1, 2]"),
+        ("is it in feet?", "write {m}", [], "write {m}", "is it in feet? Write {m}"),
+        ("too high", "", [], "", "too high"),
     ],
 )
-def test_a_mistake_is_a_problem_and_a_step(text: str, remedy: str, problem: str, step: str, whole: str) -> None:
-    mistake = Mistake(("a", 0, "b"), text, 4.0, remedy=remedy)
-    assert (*mistake.told, mistake.whole) == (problem, step, whole)
+def test_a_mistake_is_a_problem_and_a_step(
+    text: str, remedy: str, settings: list[tuple[Key, float]], step: str, whole: str
+) -> None:
+    mistake = Mistake(("a", 0, "b"), text, 4.0, remedy, tuple(KeyChange(*one) for one in settings))
+    assert (mistake.step, mistake.whole) == (step, whole)
     assert (str(mistake), mistake.line) == (f"a[0].b = 4.0: {whole}", None)
     assert Mistake(("a",), "x").place == "a"

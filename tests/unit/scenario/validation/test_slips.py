@@ -44,7 +44,7 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((TABLE, f"[judge]\nseparation_min_m = 6\n{TABLE}")), "more than the plan keeps", "to 5 or less"),
     (edit((END, f"{END}, velocity_mps = [1, 0, 0]")), "every flight ends in a hover", "remove end.velocity_mps"),
     (edit((f"{START} ", f"{START}, velocity_mps = [2.0, 0, 0]")), "(not in this file): cannot", "run_up_m to 1.0"),
-    (edit(("[-60.0, 360.0]", "[360.0, -60.0]")), "must be [low, high]", "write [-60, 360]"),
+    (edit(("[-60.0, 360.0]", "[360.0, -60.0]")), "must be [low, high]", "exchange the two numbers"),
     (edit((END, "position_m = [300.0, 0.0]")), "has too few values", "change end.position_m"),
     # Degrees and heights of another kind.
     (edit((END, "position_m = [47.400245, 8.54935, 20]")), "look like degrees", f"{POSITION} = {PLACE}, height"),
@@ -153,7 +153,7 @@ def test_all_mistakes_are_told_where_the_vehicle_type_is_wrong_too(tmp_path: Pat
     lines = error.message.splitlines()
     assert lines[0].endswith("has 3 mistakes")
     assert 'vehicle_type = "quad50": is neither a vehicle type nor a file. Write vehicle_type = "quad500"' in lines[1]
-    assert "end.position_m[0] = 400.0: puts vehicles 1, 2, 3, 4, 5, 6 outside limits.north_m" in lines[2]
+    assert "end.position_m[0] = 400.0: puts vehicles 1, 2, 3, 4, 5, 6 outside the box, north" in lines[2]
     assert "formation.cuont: unknown key" in lines[3]
     assert error.hint.startswith('correct all 3; the first: write vehicle_type = "quad500"')
     keeps_the_rules(error)

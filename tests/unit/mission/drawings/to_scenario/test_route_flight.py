@@ -18,7 +18,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnDisk, DrawnPoint, sentences
-from gcs.mission.drawings.read_drawing import drawing_in, read_drawing
+from gcs.mission.drawings.route_formats import drawing_in, read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import (
     RouteFlight,
     flight_time_s,
