@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.cli.planning.plan_tables import flown_table
 from gcs.cli.shared.console import Screen
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.judge import Truth
     from gcs.flight.assessment.route_passing import Track
     from gcs.plan.trajectory.plan import Plan
+    from gcs.types import JsonObject
 
 
 def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
@@ -96,7 +97,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     return 0
 
 
-def _known(values: dict[str, Any]) -> dict[str, Any]:
+def _known(values: JsonObject) -> JsonObject:
     """Values for `--json`: null where a number is not known."""
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
 

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
+from gcs.types import JsonObject
 from gcs.util.bounded_file import EVENT_FILE, read_file, read_json
 
 
@@ -57,9 +57,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
     return tuple(found)
 
 
-def report_data(
-    mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict, extra: dict[str, Any]
-) -> dict[str, Any]:
+def report_data(mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict, extra: JsonObject) -> JsonObject:
     """Return the report as plain values, for `report.json` and `--json`."""
     return {
         "ok": verdict.ok,
@@ -75,7 +73,7 @@ def report_data(
     }
 
 
-def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> dict[str, Any]:
+def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> JsonObject:
     """Return the least separations that vehicles reported, by the part of the flight, as plain values."""
     rows = (
         {
