@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gcs.mission.check.fleet_check import FleetReport
     from gcs.mission.flight_limits import FlightLimits
     from gcs.mission.formats.mission_file import MissionFile
+    from gcs.types import JsonObject
 
 FINDINGS = 11  # exit code: the files were read, and there are findings
 TIMINGS = {"planned": "at planned speeds", "autopilot": "as a model of the autopilot flies them"}
@@ -169,7 +170,7 @@ def _add(table: Table, criterion: str, least_m: float, proved_m: float, limit_m:
     table.add_row(criterion, f"{least_m:.3f} m", proved, limit, verdict, where)
 
 
-def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:
+def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> JsonObject:
     closest = report.closest
     return {
         "ok": ok,

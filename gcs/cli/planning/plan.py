@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.planning.plan_tables import route_data, route_table
 from gcs.cli.shared.console import BEGAN_S, Screen
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gcs.plan.formation.timeline import Move
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
+    from gcs.types import JsonObject
 
 _BAR = 20  # characters
 
@@ -75,7 +76,7 @@ def plan(
     return screen.ended(None if report.ok else refusal(report))
 
 
-def plan_data(made: Plan, report: Report, path: Path) -> dict[str, Any]:
+def plan_data(made: Plan, report: Report, path: Path) -> JsonObject:
     """What `--json` has of every plan that is written."""
     return {
         "ok": report.ok,

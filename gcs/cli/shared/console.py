@@ -20,6 +20,8 @@ from gcs.errors import GcsError, for_people
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
+    from gcs.types import JsonObject
+
 
 BEGAN_S = time.perf_counter()  # this module is among the first to be imported
 
@@ -60,7 +62,7 @@ class Screen:
         if not self.json:
             self.console.print(picture)
 
-    def result(self, data: dict[str, Any]) -> None:
+    def result(self, data: JsonObject) -> None:
         """Print the one JSON object, with `--json` only; `"ok"` is true unless `data` has another value."""
         if self.json:
             self._object({"ok": True, **data})
@@ -104,7 +106,7 @@ class Screen:
                 stack.enter_context(safe.without_waiting())
             yield
 
-    def _object(self, data: dict[str, Any]) -> None:
+    def _object(self, data: JsonObject) -> None:
         text = to_json(data)
         try:
             text.encode(getattr(sys.stdout, "encoding", None) or "utf-8")
