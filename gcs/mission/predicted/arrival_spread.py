@@ -42,11 +42,12 @@ class ArrivalSpread:
 
 
 def spread_in_words(widest_s: float, autopilots: Iterable[Autopilot]) -> str:
-    """The spread of a fleet's arrival times, for reports."""
-    who = titles(autopilots)
-    if widest_s == 0.0:
-        return f"no arrival time rests on a reaction of {who} that may go both ways"
-    return f"arrival times may spread by ±{widest_s:.1f} s by what {who} may do"
+    """The spread of a fleet's arrival times, for reports: open reactions, and half of what two vehicles differ by."""
+    every = tuple(autopilots)
+    may_s = widest_s + 0.5 * max(known.traits.apart_s for known in every)
+    if may_s < _NONE_S:
+        return f"no arrival time rests on a reaction of {titles(every)} that may go both ways"
+    return f"arrival times may spread by ±{may_s:.1f} s by what {titles(every)} may do"
 
 
 def arrival_spread(flight: PredictedFlight, others: Sequence[PredictedFlight]) -> ArrivalSpread:
