@@ -82,6 +82,7 @@ def check(
     from gcs.mission.export.atomic_folder import exported_from
     from gcs.mission.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.formats.any_mission import load_missions
+    from gcs.mission.predicted.arrival_spread import spread_in_words
     from gcs.mission.predicted.autopilot_flight import AutopilotFlight
     from gcs.mission.predicted.planned_flight import fly, surroundings
 
@@ -102,11 +103,14 @@ def check(
         modelled = AutopilotFlight(ability_of(quadrotor(scenario), scenario.limits))
         if timing == "autopilot":
             limits = replace(limits, overspeed=OVERSPEED)
-    report = check_fleet(missions, around, limits, modelled if timing == "autopilot" else fly)
+    flown = (modelled, modelled.others) if timing == "autopilot" else (fly, ())
+    report = check_fleet(missions, around, limits, *flown)
     findings = (*changed, *report.findings)
     for finding in findings:
         screen.say(str(finding))
     screen.say(f"{len(missions)} mission{'s' * (len(missions) > 1)}, {report.duration_s:.0f} s {TIMINGS[timing]}")
+    if timing == "autopilot":
+        screen.say(spread_in_words(report.spread_s, [mission.firmware for mission in missions]))
     _summary(screen, missions, report, limits)
     count = len(findings)
     screen.say(f"{count or 'no'} finding{'s' * (count != 1)}")
