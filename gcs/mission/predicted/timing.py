@@ -24,6 +24,7 @@ from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
@@ -93,7 +94,7 @@ def predicted(
 
     `autopilots` are those of the vehicles, `legs` those of each autopilot.
     """
-    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase("landing").start_s, _GRID_S)
+    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase(PhaseKind.LANDING).start_s, _GRID_S)
     flown = np.empty((len(missions), len(t_s), 3))
     late, early = [], []
     for row, (mission, flight) in enumerate(zip(missions, flights, strict=True)):

@@ -16,6 +16,7 @@ import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.nlp.transcription import Program
+from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.types import Array
 
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
@@ -71,7 +72,7 @@ class Solution:
 
     y: Array
     y_multipliers: Array  # of the bounds of y
-    g_multipliers: dict[tuple[str, float], float]  # of the rows of g, by their names
+    g_multipliers: dict[tuple[ConstraintId, float], float]  # of the rows of g, by constraint and time
     objective: float
     iterations: int
     seconds: float
@@ -101,8 +102,8 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
     if before is not None:
         options |= WARM_OPTIONS
         # To a microsecond: a row that moved with its leg has the same time but for the last bits.
-        known = {(name, round(t_s, 6)): price for (name, t_s), price in before.g_multipliers.items()}
-        guess["lam_g0"] = [known.get((name, round(t_s, 6)), 0.0) for name, t_s in program.g_names]
+        known = {(one, round(t_s, 6)): price for (one, t_s), price in before.g_multipliers.items()}
+        guess["lam_g0"] = [known.get((one, round(t_s, 6)), 0.0) for one, t_s in program.g_ids]
         if len(before.y) == len(start):
             guess["lam_x0"] = before.y_multipliers
     found = run(solver(program.nlp, program.derivatives, options), program, guess)
@@ -129,7 +130,7 @@ def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solutio
     return Solution(
         y,
         y_multipliers,
-        dict(zip(program.g_names, g_multipliers.tolist(), strict=True)),
+        dict(zip(program.g_ids, g_multipliers.tolist(), strict=True)),
         float(result["f"]),
         int(stats["iter_count"]),
         time.perf_counter() - began,
@@ -162,13 +163,13 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
     g = np.asarray(program.nlp(y, program.parameters)[1]).ravel()
     excess = np.nan_to_num(np.maximum(g - program.g_high, program.g_low - g), nan=np.inf)
     worst = int(np.argmax(excess))
-    name, t_s = program.g_names[worst]
+    constraint, t_s = program.g_ids[worst]
     reason = _IN_WORDS.get(status, "the solver stopped without a solution")
     kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
     leg = program.leg_at(t_s)
     against = _opposing(program, y_multipliers, g_multipliers)
     return kind(
-        f"no plan: {reason} (IPOPT: {status}); the largest violation is of {name} at t = {t_s:.1f} s"
+        f"no plan: {reason} (IPOPT: {status}); the largest violation is of {constraint} at t = {t_s:.1f} s"
         + (f" in {leg}" if leg else "")
         + (f", against the {against}" if against else ""),
         hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m), "
@@ -178,13 +179,13 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
 
 def _opposing(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
     """The limit and the obstacle with the largest multipliers, summed over the flight."""
-    limits: dict[str, float] = defaultdict(float)
-    obstacles: dict[str, float] = defaultdict(float)
+    limits: dict[ConstraintId, float] = defaultdict(float)
+    obstacles: dict[ConstraintId, float] = defaultdict(float)
     for i in np.flatnonzero(program.y_low < program.y_high):
-        limits[program.y_names[i]] += abs(y_multipliers[i])
+        limits[program.y_ids[i]] += abs(y_multipliers[i])
     for i in np.flatnonzero(program.g_low < program.g_high):
-        name, _ = program.g_names[i]
-        (limits if name in limits else obstacles)[name] += abs(g_multipliers[i])
+        one, _ = program.g_ids[i]
+        (limits if one in limits else obstacles)[one] += abs(g_multipliers[i])
     most = [max(push.items(), key=itemgetter(1)) for push in (limits, obstacles) if push]
     least = 0.01 * max(push for _, push in most)
-    return " and the ".join(name for name, push in most if np.isfinite(push) and push > least)
+    return " and the ".join(str(one) for one, push in most if np.isfinite(push) and push > least)

@@ -11,6 +11,7 @@ from scipy import sparse
 from gcs.plan.nlp.assembly import PointFunctions, dm
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
 from gcs.types import Array
 
 _MOTION = 6  # position and velocity
@@ -18,36 +19,36 @@ _MOTION = 6  # position and velocity
 
 @dataclass(frozen=True)
 class PointRows:
-    """The functions of the rows, their bounds (R,), (R,) and names."""
+    """The functions of the rows, their bounds (R,), (R,), ids and times."""
 
     functions: PointFunctions
     low: Array
     high: Array
-    names: tuple[tuple[str, float], ...]
+    ids: tuple[tuple[ConstraintId, float], ...]
 
 
 def point_rows(problem: Problem, layout: VariableLayout, unit: Array, shift: Array) -> PointRows | None:
     """The rows of all points with a radius or a speed; None where there are none."""
     rows: list[ca.SX] = []
-    names: list[tuple[str, float]] = []
+    ids: list[tuple[ConstraintId, float]] = []
     high: list[float] = []
     columns: list[int] = []
     symbols: list[ca.SX] = []
     for point, joint in zip(problem.points, layout.mesh.arrivals.tolist(), strict=True):
         if not point.radius_m and point.speed_mps is None:
             continue
-        motion = ca.SX.sym(f"motion{point.number}", _MOTION)
+        motion = ca.SX.sym(f"motion{point.name.number}", _MOTION)
         symbols.append(motion)
         columns += range(layout.joint(joint), layout.joint(joint) + _MOTION)
         t_s = float(layout.mesh.joints_s[joint])
         if point.radius_m:
             away = motion[:3] - ca.DM(point.place_ned_m)
             rows.append(1.0 - ca.dot(away, away) / point.radius_m**2)
-            names.append((f"distance to {point.words}", t_s))
+            ids.append((ConstraintId(Kind.POINT_DISTANCE, Form.ROW, point.name), t_s))
             high.append(np.inf)
         if point.speed_mps is not None:
             rows.append(ca.dot(motion[3:], motion[3:]) / point.speed_mps**2 - 1.0)
-            names.append((f"speed at {point.words}", t_s))
+            ids.append((ConstraintId(Kind.POINT_SPEED, Form.ROW, point.name), t_s))
             high.append(0.0)
     if not rows:
         return None
@@ -62,4 +63,4 @@ def point_rows(problem: Problem, layout: VariableLayout, unit: Array, shift: Arr
         ca.Function("points_hessian", [every, multipliers], [ca.hessian(ca.dot(multipliers, values), every)[0]]),
         len(rows),
     )
-    return PointRows(functions, np.zeros(len(rows)), np.array(high), tuple(names))
+    return PointRows(functions, np.zeros(len(rows)), np.array(high), tuple(ids))

@@ -13,7 +13,7 @@ Eq. 41 is available for comparison.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -34,6 +34,7 @@ from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.objective_sum import cost_shares, duration_cost
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.types import Array
 
@@ -49,8 +50,8 @@ class Program:
     y_high: Array
     g_low: Array
     g_high: Array
-    y_names: tuple[str, ...]  # name of each unknown's limit
-    g_names: tuple[tuple[str, float], ...]  # name and time of each row of g; unique
+    y_ids: tuple[ConstraintId, ...]  # the limit of each unknown
+    g_ids: tuple[tuple[ConstraintId, float], ...]  # constraint and time of each row of g; unique
     nlp: ca.Function
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
     parameters: Array  # (p,) second argument of nlp and derivatives
@@ -166,7 +167,7 @@ def bounded_program(
     unused: NDArray[np.bool_] | None = None,
     used: NDArray[np.bool_] | None = None,
 ) -> Program:
-    """The program made of `functions` (nlp, derivatives), the bounds of this problem and the names of all rows.
+    """The program made of `functions` (nlp, derivatives), the bounds of this problem and the constraints of all rows.
 
     `unused` (T, P): mask of rows of the path without effect. `used` (T, P): mask of those in the program; else all.
     """
@@ -180,28 +181,29 @@ def bounded_program(
     if unused is not None:
         free = free | unused
     used = np.ones_like(free) if used is None else used
-    words = layout.state_words
     times = np.concatenate([layout.node_times_s(), mesh.extra_s])
-    names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in words]
-    names += [
-        (name, float(t))
-        for t, row, kept in zip(times, stage_functions.path_names(problem, chosen), used, strict=True)
-        for name in itertools.compress(row, kept)
+    motion, limits = ([replace(one, form=form) for one in layout.state_ids] for form in (Form.MOTION, Form.BOUND))
+    g_ids = [(one, float(t)) for t in layout.collocation_times_s() for one in motion]
+    g_ids += [
+        (one, float(t))
+        for t, row, kept in zip(times, stage_functions.path_ids(problem, chosen), used, strict=True)
+        for one in itertools.compress(row, kept)
     ]
-    names += [(f"limit of {name}", float(t)) for t in mesh.extra_s for name in words]
+    g_ids += [(one, float(t)) for t in mesh.extra_s for one in limits]
     steps = layout.mesh.intervals if layout.control_form is ControlForm.LINEAR else 0
     steps *= problem.jerk_left_mps3 is not None
-    y_low, y_high, y_names = (y_low - shift) / unit, (y_high - shift) / unit, layout.names()
+    y_low, y_high, y_ids = (y_low - shift) / unit, (y_high - shift) / unit, layout.limits()
     rows_low, rows_high = np.zeros(0), np.zeros(0)
     if (near := point_rows(problem, layout, unit, shift)) is not None:
         rows_low, rows_high = near.low, near.high
-        names += near.names
+        g_ids += near.ids
     if (legs := leg_times(problem, mesh)) is not None:
         y_low, y_high = np.append(y_low, legs.low), np.append(y_high, legs.high)
-        y_names = (*y_names, *legs.words)
+        y_ids = (*y_ids, *legs.ids)
         rows_low, rows_high = np.append(rows_low, legs.rows_low), np.append(rows_high, legs.rows_high)
-        names += legs.row_names
-    names += [(f"rate of the {way} thrust", float(t)) for way in ("growing", "falling") for t in mesh.joints_s[:steps]]
+        g_ids += legs.row_ids
+    ways = (ConstraintId(kind, Form.ROW) for kind in (Kind.THRUST_GROWTH, Kind.THRUST_FALL))
+    g_ids += [(way, float(t)) for way in ways for t in mesh.joints_s[:steps]]
     return Program(
         layout,
         unit,
@@ -220,8 +222,8 @@ def bounded_program(
         np.concatenate(
             [dynamics, np.full(used.sum(), np.inf), (box_high / state_unit).ravel(), rows_high, np.zeros(2 * steps)]
         ),
-        y_names,
-        tuple(names),
+        y_ids,
+        tuple(g_ids),
         nlp,
         derivatives,
         np.zeros(0) if parameters is None else parameters,

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from gcs.physics.states import NX
-from gcs.plan.formation.coordinates import Coordinate
+from gcs.plan.formation.coordinates import Coordinate, CoordinateName
 from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share
 from gcs.plan.ocp.representatives import NUMBERS, motion
 from gcs.scenario.schema.scenario import TerminalWeight
@@ -201,6 +201,7 @@ TERMS: tuple[ObjectiveTerm, ...] = (
 
 def speed_across_and_along(problem: Problem, x: Sequence[Any]) -> tuple[Any, Any]:
     """The leader's speed across and along the direction in which the formation faces."""
-    heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
+    number = [c.name for c in problem.coordinates].index(CoordinateName.HEADING)
+    heading = x[NX + 4 * number] + problem.course_at_start_rad
     c, s = ca.cos(heading), ca.sin(heading)
     return c * x[4] - s * x[3], c * x[3] + s * x[4]

@@ -160,7 +160,7 @@ class Problem:
 
     def leg_words(self, number: int) -> str:
         """Number (from 1) and ends of the leg with this index, for messages."""
-        stops = ["start", *(point.words for point in self.points), "end"]
+        stops = ["start", *(point.name for point in self.points), "end"]
         return f"leg {number + 1} ({stops[number]} to {stops[number + 1]})"
 
     def leg_at(self, t_s: float) -> str:

@@ -114,7 +114,7 @@ def _windows(problem: Problem) -> list[tuple[float, float, str]]:
     found = []
     for point in problem.points:
         key = "at_s" if point.earliest_s == point.latest_s else "by_s"
-        latest_s, key = min((point.latest_s, f"{key} of {point.words}"), (_last_s(problem), _flight_key(problem)))
+        latest_s, key = min((point.latest_s, f"{key} of {point.name}"), (_last_s(problem), _flight_key(problem)))
         found.append((point.earliest_s, latest_s, key))
     end_s = -np.inf if time is None else problem.start_s + time.earliest_s
     return [*found, (end_s, _last_s(problem), _flight_key(problem))]

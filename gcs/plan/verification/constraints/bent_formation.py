@@ -18,14 +18,15 @@ from typing import Any
 import numpy as np
 
 from gcs.physics.states import VELOCITY
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M
 from gcs.plan.verification.constraints.scheduled_shape import Stretch
 from gcs.plan.verification.proof.polynomials import combined, enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, arctan2, constant, stacked, total
-from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.types import Array
 
 # A formation that turns with its course must face where it flies above this speed.
@@ -58,13 +59,13 @@ class BentFormation:
     mission: int  # the number of the phase in which the heading is checked
 
     @cached_property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """The heading only where the formation turns with its course."""
-        place = Constraint("place in formation", "m", LENGTH_TOLERANCE_M, RESOLUTION_M)
+        place = NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.PLACE), "m")
         if self.plan.scenario.formation.frame != "course":
             return (place,)
         tolerance = COURSE_TOLERANCE * self.plan.scenario.formation.course_tolerance_deg
-        return place, Constraint("heading along the course", "deg", tolerance, 0.2 * tolerance)
+        return place, NamedConstraint(tolerance, 0.2 * tolerance, ConstraintId(Kind.COURSE), "deg")
 
     def cells(self, start_s: Array, end_s: Array, phase: Rows) -> Cells:
         """One cell for each interval (N,); intervals do not reach over the ends of stretches."""
@@ -99,9 +100,9 @@ class BentFormation:
         """See `Family`: which vehicle it is must be looked up at the instant."""
         return -1
 
-    def farthest_row(self, name: str, t_s: float) -> int:
+    def farthest_row(self, constraint: ConstraintId, t_s: float) -> int:
         """The row of the vehicle that is farthest from its place; the leader of the heading."""
-        if name != self.constraints[0].name:
+        if constraint.kind is Kind.COURSE:
             return self.plan.leader
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))

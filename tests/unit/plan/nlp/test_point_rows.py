@@ -26,7 +26,9 @@ def test_rows_are_the_distance_within_a_radius_and_the_square_of_a_speed(simulat
     shift = shift + 0.5  # as if states had an offset
     made = point_rows(problem, layout, unit, shift)
     assert made is not None
-    assert made.names == (("distance to point 1", 15.0), ("speed at point 1", 15.0), ("speed at point 3", 45.0))
+    assert [f"{constraint} at {t_s:g} s" for constraint, t_s in made.ids] == [
+        *("distance to point 1 at 15 s", "speed at point 1 at 15 s", "speed at point 3 at 45 s"),
+    ]
     assert made.low.tolist() == [0.0, 0.0, 0.0]
     assert made.high.tolist() == [np.inf, 0.0, 0.0]
     joints = layout.mesh.arrivals
