@@ -23,10 +23,9 @@ from scipy.interpolate import PPoly
 
 from gcs.plan.nlp.assembly import Constants, LegConstants, assemble, dm
 from gcs.plan.nlp.gauss import gauss_rule
-from gcs.plan.nlp.leg_rows import LegTimes, leg_times
 from gcs.plan.nlp.mesh import HOLD, Mesh
-from gcs.plan.nlp.point_rows import point_rows
 from gcs.plan.nlp.program_bounds import bounds, scales, thrust_steps
+from gcs.plan.nlp.route_phases import LegTimes, leg_times, point_rows
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import ActiveVehicles, active_vehicles

@@ -19,8 +19,7 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.search.routes import every_route
 from gcs.plan.trajectory.phases import Phase, PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan

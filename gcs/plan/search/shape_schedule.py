@@ -18,7 +18,6 @@ from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh_refinement import (
     DEGREE,
     LONGEST_S,
@@ -30,6 +29,7 @@ from gcs.plan.nlp.mesh_refinement import (
     with_end,
     with_times,
 )
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import facing_along

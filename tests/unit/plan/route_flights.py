@@ -6,8 +6,7 @@ from typing import Any
 
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import with_changes_of_route

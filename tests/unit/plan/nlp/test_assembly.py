@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.plan.nlp.leg_mesh import first_mesh
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.free_final_time import with_free_time
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.casadis_own import assert_casadis_own
 from tests.unit.plan.formations import ROOMY, STRONG

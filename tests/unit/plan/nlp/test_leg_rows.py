@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.leg_rows import LegTimes, leg_times
+from gcs.plan.nlp.route_phases import LegTimes, first_mesh, leg_times
 from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
 from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.scenario.schema.scenario import Scenario

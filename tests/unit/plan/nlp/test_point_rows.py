@@ -7,9 +7,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.point_rows import point_rows
 from gcs.plan.nlp.program_bounds import scales
+from gcs.plan.nlp.route_phases import first_mesh, point_rows
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp.problem import flight_problem
 from gcs.scenario.schema.scenario import Scenario
