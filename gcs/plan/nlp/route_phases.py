@@ -8,11 +8,14 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from gcs.physics.states import VELOCITY
-from gcs.plan.nlp.assembly import PointFunctions, dm
+from gcs.physics.quadrotor import Quadrotor, hover_trim
+from gcs.physics.states import NX, POSITION, RATES, VELOCITY
+from gcs.plan.nlp.assembly import LegConstants, PointFunctions, dm
 from gcs.plan.nlp.mesh import HOLD, Mesh, end_refined
 from gcs.plan.nlp.variables import VariableLayout
+from gcs.plan.ocp.objective_sum import duration_cost
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.route_points import PassPoint
 from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
 from gcs.types import Array
 
@@ -111,6 +114,13 @@ def leg_times(problem: Problem, mesh: Mesh) -> LegTimes | None:
     )
 
 
+def leg_constants(problem: Problem, mesh: Mesh, times: LegTimes) -> LegConstants:
+    """The legs as the program is assembled with them."""
+    cost = 0.0 if problem.free_time is None else duration_cost(problem)
+    shares = mesh.leg_lengths_s / problem.duration_s if problem.points else np.ones(1)
+    return LegConstants(cost * shares, mesh.leg_of_node, mesh.leg_of_interval, times.rows)
+
+
 _NO_ROWS = np.zeros((0, 1)), np.zeros(0), np.zeros(0), ()
 
 
@@ -164,3 +174,27 @@ def point_rows(problem: Problem, layout: VariableLayout, unit: Array, shift: Arr
         len(rows),
     )
     return PointRows(functions, np.zeros(len(rows)), np.array(high), tuple(ids))
+
+
+def fix_at_point(
+    point: PassPoint, joint: int, quadrotor: Quadrotor, states: tuple[Array, Array], controls: tuple[Array, Array]
+) -> None:
+    """Equal bounds, low and high, of the state and control at a joint, for what a point of the route fixes there."""
+    for bound in states:
+        if not point.radius_m:
+            bound[joint, POSITION] = point.place_ned_m
+        if point.hover_state is not None:
+            bound[joint, VELOCITY] = 0.0
+            bound[joint, 6:8] = point.hover_state[6:8]
+            bound[joint, RATES] = 0.0
+            for derivative in (1, 2, 3):  # of each coordinate of the shape; its value stays free
+                bound[joint, NX + derivative :: 4] = 0.0
+        if point.yaw_ned_rad is not None:
+            bound[joint, 8] = point.yaw_ned_rad
+    if point.hover_state is None:
+        return
+    thrust, *_ = hover_trim(-float(point.place_ned_m[2]), float(point.hover_state[8]), quadrotor)
+    for bound in controls:
+        for end in (joint, joint + 1):
+            bound[end] = 0.0
+            bound[end, 0] = thrust

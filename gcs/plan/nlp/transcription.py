@@ -21,16 +21,16 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
-from gcs.plan.nlp.assembly import Constants, LegConstants, assemble, dm
+from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.mesh import HOLD, Mesh
 from gcs.plan.nlp.program_bounds import bounds, scales, thrust_steps
-from gcs.plan.nlp.route_phases import LegTimes, leg_times, point_rows
+from gcs.plan.nlp.route_phases import leg_constants, leg_times, point_rows
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import ActiveVehicles, active_vehicles
 from gcs.plan.ocp.bounds import leader_state_bounds
-from gcs.plan.ocp.objective_sum import cost_shares, duration_cost
+from gcs.plan.ocp.objective_sum import cost_shares
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
@@ -148,7 +148,7 @@ def transcribe(
             state_unit=state_unit,
             thrust_steps=(steps := thrust_steps(problem, layout, unit)),
             interval_s=None if steps is None else np.diff(mesh.joints_s),
-            legs=None if times_of_legs is None else _leg_constants(problem, mesh, times_of_legs),
+            legs=None if times_of_legs is None else leg_constants(problem, mesh, times_of_legs),
             points=None if near is None else near.functions,
             path_rows=None if used is None else np.flatnonzero(used).tolist(),
         ),
@@ -232,9 +232,3 @@ def bounded_program(
         problem.free_time is not None,
         tuple(problem.leg_words(leg) for leg in range(mesh.leg_count)) if problem.points else (),
     )
-
-
-def _leg_constants(problem: Problem, mesh: Mesh, times: LegTimes) -> LegConstants:
-    cost = 0.0 if problem.free_time is None else duration_cost(problem)
-    shares = mesh.leg_lengths_s / problem.duration_s if problem.points else np.ones(1)
-    return LegConstants(cost * shares, mesh.leg_of_node, mesh.leg_of_interval, times.rows)
