@@ -6,10 +6,11 @@ import os
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import Any, TextIO, cast
+from typing import TextIO, cast
 
 import casadi as ca
 import numpy as np
@@ -22,7 +23,8 @@ from gcs.types import Array
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
 # would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-OPTIONS = {
+Options = dict[str, str | float]
+OPTIONS: Options = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -44,7 +46,7 @@ _TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
 # Over several legs most of the time is spent on solving with the same factors again to refine each step. Steps that
 # are not refined are good enough.
 _LEG_OPTIONS = {"ipopt.fast_step_computation": "yes"}
-WARM_OPTIONS = {
+WARM_OPTIONS: Options = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,
     "ipopt.warm_start_bound_frac": 1e-6,
@@ -87,7 +89,7 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
     KeyboardInterrupt at Ctrl-C.
     """
     began = time.perf_counter()
-    options: dict[str, Any] = {**OPTIONS}
+    options: Options = {**OPTIONS}
     if program.layout.coordinates:
         options |= _SHAPE_OPTIONS
     elif program.moving_shape:
@@ -98,7 +100,7 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
         options |= _LEG_OPTIONS
     if near:
         options |= _NEAR_OPTIONS
-    guess: dict[str, Any] = {"x0": start}
+    guess: dict[str, Array | list[float]] = {"x0": start}
     if before is not None:
         options |= WARM_OPTIONS
         # To a microsecond: a row that moved with its leg has the same time but for the last bits.
@@ -110,12 +112,12 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
     return replace(found, seconds=time.perf_counter() - began)
 
 
-def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: dict[str, Any]) -> ca.Function:
+def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: Options) -> ca.Function:
     """IPOPT for one program, for any parameters and bounds."""
     return ca.nlpsol("solver", "ipopt", nlp, {**derivatives, **options})
 
 
-def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solution:
+def run(solver: ca.Function, program: Program, guess: Mapping[str, Array | list[float]]) -> Solution:
     """The solution from a guess (x0, and where known lam_x0, lam_g0). Raises as `solve` does."""
     began = time.perf_counter()
     bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
@@ -144,7 +146,7 @@ class _WithoutInterrupts:
         self._stream = stream
         self._line = ""
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:

@@ -9,7 +9,6 @@ import itertools
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,9 +197,9 @@ class _Triplets:
 
     def __init__(self, width: int) -> None:
         self.width = width
-        self.rows: list[NDArray[Any]] = []
-        self.cols: list[NDArray[Any]] = []
-        self.values: list[NDArray[Any]] = []
+        self.rows: list[NDArray[np.intp]] = []
+        self.cols: list[NDArray[np.intp]] = []
+        self.values: list[Array] = []
 
     def add(self, row: int, col: int, value: float) -> None:
         self.rows.append(row + np.arange(self.width))
@@ -212,7 +211,7 @@ class _Triplets:
 
 
 def _matrix(
-    rows: list[NDArray[Any]], cols: list[NDArray[Any]], values: list[NDArray[Any]], shape: tuple[int, int]
+    rows: list[NDArray[np.intp]], cols: list[NDArray[np.intp]], values: list[Array], shape: tuple[int, int]
 ) -> sparse.csc_matrix:
     triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
     return sparse.csc_matrix(triplets, shape=shape)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -47,6 +47,8 @@ _NEAR_GROUND_M, _NEAR_ZONE_M, _NEAR_LIMIT = 8.0, 25.0, 0.5
 # The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
 # take less than the whole limit.
 TURN_SHARE, THRUST_SHARE = 0.9, 0.3
+
+_Symbol = TypeVar("_Symbol", ca.SX, ca.MX)
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ def _path_functions(
     return _with_derivatives(at, active, with_ground(at, active, heights_m.T))
 
 
-def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
+def _with_derivatives(z: _Symbol, slots: _Symbol, path: _Symbol) -> tuple[ca.Function, ca.Function, ca.Function]:
     multipliers = type(path).sym("multipliers", path.size1())
     return (
         ca.Function("path", [z, slots], [path]),

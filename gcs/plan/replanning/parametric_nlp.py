@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from gcs.plan.nlp.assembly import Constants, assemble, dm
-from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
+from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, Options, solver
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program_bounds import scales, thrust_steps
 from gcs.plan.nlp.transcription import Program, bounded_program
@@ -34,14 +34,14 @@ from gcs.types import Array
 NEW_RESERVE_M = 0.5
 # From a nearby solution: its multipliers show the active constraints. Where new ones become active, mu has to grow.
 _NEAR = 1e-5
-_AGAIN = {
+_AGAIN: Options = {
     **{key: _NEAR if isinstance(value, float) else value for key, value in WARM_OPTIONS.items()},
     "ipopt.mu_strategy": "adaptive",
     "ipopt.tol": 1e-5,  # of 100 m, or of the objective; violations are less than a tenth of that
     "ipopt.constr_viol_tol": 1e-6,
     "ipopt.max_iter": 40,
 }
-_AFRESH = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
+_AFRESH: Options = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
 _EXCESS = 1.25  # times the violation: the polynomial between two nodes changes less than the nodes do
 _SCALED = (Kind.TURNING, Kind.ACCELERATION, Kind.JERK)  # whose rows are 1 - (size / limit)^2
 

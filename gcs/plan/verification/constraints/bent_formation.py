@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -38,6 +38,7 @@ _TOGETHER = 200_000  # vehicles times intervals at once: more would need gigabyt
 _SINGULAR = 1e-8  # of the largest eigenvalue: below it, shapes do not tell scale, turn and blend apart
 _FLAT = np.array([1.0, 1.0, 0.0])
 _QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
+_Factor = TypeVar("_Factor", Taylor, Array)
 
 
 @dataclass(frozen=True)
@@ -204,12 +205,12 @@ class BentFormation:
         )
 
 
-def _shares(base: list[Any], blend: Any) -> list[Any]:
+def _shares(base: list[_Factor], blend: _Factor) -> list[_Factor]:
     """The part of each table in the blended shape: those of the scheduled shape, then that of the target."""
     return [function * (1.0 - blend) for function in base] + [blend]
 
 
-def _weights(c: Any, s: Any, up: Any, shares: list[Any]) -> list[Any]:
+def _weights(c: _Factor, s: _Factor, up: _Factor, shares: list[_Factor]) -> list[_Factor]:
     """The factors of all tables as they are, then a quarter turn ahead, then their vertical parts."""
     return [factor * share for factor in (c, s, up) for share in shares]
 
