@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Span:
 
     start_s: float
     end_s: float
-    law: str  # rigid, rotate, or in step
+    law: Literal["rigid", "rotate", "in step"]
     before_ned_m: Array  # (V, 3)
     after_ned_m: Array  # (V, 3)
     axis_ned: Array  # (3,)
