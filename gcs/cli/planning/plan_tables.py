@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gcs.flight.assessment.route_passing import PointPassed
+    from gcs.plan.trajectory.constraint_id import PointName
     from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import Scenario
     from gcs.types import JsonObject
@@ -87,10 +88,10 @@ def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Tab
     return table
 
 
-def _short(title: str) -> str:
+def _short(title: PointName) -> str:
     from rich.markup import escape
 
-    return escape(title.removeprefix("point "))
+    return escape(str(title).removeprefix("point "))
 
 
 def say_coverage(screen: Screen, plan: Plan) -> JsonObject:

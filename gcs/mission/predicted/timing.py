@@ -26,6 +26,7 @@ from gcs.mission.predicted.arrival_spread import ArrivalSpread, arrival_spread
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
@@ -98,7 +99,7 @@ def predicted(
     `autopilots` are those of the vehicles, `legs` those of each autopilot. `spreads` say how early and late each
     vehicle may be; without them no reaction is open.
     """
-    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase("landing").start_s, _GRID_S)
+    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase(PhaseKind.LANDING).start_s, _GRID_S)
     flown = np.empty((len(missions), len(t_s), 3))
     late, early = [], []
     windows_s = np.zeros((len(missions), 2, len(t_s)))
