@@ -6,6 +6,7 @@ With `--json` stdout carries exactly one object, and stderr carries warnings onl
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -50,8 +51,10 @@ class Screen:
             _line(sys.stdout, text)
 
     def warn(self, text: str) -> None:
-        """Print one warning line: on stdout among the others, or on stderr with `--json`."""
-        _line(sys.stderr if self.json else sys.stdout, f"WARNING: {for_people(text)}")
+        """Print one warning line, red on a terminal: on stdout among the others, or on stderr with `--json`."""
+        stream, line = sys.stderr if self.json else sys.stdout, f"WARNING: {for_people(text)}"
+        colour = stream is not None and stream.isatty() and "NO_COLOR" not in os.environ
+        _line(stream, f"\x1b[1;31m{line}\x1b[0m" if colour else line)
 
     def ask(self, question: str) -> None:
         """Print a question that you must answer to go on; on stderr with `--json`."""
