@@ -237,7 +237,7 @@ def _contradiction(plan: Plan) -> str:
     if plan.begin_state is not None:
         if len(plan.begin_state) != 12 or not np.isfinite(plan.begin_state).all():
             return "the state that it begins with is not 12 finite numbers"
-        mission = next(n for n, phase in enumerate(expected) if phase.name is PhaseKind.MISSION)
+        mission = next(n for n, phase in enumerate(expected) if phase.name == PhaseKind.MISSION)
         expected = (Phase(PhaseKind.MISSION, motion.start_s, expected[mission].end_s), *expected[mission + 1 :])
     if plan.phases != expected or not motion.start_s < plan.flight_s:
         return "its phases are not those of its scenario"

@@ -98,7 +98,7 @@ def leg_times(problem: Problem, mesh: Mesh) -> LegTimes | None:
     low_s.append(problem.duration_s if time is None else time.earliest_s)
     high_s.append(problem.duration_s if time is None else time.latest_s)
     ids = [ConstraintId(Kind.POINT_TIME, Form.ROW, point.name) for point in problem.points]
-    ids.append(ConstraintId(Kind.FLIGHT_TIME, Form.ROW))
+    ids.append(ConstraintId(Kind.FLIGHT_TIME))
     low, high = ((np.array(t_s) - held_s) / problem.duration_s for t_s in (low_s, high_s))
     bounded = np.isfinite(low) | np.isfinite(high)
     before = np.tril(np.ones((count, count))) * lengths

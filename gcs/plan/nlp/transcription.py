@@ -201,7 +201,7 @@ def bounded_program(
         y_ids = (*y_ids, *legs.ids)
         rows_low, rows_high = np.append(rows_low, legs.rows_low), np.append(rows_high, legs.rows_high)
         g_ids += legs.row_ids
-    ways = (ConstraintId(kind, Form.ROW) for kind in (Kind.THRUST_GROWTH, Kind.THRUST_FALL))
+    ways = map(ConstraintId, (Kind.THRUST_GROWTH, Kind.THRUST_FALL))
     g_ids += [(way, float(t)) for way in ways for t in mesh.joints_s[:steps]]
     return Program(
         layout,

@@ -136,7 +136,7 @@ def path_ids(problem: Problem, chosen: ActiveVehicles) -> list[list[ConstraintId
     beside = [[replace(piece, form=form, vehicle=sysid) for sysid in ids] for piece, _, _ in zone_pieces(problem)]
     moving = [[ConstraintId(kind, form, vehicle=sysid) for kind in kinds] for sysid in ids]
     last = [ConstraintId(Kind.JERK, form)] * (problem.jerk_left_mps3 is not None)
-    last += [ConstraintId(Kind.COURSE, form), ConstraintId(Kind.FORWARDS, form)] * problem.follows_course
+    last += [ConstraintId(Kind.COURSE, form), ConstraintId(Kind.FORWARDS)] * problem.follows_course
     rows = []
     for t in range(len(chosen.ground)):
         row = [feet[foot % FEET][v] for foot, v in enumerate(chosen.ground[t])]

@@ -90,10 +90,10 @@ ANGLES = frozenset((*STATES[6:], Kind.COURSE))  # angles and their rates: people
 class Form(Enum):
     """As what it is constrained. The value is the text of most kinds."""
 
-    CRITERION = "{what}"  # of the whole flight, of all vehicles
+    CRITERION = "{what}"  # of all vehicles
     BOUND = "limit of {what}"  # of one unknown of the program
     MOTION = "Eq. 1 for {what}"  # a row of the collocation
-    ROW = "{what} of vehicle {vehicle}"  # any other row of the program
+    ROW = "{what} of vehicle {vehicle}"  # a row of the path, or about a point
 
 
 _TEXTS = {
@@ -110,10 +110,6 @@ _TEXTS = {
     (Kind.EAST, Form.ROW): "east of vehicle {vehicle}",
     (Kind.JERK, Form.ROW): "jerk of the formation",
     (Kind.COURSE, Form.ROW): "heading of the formation along its course",
-    (Kind.FORWARDS, Form.ROW): "{what}",
-    (Kind.THRUST_GROWTH, Form.ROW): "{what}",
-    (Kind.THRUST_FALL, Form.ROW): "{what}",
-    (Kind.FLIGHT_TIME, Form.ROW): "{what}",
     (Kind.POINT_DISTANCE, Form.ROW): "distance to {of}",
     (Kind.POINT_SPEED, Form.ROW): "speed at {of}",
     (Kind.POINT_TIME, Form.ROW): "time of {of}",

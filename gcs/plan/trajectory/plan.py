@@ -99,7 +99,7 @@ class Plan:
     @property
     def airborne_s(self) -> float:
         """End of the take-off, s; the plan's begin where it begins in the air."""
-        return next((p.end_s for p in self.phases if p.name is PhaseKind.TAKEOFF), self.t_start_s)
+        return next((p.end_s for p in self.phases if p.name == PhaseKind.TAKEOFF), self.t_start_s)
 
     @property
     def t_end_s(self) -> float:

@@ -138,7 +138,7 @@ class _Proofs:
         pads = np.zeros((len(self.plan.phases), len(self.plan.sysids)))
         for number, phase in enumerate(self.plan.phases):
             if phase.name not in AIRBORNE:
-                takes_off = phase.name is PhaseKind.TAKEOFF
+                takes_off = phase.name == PhaseKind.TAKEOFF
                 points = self.plan.pads_ned_m if takes_off else self.plan.landing_points_ned_m
                 pads[number] = points[:, 2]
         clearance = GroundClearance(self.plan, self._tree, ground, airborne, pads)
