@@ -44,9 +44,13 @@ class Custody:
         self._stops: list[Callable[[], None]] = []
 
     def take_to_arm(self, sysid: int) -> None:
-        """Take a vehicle before the first order to it leaves: its answer may be lost. Raises `FlightError`."""
+        """Take a vehicle before the order to arm leaves: its answer may be lost. Raises `FlightError`."""
         self.refuse_armed([sysid])
         self._take(sysid)
+
+    def release(self, sysid: int) -> None:
+        """A vehicle stands disarmed on the ground: there is nothing left to bring down."""
+        self._seen_armed.pop(sysid, None)
 
     def take_up(self) -> None:
         """Take the vehicles that are in the air: the operator ordered to continue a flight that was left.
@@ -87,7 +91,7 @@ class Custody:
         self._seen_armed.setdefault(sysid, session.armed)
 
         def receive(message: Message) -> None:
-            if message.name == "HEARTBEAT" and session.armed:
+            if message.name == "HEARTBEAT" and session.armed and sysid in self._seen_armed:
                 self._seen_armed[sysid] = True
 
         self._stops.append(session.subscribe(receive))

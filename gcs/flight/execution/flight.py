@@ -19,6 +19,7 @@ from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.fleet_arming import arm_all
 from gcs.flight.execution.fleet_landing import FleetLanding
 from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.flying_fleet import FlyingFleet
@@ -202,7 +203,8 @@ class FlightSequence:
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
-            await self.each(self._take_off)
+            await arm_all(self.vehicles, self.landing.custody, self._refuse_critical_texts)
+            await self.each(take_off)
             await self.each(until_hovering)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
@@ -213,13 +215,9 @@ class FlightSequence:
         self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
-    async def _take_off(self, vehicle: FlightVehicle) -> None:
-        self.landing.custody.take_to_arm(vehicle.sysid)
-        await take_off(vehicle, self._refuse_critical_texts)
-
-    def _refuse_critical_texts(self, sysid: int | None = None) -> None:
+    def _refuse_critical_texts(self) -> None:
         if MESSAGES not in self.options.waived:
-            self._texts.refuse(sysid)
+            self._texts.refuse()
 
     def is_aloft(self) -> None:
         """Another process brought the vehicles into the air: a silent one does not end the flight."""

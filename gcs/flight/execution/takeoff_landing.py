@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -50,6 +50,11 @@ class FlightVehicle:
         """The position over its pad where it waits for the others (3,)."""
         end = self.plan.airborne_s
         return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
+
+    @property
+    def hover_height_m(self) -> float:
+        """The height of that position above the pad."""
+        return float(self.plan.pads_ned_m[self.row, 2] - self.hover_ned_m[2])
 
 
 async def request_telemetry(vehicle: FlightVehicle) -> None:
@@ -117,17 +122,12 @@ async def expected_landings(vehicles: Iterable[FlightVehicle]) -> dict[int, Land
     return landing_profiles({vehicle.sysid: vehicle.session.autopilot for vehicle in fleet}, known)
 
 
-async def take_off(vehicle: FlightVehicle, before_arming: Callable[[int], None] = lambda _: None) -> None:
-    """Arm a vehicle and order it to climb to the hover over its pad. `before_arming` may raise to stop it."""
-    session, behaviour = vehicle.session, vehicle.behaviour
+async def take_off(vehicle: FlightVehicle) -> None:
+    """Order an armed vehicle to climb to the hover over its pad. Raises CommandRefused, PeerTimeout."""
     pad_up_m = -float(vehicle.plan.pads_ned_m[vehicle.row, 2])
-    height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
-    await set_mode(vehicle, behaviour.armed_in)
-    before_arming(vehicle.sysid)
-    vehicle.view.stands_on(vehicle.plan.pads_ned_m[vehicle.row])
-    await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
     home_amsl_m = vehicle.plan.scenario.origin.alt_amsl_m + pad_up_m
-    await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))
+    parameters = vehicle.behaviour.takeoff_parameters(vehicle.hover_height_m, home_amsl_m)
+    await vehicle.session.command(MavCommand.NAV_TAKEOFF, *parameters)
 
 
 async def set_mode(vehicle: FlightVehicle, mode: int) -> None:
