@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
@@ -17,6 +18,7 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
+from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.fleet_arming import arm_all
@@ -30,8 +32,6 @@ from gcs.flight.execution.takeoff_landing import (
     lacks,
     request_telemetry,
     start_mission,
-    take_off,
-    until_hovering,
     until_ready,
 )
 from gcs.flight.execution.text_watch import TextWatch
@@ -204,8 +204,7 @@ class FlightSequence:
         self.contingency.starts()
         async with alongside(self.contingency.run()):
             await arm_all(self.vehicles, self.landing.custody, self._refuse_critical_texts)
-            await self.each(take_off)
-            await self.each(until_hovering)
+            await self.each(partial(climb_to_hover, landing=self.landing))
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions

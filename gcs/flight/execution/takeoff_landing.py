@@ -1,4 +1,4 @@
-"""One vehicle before its flight: telemetry, readiness, arming, hover over the pad, and its modes."""
+"""One vehicle before its flight: telemetry, readiness, the order to take off, and its modes."""
 
 from __future__ import annotations
 
@@ -24,9 +24,8 @@ from gcs.types import Array
 from gcs.util.aio import LOOK_S, each, until
 
 # What another ground station shows of a vehicle, besides its heartbeat and what every flight requests.
-WATCHED_IDS = (MessageId.GLOBAL_POSITION_INT, MessageId.ATTITUDE, MessageId.VFR_HUD)
+WATCHED_IDS = (MessageId.GLOBAL_POSITION_INT, MessageId.VFR_HUD)
 WATCHED_HZ = 2.0
-_SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 
 
 @dataclass(frozen=True)
@@ -64,8 +63,8 @@ async def request_telemetry(vehicle: FlightVehicle) -> None:
     """
     session = vehicle.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
-    m = vehicle.behaviour
-    for number in (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
+    motion = (MessageId.ATTITUDE, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME)
+    for number in (session.estimator.message, *motion, *vehicle.behaviour.health_ids):
         await session.set_message_interval(number, 2.0)
     if vehicle.options.watched_elsewhere:
         for number in WATCHED_IDS:
@@ -139,16 +138,3 @@ async def start_mission(vehicle: FlightVehicle) -> None:
     """Start the mission of an airborne vehicle and wait until the HEARTBEAT shows it. Raises as `set_mode` does."""
     m = vehicle.behaviour
     await until_mode(vehicle.session, m, m.mission, vehicle.options.phase_timeout_s, MavCommand.MISSION_START)
-
-
-async def until_hovering(vehicle: FlightVehicle) -> None:
-    """Wait until a vehicle is near its hover position, and slow. Raises PeerTimeout."""
-    # A vehicle climbs to a height above its start, which it knows no better than its position on arrival.
-    near_m = max(_SETTLED_M, vehicle.plan.scenario.judge.arrival_position_m)
-    view, hover = vehicle.view, vehicle.hover_ned_m
-
-    def settled() -> bool:
-        near = np.linalg.norm(view.position_ned_m - hover) < near_m
-        return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
-
-    await until(settled, vehicle.options.phase_timeout_s, f"vehicle {vehicle.sysid}: hover over its pad")

@@ -139,6 +139,10 @@ FLOWN = {
     "one vehicle refuses to be armed, or does not answer": [
         (START, "test_one_refuses_to_be_armed_and_the_others_stand_still_within_two_seconds"),
     ],
+    "a vehicle fails at its take-off": [
+        (START, "test_a_motor_that_is_dead_at_the_take_off"),
+        ("tests/unit/flight/contingency/test_climb_watch.py", "test_no_recorded_take_off_fails"),
+    ],
     "any exception in flight": [
         (HOSTILE + "every_await.py", "test_whatever_fails_while_vehicles_fly_they_land"),
         (HOSTILE + "every_await.py", "test_whatever_fails_anywhere_all_vehicles_land"),

@@ -1,0 +1,104 @@
+"""Take-offs that fail and recorded ones that did not."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from gcs.flight.contingency.climb_watch import CLIMB_S, FALL_M, ClimbWatch
+from gcs.link.wire.message import Message
+from gcs.mavlink import MavCommand, ModeFlag
+from tests.real_flights import FLIGHTS, Flight, unpacked
+
+
+def moved(boot_ms: int, up_m: float, up_mps: float = 0.0) -> Message:
+    fields = {"time_boot_ms": boot_ms, "x": 0.0, "y": 0.0, "z": 3.0 - up_m, "vx": 0.0, "vy": 0.0, "vz": -up_mps}
+    return Message("LOCAL_POSITION_NED", fields, 1, 1)
+
+
+def tilted(roll_deg: float, pitch_deg: float = 0.0) -> Message:
+    return Message("ATTITUDE", {"roll": math.radians(roll_deg), "pitch": math.radians(pitch_deg)}, 1, 1)
+
+
+def beat(*, armed: bool) -> Message:
+    return Message("HEARTBEAT", {"base_mode": int(ModeFlag.ARMED) if armed else 0}, 1, 1)
+
+
+def climbed(*heights_m: float, height_m: float = 8.0) -> ClimbWatch:
+    """A vehicle that was at these heights, a second apart."""
+    watch = ClimbWatch(height_m, moved(60_000, 0.0))
+    before_m = 0.0
+    for second, up_m in enumerate(heights_m, start=1):
+        watch.receive(moved(60_000 + 1000 * second, up_m, up_m - before_m))
+        before_m = up_m
+    return watch
+
+
+@pytest.mark.parametrize(("height_m", "enough_m"), [(8.0, 1.0), (1.2, 0.6)])
+def test_a_vehicle_that_stays_down_is_told_with_its_height(height_m: float, enough_m: float) -> None:
+    seconds = int(CLIMB_S)
+    assert climbed(*[0.4] * seconds, height_m=height_m).failure == ""
+    told = climbed(*[0.4] * (seconds + 1), height_m=height_m)
+    assert told.failure == f"does not climb: 0.4 m in {seconds + 1} s (required {enough_m} m)"
+    assert told.on_ground
+    assert climbed(*[0.4] * (seconds - 1), enough_m, enough_m, height_m=height_m).failure == ""
+
+
+def test_a_fall_is_told_and_its_end_but_no_estimate_that_is_reset() -> None:
+    watch = climbed(0.5, 1.5, 2.5)
+    watch.receive(moved(63_100, 2.5 - FALL_M - 0.1))  # one step, at rest
+    assert watch.failure == ""
+    watch.receive(moved(63_200, 1.2, -3.0))
+    assert watch.failure == "fell from 2.5 m to 1.2 m above its pad"
+    assert not watch.on_ground
+    watch.receive(moved(63_600, 0.1, -4.0))
+    assert not watch.on_ground
+    watch.receive(moved(63_700, 0.1))
+    assert watch.on_ground
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "pitch_deg", "fails"), [(61.0, 0.0, True), (45.0, -50.0, True), (40.0, 40.0, False)]
+)
+def test_a_vehicle_on_its_side_is_told_after_two_reports(roll_deg: float, pitch_deg: float, fails: bool) -> None:
+    watch = climbed(0.3)
+    watch.receive(tilted(roll_deg, pitch_deg))
+    assert watch.failure == ""
+    watch.receive(tilted(roll_deg, pitch_deg))
+    assert watch.failure.startswith("is tilted by") is fails
+
+
+def test_a_vehicle_that_stops_its_motors_by_itself_is_told() -> None:
+    watch = climbed(0.3)
+    watch.receive(beat(armed=False))  # sent before it was armed
+    watch.receive(beat(armed=True))
+    assert watch.failure == ""
+    watch.receive(beat(armed=False))
+    assert watch.failure == "stopped its motors by itself 0.3 m up"
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_no_recorded_take_off_fails(name: str, tmp_path: Path) -> None:
+    """From each accepted take-off to 20 s later: by then all were 10 m up."""
+    flight = Flight(unpacked(name, tmp_path))
+    watches: dict[int, tuple[int, ClimbWatch]] = {}
+    newest: dict[int, Message] = {}
+    tops_m = dict.fromkeys(range(1, 7), 0.0)
+    for frame in flight.log.frames:
+        message, sysid = frame.message, frame.sysid
+        if message is None or sysid not in tops_m:
+            continue
+        fields = message.fields
+        if message.name == "COMMAND_ACK" and fields["command"] == MavCommand.NAV_TAKEOFF and sysid in newest:
+            before = newest[sysid]
+            watches[sysid] = before.fields["time_boot_ms"], ClimbWatch(10.0, before)
+        if message.name == "LOCAL_POSITION_NED":
+            newest[sysid] = message
+        began_ms, watch = watches.get(sysid, (0, None))
+        if watch is not None and newest[sysid].fields["time_boot_ms"] - began_ms < 20_000:
+            watch.receive(message)
+            tops_m[sysid] = watch._top_m
+            assert watch.failure == ""
+    assert name == "px4-1.17dev-return-into-fence" or min(tops_m.values()) > 10.0
