@@ -33,10 +33,11 @@ async def climb_to_hover(vehicle: FlightVehicle, landing: FleetLanding) -> None:
         if not watch.failure:  # else it tells when the vehicle is on the ground
             stop()
     if watch.failure:
-        landing.disarm(vehicle, lambda: watch.on_ground, watch.failure)
+        if session.armed:
+            landing.disarm(vehicle, lambda: watch.on_ground, watch.failure)
+        ordered = "It is ordered to disarm, the others to land" if session.armed else "The others are ordered to land"
         raise FlightError(
-            f"the start was aborted: vehicle {vehicle.sysid} {watch.failure}. It is ordered to disarm, the others to "
-            "land.",
+            f"the start was aborted: vehicle {vehicle.sysid} {watch.failure}. {ordered}.",
             hint="check its motors, propellers and weight",
         )
 

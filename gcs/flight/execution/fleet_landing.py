@@ -153,7 +153,7 @@ class FleetLanding:
         async def stop() -> None:
             if not stands():
                 await self._fleet.land(sysid)
-                await until(stands, ATTEMPT_S, f"vehicle {sysid}: the ground")
+                await until(lambda: stands() or not session.armed, ATTEMPT_S, f"vehicle {sysid}: the ground")
             for force in (0.0, _FORCE):
                 with suppress(CommandRefused):
                     await session.command(MavCommand.COMPONENT_ARM_DISARM, 0.0, force)

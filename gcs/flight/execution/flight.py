@@ -34,6 +34,7 @@ from gcs.flight.execution.takeoff_landing import (
     start_mission,
     until_ready,
 )
+from gcs.flight.execution.telemetry_watch import TelemetryWatch
 from gcs.flight.execution.text_watch import TextWatch
 from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
@@ -109,6 +110,7 @@ class FlightSequence:
             self._tell_failure,
             self._tell,
         )
+        self._telemetry = TelemetryWatch(self.vehicles, self.landing.custody, self._tell)
         self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._tell)
 
     @property
@@ -125,10 +127,14 @@ class FlightSequence:
         """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         try:
-            return await self._guard.run(flying)
+            return await self._guard.run(self._with_telemetry(flying))
         finally:
             for stop in stops:
                 stop()
+
+    async def _with_telemetry(self, flying: Coroutine[Any, Any, T]) -> T:
+        async with alongside(self._telemetry.run()):
+            return await flying
 
     def snapshot(self) -> Snapshot:
         """Return how the flight stands now, for display."""
@@ -181,6 +187,7 @@ class FlightSequence:
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
+        self._telemetry.checked = True
         if self._hooks.on_ready is not None:
             await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
@@ -203,7 +210,7 @@ class FlightSequence:
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
-            await arm_all(self.vehicles, self.landing.custody, self._refuse_critical_texts)
+            await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
             await self.each(partial(climb_to_hover, landing=self.landing))
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
@@ -213,6 +220,10 @@ class FlightSequence:
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
         self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
+
+    def _refuse_arming(self) -> None:
+        self._refuse_critical_texts()
+        self._telemetry.refuse_stale()
 
     def _refuse_critical_texts(self) -> None:
         if MESSAGES not in self.options.waived:

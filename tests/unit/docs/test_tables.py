@@ -143,6 +143,14 @@ FLOWN = {
         (START, "test_a_motor_that_is_dead_at_the_take_off"),
         ("tests/unit/flight/contingency/test_climb_watch.py", "test_no_recorded_take_off_fails"),
     ],
+    "a vehicle rebooted": [
+        (START, "test_a_reboot_after_the_checks_ends_the_flight_before_arming"),
+        (START, "test_a_reboot_in_flight_is_a_loss_and_is_told"),
+    ],
+    "HEARTBEATs, but no position and no time": [
+        (START, "test_a_vehicle_that_never_reports_again_ends_the_wait_for_its_clock"),
+        (START, "test_a_reboot_of_the_only_vehicle_whose_clock_the_flight_has"),
+    ],
     "any exception in flight": [
         (HOSTILE + "every_await.py", "test_whatever_fails_while_vehicles_fly_they_land"),
         (HOSTILE + "every_await.py", "test_whatever_fails_anywhere_all_vehicles_land"),
