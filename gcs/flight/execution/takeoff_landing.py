@@ -57,14 +57,15 @@ class FlightVehicle:
 
 
 async def request_telemetry(vehicle: FlightVehicle) -> None:
-    """Request positions at the telemetry rate, and the messages that incidents are detected from at 2 Hz.
+    """Request positions at the telemetry rate, attitudes at half, and the messages that show incidents at 2 Hz.
 
     A station that watches cannot request what it shows; a vehicle that refuses that flies all the same.
     """
     session = vehicle.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
-    motion = (MessageId.ATTITUDE, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME)
-    for number in (session.estimator.message, *motion, *vehicle.behaviour.health_ids):
+    await session.set_message_interval(MessageId.ATTITUDE, vehicle.options.telemetry_rate_hz / 2.0)
+    state = (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME)
+    for number in (*state, *vehicle.behaviour.health_ids):
         await session.set_message_interval(number, 2.0)
     if vehicle.options.watched_elsewhere:
         for number in WATCHED_IDS:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.flight.contingency.climb_watch import CLIMB_S, FALL_M, ClimbWatch
+from gcs.flight.contingency.climb_watch import CLIMB_S, ClimbWatch
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
 from tests.real_flights import FLIGHTS, Flight, unpacked
@@ -46,12 +46,13 @@ def test_a_vehicle_that_stays_down_is_told_with_its_height(height_m: float, enou
     assert climbed(*[0.4] * (seconds - 1), enough_m, enough_m, height_m=height_m).failure == ""
 
 
-def test_a_fall_is_told_and_its_end_but_no_estimate_that_is_reset() -> None:
+def test_sinking_is_told_and_when_it_is_over_but_not_one_report_of_it() -> None:
     watch = climbed(0.5, 1.5, 2.5)
-    watch.receive(moved(63_100, 2.5 - FALL_M - 0.1))  # one step, at rest
-    assert watch.failure == ""
-    watch.receive(moved(63_200, 1.2, -3.0))
-    assert watch.failure == "fell from 2.5 m to 1.2 m above its pad"
+    for boot_ms, up_m, up_mps in ((63_100, 1.0, -1.2), (63_200, 1.5, -0.3), (63_300, 1.1, -1.0)):
+        watch.receive(moved(boot_ms, up_m, up_mps))
+        assert watch.failure == ""
+    watch.receive(moved(63_400, 1.2, -3.0))
+    assert watch.failure == "sinks at 3.0 m/s (limit 0.8 m/s) 1.2 m up"
     assert not watch.on_ground
     watch.receive(moved(63_600, 0.1, -4.0))
     assert not watch.on_ground
@@ -60,14 +61,17 @@ def test_a_fall_is_told_and_its_end_but_no_estimate_that_is_reset() -> None:
 
 
 @pytest.mark.parametrize(
-    ("roll_deg", "pitch_deg", "fails"), [(61.0, 0.0, True), (45.0, -50.0, True), (40.0, 40.0, False)]
+    ("roll_deg", "pitch_deg", "told"),
+    [
+        (61.0, 0.0, "is tilted by 61 deg (limit 60 deg) 0.3 m up"),
+        (45.0, -50.0, "is tilted by 63 deg (limit 60 deg) 0.3 m up"),
+        (40.0, 40.0, ""),
+    ],
 )
-def test_a_vehicle_on_its_side_is_told_after_two_reports(roll_deg: float, pitch_deg: float, fails: bool) -> None:
+def test_a_vehicle_on_its_side_is_told(roll_deg: float, pitch_deg: float, told: str) -> None:
     watch = climbed(0.3)
     watch.receive(tilted(roll_deg, pitch_deg))
-    assert watch.failure == ""
-    watch.receive(tilted(roll_deg, pitch_deg))
-    assert watch.failure.startswith("is tilted by") is fails
+    assert watch.failure == told
 
 
 def test_a_vehicle_that_stops_its_motors_by_itself_is_told() -> None:
