@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gcs.errors import FlightError, PeerRefusal
+from gcs.errors import FlightError, OrderError, PeerRefusal
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.telemetry_watch import LIMIT_S
 from gcs.flight.monitoring.progress import Step
@@ -39,7 +39,24 @@ def test_one_refuses_to_be_armed_and_the_others_stand_still_within_two_seconds(h
     assert flew_s.max() == 0.0
     assert turned_s[1] == 0.0
     assert 0.0 < turned_s[[0, 2]].min() <= turned_s.max() < 2.0
+    assert not any(vehicle.autopilot.armed for vehicle in flown.world.vehicles)
     assert [vehicle.autopilot.mode.name for vehicle in flown.world.vehicles] == ["GUIDED"] * 3  # no order to land
+
+
+def test_after_a_refusal_no_vehicle_spins_until_another_has_answered(hop: Plan) -> None:
+    flown = fly(hop, "2:refuse-arming", "3:up.delay=2.5")
+    assert isinstance(flown.error, PeerRefusal)
+    assert 0.0 < on_s(flown.world)[0, 0] < 2.0
+    assert not any(vehicle.autopilot.armed for vehicle in flown.world.vehicles)
+
+
+def test_a_vehicle_that_does_not_confirm_that_it_is_disarmed_is_named(hop: Plan) -> None:
+    def deafen(world: World, flight: FlightSequence) -> None:
+        world.vehicles[2].commands.ignores = world.vehicles[2].autopilot.mode.name == "GUIDED"
+
+    flown = fly(hop, "2:refuse-arming", during=deafen)
+    assert isinstance(flown.error, OrderError)
+    assert "vehicle 1 disarmed again; vehicle 3 did not confirm being disarmed: keep away" in flown.error.message
 
 
 WEAK = tuple(f"2:motor={motor},0.6@start:0" for motor in (1, 2, 3, 4))

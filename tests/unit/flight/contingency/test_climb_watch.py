@@ -60,6 +60,17 @@ def test_sinking_is_told_and_when_it_is_over_but_not_one_report_of_it() -> None:
     assert watch.on_ground
 
 
+def test_a_recorded_vehicle_with_a_dead_motor_is_told_as_soon_as_it_tumbles() -> None:
+    """ArduCopter 4.5.6, 4.2 s after the order was accepted: height and climb rate, ten times a second."""
+    tumbles = ((0.14, 0.23), (0.16, 0.09), (0.15, -0.34), (0.08, -1.18), (-0.08, -1.03), (-0.05, 0.66), (0.09, 0.92))
+    watch = ClimbWatch(8.0, moved(60_000, 0.0))
+    told = []
+    for n, (up_m, up_mps) in enumerate(tumbles):
+        watch.receive(moved(64_200 + 100 * n, up_m, up_mps))
+        told.append(watch.failure)
+    assert told == [""] * 4 + ["sinks at 1.0 m/s (limit 0.8 m/s) -0.1 m up"] * 3
+
+
 @pytest.mark.parametrize(
     ("roll_deg", "pitch_deg", "told"),
     [

@@ -25,6 +25,7 @@ from gcs.flight.execution.takeoff_landing import (
     start_mission,
     take_off,
 )
+from gcs.flight.execution.telemetry_watch import FRESH_S, TelemetryWatch
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.link.protocols.command import CommandRefused
 from gcs.link.session.vehicle_session import VehicleSession
@@ -220,6 +221,24 @@ def test_nothing_is_armed_after_what_forbids_it(behaviour: FlightBehaviour, simu
     with pytest.raises(FlightError, match="vehicle 1 reports"):
         live(vehicle, simulation1_plan, lambda crew: arm_all({1: crew}, Custody({1: crew.session}), forbid))
     assert [fields["command"] for fields in vehicle.heard] == [MavCommand.DO_SET_MODE]
+
+
+def test_no_vehicle_is_armed_whose_last_report_is_old() -> None:
+    """It may have rebooted, and send HEARTBEATs only."""
+
+    async def wait(crew: FlightVehicle) -> None:
+        watch = TelemetryWatch({1: crew}, Custody({1: crew.session}), lambda *_: None)
+        crew.session.receive(
+            Message("SYSTEM_TIME", {"time_boot_ms": 60_000, "time_unix_usec": 0}, 1, 1),
+            asyncio.get_running_loop().time(),
+        )
+        await asyncio.sleep(FRESH_S - 0.1)
+        watch.refuse_stale()
+        await asyncio.sleep(0.2)
+        watch.refuse_stale()
+
+    with pytest.raises(FlightError, match=r"vehicle 1 is not armed: its last report is 2\.1 s old \(limit 2 s\)"):
+        live(Vehicle(ARDUPILOT), None, wait)
 
 
 @BOTH
