@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
@@ -17,8 +18,10 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
+from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.fleet_arming import arm_all
 from gcs.flight.execution.fleet_landing import FleetLanding
 from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.flying_fleet import FlyingFleet
@@ -29,10 +32,9 @@ from gcs.flight.execution.takeoff_landing import (
     lacks,
     request_telemetry,
     start_mission,
-    take_off,
-    until_hovering,
     until_ready,
 )
+from gcs.flight.execution.telemetry_watch import TelemetryWatch
 from gcs.flight.execution.text_watch import TextWatch
 from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
@@ -108,6 +110,7 @@ class FlightSequence:
             self._tell_failure,
             self._tell,
         )
+        self._telemetry = TelemetryWatch(self.vehicles, self.landing.custody, self._tell)
         self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._tell)
 
     @property
@@ -124,10 +127,14 @@ class FlightSequence:
         """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         try:
-            return await self._guard.run(flying)
+            return await self._guard.run(self._with_telemetry(flying))
         finally:
             for stop in stops:
                 stop()
+
+    async def _with_telemetry(self, flying: Coroutine[Any, Any, T]) -> T:
+        async with alongside(self._telemetry.run()):
+            return await flying
 
     def snapshot(self) -> Snapshot:
         """Return how the flight stands now, for display."""
@@ -180,6 +187,7 @@ class FlightSequence:
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
+        self._telemetry.checked = True
         if self._hooks.on_ready is not None:
             await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
@@ -202,8 +210,8 @@ class FlightSequence:
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
-            await self.each(self._take_off)
-            await self.each(until_hovering)
+            await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
+            await self.each(partial(climb_to_hover, landing=self.landing))
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
@@ -213,13 +221,13 @@ class FlightSequence:
         self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
-    async def _take_off(self, vehicle: FlightVehicle) -> None:
-        self.landing.custody.take_to_arm(vehicle.sysid)
-        await take_off(vehicle, self._refuse_critical_texts)
+    def _refuse_arming(self) -> None:
+        self._refuse_critical_texts()
+        self._telemetry.refuse_stale()
 
-    def _refuse_critical_texts(self, sysid: int | None = None) -> None:
+    def _refuse_critical_texts(self) -> None:
         if MESSAGES not in self.options.waived:
-            self._texts.refuse(sysid)
+            self._texts.refuse()
 
     def is_aloft(self) -> None:
         """Another process brought the vehicles into the air: a silent one does not end the flight."""

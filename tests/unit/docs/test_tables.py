@@ -24,6 +24,7 @@ RULES = "tests/unit/flight/contingency/test_policy.py"
 ENERGY = "tests/unit/flight/contingency/test_energy_choice.py"
 FAILSAFES = "tests/unit/flight/contingency/test_recorded_failsafe.py"
 REJOIN = "tests/unit/flight/contingency/test_common_rejoin.py"
+START = "tests/bridge/test_start.py"
 HOSTILE = "tests/hostile/test_"
 RECORDS = "tests/unit/flight/recording/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
@@ -134,6 +135,21 @@ FLOWN = {
     ],
     "vehicle armed by a pilot or another ground station": [
         (HOSTILE + "custody.py", "test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot")
+    ],
+    "one vehicle refuses to be armed, or does not answer": [
+        (START, "test_one_refuses_to_be_armed_and_the_others_stand_still_within_two_seconds"),
+    ],
+    "a vehicle fails at its take-off": [
+        (START, "test_a_motor_that_is_dead_at_the_take_off"),
+        ("tests/unit/flight/contingency/test_climb_watch.py", "test_no_recorded_take_off_fails"),
+    ],
+    "a vehicle rebooted": [
+        (START, "test_a_reboot_after_the_checks_ends_the_flight_before_arming"),
+        (START, "test_a_reboot_in_flight_is_a_loss_and_is_told"),
+    ],
+    "HEARTBEATs, but no position and no time": [
+        (START, "test_a_vehicle_that_never_reports_again_ends_the_wait_for_its_clock"),
+        (START, "test_a_reboot_of_the_only_vehicle_whose_clock_the_flight_has"),
     ],
     "any exception in flight": [
         (HOSTILE + "every_await.py", "test_whatever_fails_while_vehicles_fly_they_land"),
