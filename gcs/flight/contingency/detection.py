@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
+from gcs.flight.contingency.conflict_prediction import HORIZON_S
 from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.mode_changes import ModeSigns, Taken
+from gcs.flight.monitoring.predicted_tracks import BAND_S, CONFIRMED_S
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 
@@ -33,6 +35,7 @@ class IncidentKind(StrEnum):
     FAILSAFE = "failsafe took over"
     MODE_LEFT = "pilot took over"
     CONFLICT = "separation in danger"
+    OFF_TRACK = "off its predicted track"
     STRANDED = "no setpoints for some time"
 
 
@@ -81,7 +84,9 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.FENCE: "FENCE_STATUS, or a STATUSTEXT of the autopilot",
     IncidentKind.FAILSAFE: "HEARTBEAT: a mode that was not ordered, with a failsafe's STATUSTEXT or system_status",
     IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.mode_told_s:g} s",
-    IncidentKind.CONFLICT: "separation below `[judge]` predicted within 3 s, three times in a row",
+    IncidentKind.CONFLICT: f"separation below `[judge]` predicted within {HORIZON_S:g} s, three times in a row",
+    IncidentKind.OFF_TRACK: f"mission mode: for {CONFIRMED_S:g} s more than {BAND_S:g} s late or early on its "
+    "predicted track, or farther from it than the navigation error",
     IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
 }
 

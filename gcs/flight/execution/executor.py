@@ -34,6 +34,7 @@ from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier, hurried
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
+from gcs.flight.monitoring.predicted_tracks import TrackWatch
 from gcs.flight.monitoring.progress import Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
@@ -61,7 +62,7 @@ class ContingencyExecutor:
         self.policy = ContingencyPolicy(
             plan.sysids,
             plan.sysids[plan.leader],
-            Choices(options.on_loss, options.on_leader_loss, options.follow),
+            Choices(options.on_loss, options.on_leader_loss, options.follow, options.mode is FlightMode.MISSION),
         )
         self.over = asyncio.Event()
         self.returns = returns
@@ -70,7 +71,9 @@ class ContingencyExecutor:
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
         self._loop = asyncio.get_running_loop()
         self._on_event = on_event
-        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario))
+        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks)
+        lands_s = plan.phase("landing").start_s
+        self._track_watch = None if fleet.tracks is None else TrackWatch(fleet.tracks, lands_s)
         self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in fleet.vehicles.items()}
         self._now_s = self._stamped_s = -math.inf  # fleet time, and the local time at which it was computed
         self._returning: dict[int, WayBack] = {}
@@ -195,13 +198,13 @@ class ContingencyExecutor:
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
+        self._check_tracks(now_s, t_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)
             if not self._vehicles[sysid].session.armed:
                 continue  # no incidents on the ground
-            error_m = self._monitor.views[sysid].error_m
             self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
-            for incident in watch.look(now_s, usable=not error_m > USABLE_M, ours=self._standstill.ours(now_s)):
+            for incident in watch.look(now_s, usable=self._in_place(sysid), ours=self._standstill.ours(now_s)):
                 self._decide(self._with_energy(incident, t_s), t_s)
         self._check_separation(now_s, t_s)
         if not self._t0_known:
@@ -272,6 +275,19 @@ class ContingencyExecutor:
             if other != sysid and gone and not near:
                 points.append(SafePoint(f"landing point of vehicle {other}", place))
         return points
+
+    def _in_place(self, sysid: int) -> bool:
+        """Whether a vehicle is where the plan, or its own mission, has it."""
+        if self._track_watch is not None:
+            return self._track_watch.inside(sysid)
+        return not self._monitor.views[sysid].error_m > USABLE_M
+
+    def _check_tracks(self, now_s: float, t_s: float) -> None:
+        if self._track_watch is None or not self._t0_known:
+            return
+        flying = [i for i in self.policy.in_formation if self._vehicles[i].session.armed]
+        for off in self._track_watch.look(self._monitor.views, self._monitor.t0_s, flying):
+            self._decide(Incident(IncidentKind.OFF_TRACK, off.sysid, now_s, str(off)), t_s)
 
     def _check_separation(self, now_s: float, t_s: float) -> None:
         states, views = self.policy.states, self._monitor.views
