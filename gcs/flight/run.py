@@ -335,7 +335,7 @@ class _LinkedFlight:
         report = self._now.exported.report
         if self._now.navigator is NavigatorChoice.IDEAL or report is None:
             return PredictedTracks.of_plan(self._plan)
-        return PredictedTracks.of_flights(self._plan, self._now.exported.missions, report.flights)
+        return PredictedTracks.of_missions(self._plan, self._now.exported.missions, report)
 
     async def _loads(self, autopilots: Mapping[int, int]) -> tuple[VehicleLoad, ...]:
         order, plan = self._order, self._plan

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gcs.link.session.connection import Connection
     from gcs.link.session.upload_fleet import Holdings, ParameterChange
     from gcs.plan.trajectory.plan import Plan
+    from gcs.types import JsonObject
 
 FIND_S = 15.0
 
@@ -170,7 +171,7 @@ def _show_missions(screen: Screen, held: Holdings) -> None:
     screen.show(table)
 
 
-def _change_data(change: ParameterChange) -> dict[str, Any]:
+def _change_data(change: ParameterChange) -> JsonObject:
     before, after = change.before, change.after
     return {
         "vehicle": change.sysid,

@@ -33,6 +33,7 @@ STRAIGHT_S = 3.0
 PLANNED = 2.0
 FADE_S = 0.5
 COLUMN_M = 1.0
+_GRAVITY_MPS2 = 9.81
 _LOOKS = 3  # checks in a row: one noisy sample is no conflict
 
 
@@ -65,14 +66,16 @@ class SeparationWatch:
         on_plan: Collection[int],
         aloft: Collection[int],
         starting: Collection[int] = (),
+        falling: Collection[int] = (),
     ) -> list[Conflict]:
         """Return the conflicts between vehicles `aloft` at plan time `t_s`, which is `unix_s`.
 
-        Vehicles `on_plan` fly it; those `starting` climb over their pads, or stand on them.
+        Vehicles `on_plan` fly it; those `starting` climb over their pads, or stand on them; those `falling` have no
+        motors.
         """
         sysids = [i for i in aloft if np.isfinite(views[i].position_ned_m).all()]
         fly = np.array([i in on_plan and i not in starting for i in sysids], dtype=np.bool_)
-        paths, lines, planned = self._motions([views[i] for i in sysids], t_s, unix_s, fly, starting)
+        paths, lines, planned = self._motions([views[i] for i in sysids], t_s, unix_s, fly, starting, falling)
         late = self._ahead_s[:-1] >= STRAIGHT_S
         found: dict[tuple[int, int], Conflict] = {}
         for a in range(len(sysids) - 1):
@@ -120,6 +123,7 @@ class SeparationWatch:
         unix_s: float,
         fly: NDArray[np.bool_],
         starting: Collection[int],
+        falling: Collection[int],
     ) -> tuple[Array, Array, Array]:
         """Predicted positions (V, T, 3); positions and velocities (V, 2, 3), as reported and as planned."""
         plan, ahead = self._plan, self._ahead_s
@@ -145,6 +149,8 @@ class SeparationWatch:
                 paths[n] = places[n, : len(ahead)] + off + np.outer(drift_s, off_rate)
             else:
                 paths[n] = view.position_ned_m + np.outer(ahead + age_s, view.velocity_ned_mps)
+                if view.sysid in falling:
+                    paths[n, :, 2] += 0.5 * _GRAVITY_MPS2 * (ahead + age_s) ** 2
         if self._tracks is not None and fly.any():
             own = [view for view, flies in zip(views, fly, strict=True) if flies]
             paths[fly] = self._tracks.ahead(own, unix_s - t_s, unix_s, ahead)

@@ -14,7 +14,6 @@ import numpy as np
 from gcs.autopilots.columns import FailsafeCause
 from gcs.errors import FlightError
 from gcs.flight.contingency.choices import Choices, FlightMode
-from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
@@ -25,26 +24,27 @@ from gcs.flight.contingency.policy import (
     AIRBORNE,
     IN_FORMATION,
     NOT_OBEYED_AFTER,
-    USABLE_M,
     Action,
     Order,
     State,
 )
 from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.predicted_tracks import TrackWatch
 from gcs.flight.monitoring.progress import Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
-from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _STAMPED_S = 0.005  # local time in which many messages get one stamp
 _REJOIN_S = 8.0
+_ALARMS = frozenset(
+    {IncidentKind.ALARM, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL}
+)
 
 
 class ContingencyExecutor:
@@ -71,9 +71,7 @@ class ContingencyExecutor:
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
         self._loop = asyncio.get_running_loop()
         self._on_event = on_event
-        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks)
-        lands_s = plan.phase("landing").start_s
-        self._track_watch = None if fleet.tracks is None else TrackWatch(fleet.tracks, lands_s)
+        self._positions = PositionChecks(fleet, self.policy)
         self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in fleet.vehicles.items()}
         self._now_s = self._stamped_s = -math.inf  # fleet time, and the local time at which it was computed
         self._returning: dict[int, WayBack] = {}
@@ -159,6 +157,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         self._standstill.land()
+        self._positions.lands = True
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
@@ -198,15 +197,22 @@ class ContingencyExecutor:
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
-        self._check_tracks(now_s, t_s)
+        for incident in self._positions.off_track(now_s):
+            self._decide(incident, t_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)
-            if not self._vehicles[sysid].session.armed:
+            if not (self._vehicles[sysid].session.armed or watch.alarms.stopped):
                 continue  # no incidents on the ground
+            ours = self._standstill.ours(now_s)
             self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
-            for incident in watch.look(now_s, usable=self._in_place(sysid), ours=self._standstill.ours(now_s)):
+            for incident in watch.look(
+                now_s, usable=self._positions.usable(sysid), ours=ours, place=self._positions.place(sysid)
+            ):
+                if incident.kind is IncidentKind.MOTORS_STOPPED:
+                    self._positions.falls(sysid, now_s)
                 self._decide(self._with_energy(incident, t_s), t_s)
-        self._check_separation(now_s, t_s)
+        for incident in self._positions.conflicts(now_s, t_s, gathers=self._standstill.gathers):
+            self._decide(incident, t_s)
         if not self._t0_known:
             self._standstill.close()
             return
@@ -276,41 +282,6 @@ class ContingencyExecutor:
                 points.append(SafePoint(f"landing point of vehicle {other}", place))
         return points
 
-    def _in_place(self, sysid: int) -> bool:
-        """Whether a vehicle is where the plan, or its own mission, has it."""
-        if self._track_watch is not None:
-            return self._track_watch.inside(sysid)
-        return not self._monitor.views[sysid].error_m > USABLE_M
-
-    def _check_tracks(self, now_s: float, t_s: float) -> None:
-        if self._track_watch is None or not self._t0_known:
-            return
-        flying = [i for i in self.policy.in_formation if self._vehicles[i].session.armed]
-        for off in self._track_watch.look(self._monitor.views, self._monitor.t0_s, flying):
-            self._decide(Incident(IncidentKind.OFF_TRACK, off.sysid, now_s, str(off)), t_s)
-
-    def _check_separation(self, now_s: float, t_s: float) -> None:
-        states, views = self.policy.states, self._monitor.views
-        armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]
-        starting = [i for i, s in states.items() if s is State.STARTING]
-        # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
-        airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
-        self._monitor.watch_separation(airborne)
-        on_plan = [i for i in airborne if states[i] in IN_FORMATION and not self._standstill.gathers]
-        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting):
-            farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
-            higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
-            distance = f"{conflict.distance_m:.2f} m"
-            incident = Incident(
-                IncidentKind.CONFLICT, farther, now_s, distance, other=other, in_s=conflict.in_s, higher=higher
-            )
-            self._decide(incident, t_s)
-
-    def _off_m(self, sysid: int) -> float:
-        """How far a vehicle is from its place in the plan; before T0, to the side of its pad."""
-        view = self._monitor.views[sysid]
-        return float(np.nan_to_num(view.error_m)) if self._t0_known else self._separation.off_pad_m(view)
-
     def _decide(self, incident: Incident, t_s: float) -> None:
         battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)
         again = battery and (incident.sysid, incident.kind) in self._told
@@ -318,16 +289,25 @@ class ContingencyExecutor:
         if orders or not (again or incident.kind is IncidentKind.CONFLICT):
             choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
             data = None if choice is None else choice.data()
-            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data)
+            alarm = incident.kind in _ALARMS
+            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data, alarm=alarm)
         if battery:
             self._told.add((incident.sysid, incident.kind))
         for order in orders:
             self._carry_out(order, t_s)
 
     def _note(
-        self, unix_s: float, t_s: float, sysid: int, what: str, rule: str, data: Mapping[str, Any] | None = None
+        self,
+        unix_s: float,
+        t_s: float,
+        sysid: int,
+        what: str,
+        rule: str,
+        data: Mapping[str, Any] | None = None,
+        *,
+        alarm: bool = False,
     ) -> None:
-        self._on_event(Event(unix_s, t_s, sysid, what, rule, data))
+        self._on_event(Event(unix_s, t_s, sysid, what, rule, data, alarm))
 
     def _carry_out(self, order: Order, t_s: float) -> None:
         self._note(self._time.sure_s(), t_s, order.sysid, _event_words(order.action), order.rule)

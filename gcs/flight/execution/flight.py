@@ -39,7 +39,7 @@ from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Completion, Monitor
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CLOCK, MESSAGES
-from gcs.flight.monitoring.progress import Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.monitoring.reported_now import ReportedNow
 from gcs.flight.setup.build_loads import refuse_no_hour
 from gcs.flight.setup.own_process import in_own_process
@@ -268,7 +268,7 @@ class FlightSequence:
 
     async def watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
-        self.monitor.begin(t0_unix_s)
+        self.monitor.set_t0(t0_unix_s)
         self.contingency.flies()
         self.completion.begins(self.time.sure_s() - t0_unix_s)
         self.enter(self.step)
@@ -337,14 +337,13 @@ class FlightSequence:
         start, held = self._start, self.held
         if start is None or held is None:
             raise ProtocolMisuse("missions were to be flown before they were uploaded.")
-        said: list[str] = []
-        self.held = held = await start.bring_forward(held, said.append)
+        held, what = await start.bring_forward(held)
+        self.held = held
         self.loads = start.loads
         held.require(self.plan.hash, self.plan.sysids)
         t0_unix_s = start.unix_s - self._leaving_s
         now_s = self.time.sure_s()
-        for what in said:
-            self._hooks.on_event(Event(now_s, now_s - t0_unix_s, 0, what))
+        self._hooks.on_event(Event(now_s, now_s - t0_unix_s, ALL_VEHICLES, what))
         async with alongside(self.time.watch_start(start.unix_s)):
             await self.each(start_mission)
             late_s = self.time.sure_s() - start.unix_s

@@ -168,7 +168,7 @@ class Standstill:
             [self._vehicles[i] for i in sysids], t0_unix_s, begin_s - t0_unix_s, how.fade_s, self._policy.leader
         )
         if not keeps_t0:
-            self._monitor.move_t0(t0_unix_s)
+            self._monitor.set_t0(t0_unix_s)
         return "are led back to the plan" + (f", which goes on {later_s:.1f} s later" if later_s else "")
 
     def close(self) -> None:

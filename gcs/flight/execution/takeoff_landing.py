@@ -88,6 +88,13 @@ async def until_ready(vehicle: FlightVehicle) -> None:
         await asyncio.sleep(LOOK_S)
 
 
+async def until_placed(vehicle: FlightVehicle) -> None:
+    """Wait until a vehicle has reported its position. Raises PeerTimeout."""
+    view, sysid = vehicle.view, vehicle.sysid
+    timeout_s = vehicle.options.find_timeout_s
+    await until(lambda: bool(np.isfinite(view.position_ned_m).all()), timeout_s, f"a position of vehicle {sysid}")
+
+
 def lacks(session: VehicleSession) -> str:
     """What `until_ready` still waits for on this vehicle, in words; empty if it is ready."""
     if not any(session.estimator.is_ready(message.name, message.fields) for message in session.latest.values()):

@@ -15,8 +15,8 @@ from typing import Self
 import numpy as np
 
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.model import VehicleMission
-from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.predicted.timing import knots_in_plan_time_s
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -28,7 +28,7 @@ _LATE_M = 1.0  # a vehicle on its track is late, or early, if it is so much fart
 CONFIRMED_S = 0.5  # of reports outside the band: an estimate may jump
 _STEP_S = 0.1
 _REACH_S = 20.0  # a vehicle is sought on its track so far before and after the present time
-_PULL_MPS = 0.1  # where a track comes back, the earlier or later place must be nearer by this much for a second
+_PULL_MPS = 0.5  # nobody is late on a slower track; where one comes back, the place nearest in time counts
 _MOVES_MPS = 0.5  # of a slower track no relative speed is known
 _FASTEST = 2.0  # relative speed
 
@@ -58,12 +58,17 @@ class PredictedTracks:
         return cls(plan.sysids, 0.0, plan.motion(t_s)[0][..., POSITION], _band_m(plan))
 
     @classmethod
-    def of_flights(cls, plan: Plan, missions: Sequence[VehicleMission], flights: Sequence[PredictedFlight]) -> Self:
-        """Of vehicles that fly these missions as predicted."""
-        knots = [(m.sysid, knots_in_plan_time_s(m, f), f.ned_m) for m, f in zip(missions, flights, strict=True)]
-        t_s = np.arange(min(m.leaves_s for m in missions), max(each[1][-1] for each in knots), _STEP_S)
-        ned_m = [np.stack([np.interp(t_s, at_s, places[:, n]) for n in range(3)], axis=-1) for _, at_s, places in knots]
-        return cls(tuple(sysid for sysid, _, _ in knots), float(t_s[0]), np.array(ned_m), _band_m(plan))
+    def of_missions(cls, plan: Plan, missions: Sequence[VehicleMission], report: FleetReport) -> Self:
+        """Of vehicles that fly these missions as the report predicts."""
+        knots_s = [knots_in_plan_time_s(*each) for each in zip(missions, report.flights, strict=True)]
+        t_s = np.arange(min(each.leaves_s for each in missions), max(each[-1] for each in knots_s), _STEP_S)
+        ned_m = [
+            np.stack([np.interp(t_s, at_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
+            for at_s, flight in zip(knots_s, report.flights, strict=True)
+        ]
+        spread_s = np.array([each.widest_s for each in report.spreads]) if report.spreads else None
+        sysids = tuple(each.sysid for each in missions)
+        return cls(sysids, float(t_s[0]), np.array(ned_m), _band_m(plan), spread_s)
 
     def places(self, rows: list[int], t_s: Array) -> Array:
         """Predicted positions (R, T, 3) of the vehicles in these rows, each at its own times (R, T)."""

@@ -16,6 +16,7 @@ from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.formats.registry import DEFAULT, select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
+from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.returns.fence_rally import Safety, build_safety
 from gcs.mission.returns.rtl_altitudes import return_warnings
@@ -40,15 +41,16 @@ def build_loads(
     Missions are those of an export, with its checks. `timed` ones have speeds corrected for the autopilot; the others
     have the plan's own speeds, which autopilots do not keep. What `exported` has for these autopilots is not built
     again. With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings
-    about returns. Raises `PeerError` as `fleet_autopilots`, `ScenarioError` for missions that an autopilot does not
-    store, and `VerificationError` for missions that failed verification.
+    about returns; it is told too by how much arrival times may spread. Raises `PeerError` as `fleet_autopilots`,
+    `ScenarioError` for missions that an autopilot does not store, and `VerificationError` for missions that failed
+    verification.
     """
     each = fleet_autopilots(plan, autopilots)
     if exported is not None and exported.autopilots == each and not exported.refused:
         safe, missions = exported.safety, exported.missions
     else:
         safe = build_safety(plan, each)
-        missions = _missions(plan, MissionOrder(each, timed=timed), safe)
+        missions = _missions(plan, MissionOrder(each, timed=timed), safe, warn)
     if not safety:
         return missions_only(missions)
     for text in return_warnings(plan, safe.returns, each):
@@ -135,10 +137,11 @@ def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]
     return tuple(VehicleLoad(mission) for mission in missions)
 
 
-def _missions(plan: Plan, order: MissionOrder, safe: Safety) -> tuple[VehicleMission, ...]:
+def _missions(plan: Plan, order: MissionOrder, safe: Safety, warn: Callable[[str], None]) -> tuple[VehicleMission, ...]:
     made = make_missions(plan, order, safe, select_formats(["plan"]))
     if made.refusal is not None:
         raise made.refusal
+    _say_spread(made.timing, made.legs, warn)
     return made.missions
 
 
@@ -166,13 +169,20 @@ def export_for_flight(
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
     if not keeping.emulated or keeping.navigator is NavigatorChoice.OWN:
         index = export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report)
+        _say_spread(index.timing, index.autopilots, say)
         return index, NavigatorChoice.OWN
     index = export(plan, folder, gates=keeping.gates, start_s=start_s, report=report)
     reason = index.refused or (_predicted_failure(plan, index.timing) if index.timing else "")
     if not reason or keeping.gates:
+        _say_spread(index.timing, index.autopilots, say)
         return index, NavigatorChoice.OWN
     say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {reason}")
     return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
+
+
+def _say_spread(timing: Timing | None, autopilots: Iterable[Autopilot], say: Callable[[str], None]) -> None:
+    if timing is not None and timing.may_differ_s > 0.0:
+        say(spread_in_words(timing.may_differ_s, autopilots))
 
 
 def _predicted_failure(plan: Plan, timing: Timing) -> str:

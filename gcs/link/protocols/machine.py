@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, Self, TypeVar
 
 from gcs.errors import GcsError, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
@@ -120,12 +120,12 @@ TIMER = Message("", {})  # the message of an event that is none
 class TableMachine:
     """A machine that follows a table."""
 
-    def __init__(self, table: Table[Any], exchange: Exchange) -> None:
+    def __init__(self, table: Table[Self], exchange: Exchange) -> None:
         self.state = MachineState.IDLE
         self.error: GcsError | None = None
         self.exchange = exchange
         self.peer = exchange.peer
-        self._table = table
+        self._table: Table[Self] = table
 
     @property
     def done(self) -> bool:
@@ -147,12 +147,12 @@ class TableMachine:
         row = self._row(event, message)
         if row is None:
             return []
-        messages: list[Message] = row.action(self, message, now_s)
+        messages = row.action(self, message, now_s)
         if row.to is not None:
             self.state = row.to
         return messages
 
-    def _row(self, event: MachineEvent, message: Message) -> Transition[Any] | None:
+    def _row(self, event: MachineEvent, message: Message) -> Transition[Self] | None:
         for row in self._table.at.get((self.state, event), ()):
             if row.when is None or row.when.holds(self, message):
                 return row

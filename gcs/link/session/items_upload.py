@@ -32,7 +32,7 @@ class Uploading(Protocol):
 async def upload(
     session: Uploading, items: Sequence[MissionItem], mission_type: int, transfer: Transfer
 ) -> tuple[VerifiedUpload | FileUpload, SentAs]:
-    """Return the finished machine that put the items on board, and which way they went.
+    """Return the finished machine that put the items on board, and how they were sent.
 
     Raises the errors of both machines, and `PeerError` where a file is required and the autopilot takes none.
     """
@@ -60,8 +60,8 @@ async def upload(
 
 
 async def _as_offered(session: Uploading, way: SentAs) -> SentAs:
-    """The way that a vehicle allows by its AUTOPILOT_VERSION, which must be known for a file."""
+    """Items instead of a file unless the vehicle reports MAVLink FTP in AUTOPILOT_VERSION."""
     offers = await session.offers_files()
     if offers is None:
-        return SentAs(Transfer.ITEMS, "AUTOPILOT_VERSION, which tells whether it takes files, did not come")
+        return SentAs(Transfer.ITEMS, "AUTOPILOT_VERSION did not arrive, so it may take no files")
     return way if offers else SentAs(Transfer.ITEMS, "no MAVLink FTP in AUTOPILOT_VERSION")

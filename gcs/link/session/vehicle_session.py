@@ -1,4 +1,4 @@
-"""The session with one vehicle: feeds protocol machines with its messages and event loop time, and waits for answers.
+"""The session with one vehicle: runs protocol machines on its messages and the time of the event loop.
 
 Every wait ends with an answer, or with a `PeerTimeout` that names the vehicle and what was awaited.
 """
@@ -126,7 +126,7 @@ class VehicleSession:
         return self._loop.time() - max(self.latest_s.values())
 
     def fresh(self, name: str, at_most_s: float) -> Message | None:
-        """Return the last message of this name if it is at most so old, local time."""
+        """Return the last message of this name if it is at most `at_most_s` old, local time."""
         arrived_s = self.latest_s.get(name)
         return self.latest[name] if arrived_s is not None and self._loop.time() - arrived_s <= at_most_s else None
 

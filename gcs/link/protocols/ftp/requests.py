@@ -92,7 +92,7 @@ class FtpRequests:
         return request.payload, reply
 
     def reply(self, message: Message) -> FtpPayload | None:
-        """Return the reply in a message of the vehicle to us, to whichever request; None for any other message."""
+        """Return the vehicle's reply to any request of ours; None for any other message."""
         if message.name != NAME or not self._exchange.hears(message):
             return None
         reply = read_payload(message)

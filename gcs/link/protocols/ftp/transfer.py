@@ -1,4 +1,4 @@
-"""The common part of reading and writing a file: states, opening, end."""
+"""What reading and writing a file by MAVLink FTP have in common: states, opening, end."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FtpState(Enum):
 
 
 class FtpTransfer:
-    """One file of one vehicle, opened with `opcode` at most `tries` times, also if another one is in the way.
+    """One file of one vehicle, opened with `opcode` at most `tries` times, also while another file is open.
 
     ArduPilot has one session for all stations (4.5), or some (4.7). ResetSessions closes a file that an earlier
     transfer of ours left open. The server closes a file of another station after 3 s without any request; therefore we

@@ -42,7 +42,7 @@ class FileUpload(TableMachine):
         self.items = tuple(items)
         self.sending_ended_s: float | None = None  # end of the last upload
         self._tries = tries
-        self._reads_left = 0
+        self._reads = 0  # read-backs of the last upload
         self._machine: FtpWriter | FtpReader | None = None
         self._failure: GcsError | None = None  # of the last transfer
 
@@ -93,11 +93,11 @@ class FileUpload(TableMachine):
         return self._machine.start(now_s)
 
     def _read_back(self, _: Message, now_s: float) -> list[Message]:
-        self._reads_left = _READS
+        self._reads = 0
         return self._read(TIMER, now_s)
 
     def _read(self, _: Message, now_s: float) -> list[Message]:
-        self._reads_left -= 1
+        self._reads += 1
         self._machine = FtpReader(_PATH, self.exchange, self._length, HEADER.size)
         return self._machine.start(now_s)
 
@@ -122,7 +122,7 @@ _If = Guard[_M]
 _CLOSED = _If("the file was closed", lambda m, _: m._failure is None)
 _WRITE_AGAIN = _If("timeout after some answers, fewer than `tries` times", lambda m, _: m._may_write_again())
 _EQUAL = _If("equal by meaning", lambda m, _: m._failure is None)
-_READ_AGAIN = _If(f"refused, or timeout, fewer than {_READS} times", lambda m, _: m._is_broken() and m._reads_left > 0)
+_READ_AGAIN = _If(f"refused, or timeout, fewer than {_READS} times", lambda m, _: m._is_broken() and m._reads < _READS)
 _TRIES = _If("refused, or timeout, written fewer than `tries` times", lambda m, _: m._is_broken() and m._tries > 0)
 
 FILE_UPLOAD: Table[FileUpload] = Table(

@@ -1,8 +1,8 @@
-"""ItemRewrite: replaces single items of a mission on board, reads each back and compares it, by the table at the end.
+"""ItemRewrite: replaces single items of a mission on board, reads each back and compares it.
 
-MISSION_WRITE_PARTIAL_LIST names a range of items; here always one. ArduPilot answers it with a request for that item.
-A MISSION_ACK proves nothing, and its loss does no harm: only the read-back counts. The other items stay as they are.
-After FAILED an item on board is the old one or the new one.
+It follows the table at the end. MISSION_WRITE_PARTIAL_LIST names a range of items; here always one. ArduPilot answers
+it with a request for that item. A MISSION_ACK proves nothing, and its loss does no harm: only the read-back counts. The
+other items stay as they are. After FAILED an item on board is the old one or the new one.
 """
 
 from __future__ import annotations

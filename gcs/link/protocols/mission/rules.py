@@ -32,7 +32,7 @@ Rules
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Self
 
 from gcs.errors import PeerRefusal
 from gcs.link.protocols.exchange import Exchange
@@ -97,7 +97,7 @@ def mission_type_of(message: Message) -> int:
 class MissionMachine(TableMachine):
     """A machine of the mission protocol for items of one type."""
 
-    def __init__(self, table: Table[Any], exchange: Exchange, mission_type: int) -> None:
+    def __init__(self, table: Table[Self], exchange: Exchange, mission_type: int) -> None:
         super().__init__(table, exchange)
         self.mission_type = mission_type
         self._timers = exchange.timers.mission

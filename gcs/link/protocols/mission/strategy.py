@@ -1,4 +1,4 @@
-"""The choice of the upload: a mission goes to its vehicle as one file or item by item, with a fallback."""
+"""How a mission is uploaded: as one file or item by item, with a fallback."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission import file_upload
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.mission_dat import write_mission_file
@@ -99,7 +100,7 @@ def test_what_follows_each_end_of_a_transfer(
     assert (upload.error is None) if error is None else (error in str(upload.error))
     assert upload.sending_ended_s == went.rindex("W") + 1
     assert (upload.deadline_s, upload.cancel(), upload.receive(END, 9.0)) == (None, [], [])
-    assert (upload.error is None) is (error is None)
+    assert (upload.error is None) is (upload.state is MachineState.DONE) is (error is None)
 
 
 def test_a_file_on_board_that_is_longer_than_what_was_written_is_not_read() -> None:

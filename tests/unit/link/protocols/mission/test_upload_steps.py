@@ -191,3 +191,11 @@ def test_a_cancelled_upload_tells_the_vehicle(begun: bool) -> None:
     assert line(upload.cancel()) == ("ACK 15" if begun else "")
     assert isinstance(upload.error, PeerError) and "the upload of the mission to vehicle 4" in upload.error.message
     assert upload.cancel() == upload.tick(99.0) == []
+
+
+@pytest.mark.parametrize("in_read_back", [False, True])
+def test_what_breaks_off_in_the_last_try_is_cancelled_on_board_and_reported(in_read_back: bool) -> None:
+    upload = reading(started(tries=1)) if in_read_back else started(tries=1)
+    told(upload, "MISSION_ACK", 10.0, type=int(MissionResult.OPERATION_CANCELLED))
+    assert quiet(upload, lambda _: upload.done)[1] == ("ACK 15, ACK 15" if in_read_back else "ACK 15")
+    assert upload.state is MachineState.FAILED and isinstance(upload.error, MissionRefused)
