@@ -329,13 +329,15 @@ class _LinkedFlight:
         )
 
     def _tracks(self) -> PredictedTracks | None:
-        """The predicted tracks of missions on board: by the model of the autopilot, or the plan's own."""
+        """The tracks of missions on board: by the model of the autopilot, or the plan's own; None: not predicted."""
+        exported = self._now.exported
         if self._order.keeping.mode is FlightMode.STREAM:
             return None
-        report = self._now.exported.report
-        if self._now.navigator is NavigatorChoice.IDEAL or report is None:
+        if self._now.navigator is NavigatorChoice.IDEAL:
             return PredictedTracks.of_plan(self._plan)
-        return PredictedTracks.of_missions(self._plan, self._now.exported.missions, report)
+        if exported.report is None or exported.timing is None:
+            return None
+        return PredictedTracks.of_missions(self._plan, exported.missions, exported.report)
 
     async def _loads(self, autopilots: Mapping[int, int]) -> tuple[VehicleLoad, ...]:
         order, plan = self._order, self._plan
