@@ -527,3 +527,21 @@ def test_whatever_happens(story: list[Incident], follow: bool, loss: OnLoss, lea
                 if order.action is Action.PROMOTE:
                     assert order.sysid == ours.leader
                     assert ours.states[order.sysid] in IN_FORMATION
+
+
+@pytest.mark.parametrize(
+    ("states", "held"),
+    [
+        ((State.FLYING, State.SILENT, State.FLYING, State.RETURNING), (1, 2, 3)),
+        ((State.FLYING, State.LANDING, State.LOST, State.RETURNING), ()),  # nobody else flies the plan
+        ((State.RETURNING, State.FLYING, State.FLYING, State.FLYING), ()),  # it does not fly the plan any more
+    ],
+)
+def test_all_who_fly_the_plan_hold_for_one_off_its_track(states: tuple[State, ...], held: tuple[int, ...]) -> None:
+    ours = ContingencyPolicy(FOUR, 1, Choices(own_missions=True))
+    ours.states.update(zip(FOUR, states, strict=True))
+    orders = ours.take(Incident(IncidentKind.OFF_TRACK, 1, 100.0, "2 s late"))
+    assert ordered(orders) == dict.fromkeys(held, Action.HOLD)
+    assert [trouble.sysid for trouble in ours.troubles] == [1] * bool(held)
+    assert ordered(ours.clear(104.9)) == {}
+    assert ordered(ours.clear(105.1)) == dict.fromkeys(held, Action.RETURN)
