@@ -24,6 +24,7 @@ from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
 from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
     Event,
@@ -324,7 +325,19 @@ class _LinkedFlight:
             stream=self._now.stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
+            tracks=self._tracks(),
         )
+
+    def _tracks(self) -> PredictedTracks | None:
+        """The tracks of missions on board: by the model of the autopilot, or the plan's own; None: not predicted."""
+        exported = self._now.exported
+        if self._order.keeping.mode is FlightMode.STREAM:
+            return None
+        if self._now.navigator is NavigatorChoice.IDEAL:
+            return PredictedTracks.of_plan(self._plan)
+        if exported.report is None or exported.timing is None:
+            return None
+        return PredictedTracks.of_missions(self._plan, exported.missions, exported.report)
 
     async def _loads(self, autopilots: Mapping[int, int]) -> tuple[VehicleLoad, ...]:
         order, plan = self._order, self._plan
