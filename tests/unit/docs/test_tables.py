@@ -34,6 +34,15 @@ NEAR_MISS = "tests/unit/flight/execution/test_near_miss.py"
 
 # Each rule of the contingency policy, and the flight or test that proves it.
 POLICY_PROOFS = {
+    "A vehicle without motors falls: no order can help it": [
+        (
+            "tests/unit/flight/execution/test_executor.py",
+            "test_a_vehicle_that_is_disarmed_in_the_air_is_lost_and_the_others_land",
+        )
+    ],
+    "It is told; the vehicle keeps its order, and its autopilot its failsafes": [
+        ("tests/unit/flight/contingency/test_alarm_watch.py", "test_the_others_follow_on_loss_when_one_falls")
+    ],
     "A vehicle is off its predicted track: all vehicles brake and hold": [
         (NEAR_MISS, "test_without_the_conflict_the_late_vehicle_is_seen_off_its_track")
     ],
