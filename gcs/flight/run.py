@@ -23,7 +23,6 @@ from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
-from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
@@ -33,6 +32,7 @@ from gcs.flight.monitoring.progress import (
     NearestPair,
     Step,
     Watcher,
+    flown_plan_time,
 )
 from gcs.flight.recording.flight_folder import (
     EVENTS,
@@ -171,8 +171,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with held_folder(folder):
         flew = ctrl_c.run(_fly(now, ctrl_c))
     watcher.lap("fly")
-    noted = ((event.unix_s, event.t_s) for event in read_events(folder / EVENTS))
-    times = replace(flew.times, clock=PlanTime.of(flew.times.t0_unix_s, noted))
+    times = replace(flew.times, clock=flown_plan_time(flew.times.t0_unix_s, read_events(folder / EVENTS)))
     verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
     extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
     watcher.lap("judge")

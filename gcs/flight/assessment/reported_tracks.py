@@ -25,7 +25,8 @@ def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
 
     None where nothing was reported between T0 and the planned arrival.
     """
-    if not ((tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s)).any() or np.isnan(tracks.ned_m).any():
+    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s) & ~tracks.off_plan
+    if not on_plan.any() or np.isnan(tracks.ned_m).any():
         return None
     landing_s = plan.phase("landing").start_s
     return judge_tracks(plan, tracks, tracks.during((tracks.t_s >= plan.airborne_s) & (tracks.t_s <= landing_s)))
@@ -55,4 +56,4 @@ def reported_tracks(plan: Plan, record: pa.Table, plan_time: PlanTime) -> Tracks
             told_m = columns[name][mine]
             within[row] = np.maximum(told_m[after - 1], told_m[after]) + strayed_m
             within[row, lost] = np.inf
-    return Tracks(plan_time.t_s(unix_s), places, horizontal_m, vertical_m)
+    return Tracks(plan_time.t_s(unix_s), places, horizontal_m, vertical_m, plan_time.off_plan(unix_s))

@@ -65,6 +65,16 @@ class FlightTimes:
         return self.clock or PlanTime.of(self.t0_unix_s)
 
 
+def flown_plan_time(t0_unix_s: float, events: Collection[Event]) -> PlanTime:
+    """Return the plan time of a flight with this last T0, by its events."""
+    led_back = []
+    for each in events:
+        match (each.data or {}).get(OFF_PLAN):
+            case (float(begin_s), float(end_s)) | [float(begin_s), float(end_s)]:
+                led_back.append((begin_s, end_s))
+    return PlanTime.of(t0_unix_s, ((each.unix_s, each.t_s) for each in events), tuple(led_back))
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """The flight at one moment, for display."""
@@ -108,6 +118,7 @@ class VehicleNow:
 
 
 GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
+OFF_PLAN = "off_plan_unix_s"  # in the data of an event: from a standstill until all are on the plan again
 ALL_VEHICLES, OURSELVES = 0, -1  # as the vehicle of an event: the whole fleet, and this program
 
 
