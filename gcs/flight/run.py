@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError
-from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
-from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+from gcs.flight.assessment.judge import Tracks, Verdict, judge, judge_reports, load_truth, reported_tracks
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
-from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
@@ -31,6 +29,7 @@ from gcs.flight.monitoring.progress import (
     FlightHooks,
     FlightTimes,
     NearestPair,
+    PlanTime,
     Step,
     Watcher,
 )
@@ -45,7 +44,7 @@ from gcs.flight.recording.flight_folder import (
     read_events,
     report_data,
 )
-from gcs.flight.recording.flight_journal import FlightJournal
+from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told

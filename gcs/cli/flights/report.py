@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.comparison import LandingError
     from gcs.flight.assessment.judge import Truth, Verdict
     from gcs.flight.assessment.route_passing import Track
-    from gcs.flight.monitoring.plan_time import PlanTime
+    from gcs.flight.monitoring.progress import PlanTime
     from gcs.plan.trajectory.plan import Plan
     from gcs.types import JsonObject
 
@@ -37,12 +37,10 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
     from gcs.errors import FileFormatError
     from gcs.flight.assessment.comparison import compare, landing_errors
-    from gcs.flight.assessment.judge import judge, load_truth
-    from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+    from gcs.flight.assessment.judge import judge, judge_reports, load_truth, reported_tracks
     from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.monitoring.monitor import skew_s
-    from gcs.flight.monitoring.plan_time import PlanTime
-    from gcs.flight.monitoring.progress import FlightTimes
+    from gcs.flight.monitoring.progress import FlightTimes, PlanTime
     from gcs.flight.recording.flight_folder import EVENTS, REPORTS, TRUE_STATES, criteria_data, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record

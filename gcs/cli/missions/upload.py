@@ -197,7 +197,7 @@ def _write_record(folder: Path, name: str, held: Holdings) -> Path:
 def read_record(path: Path) -> tuple[ParameterChange, ...]:
     """The parameters that an upload changed, from its record. Raises `FileFormatError`."""
     from gcs.errors import FileFormatError
-    from gcs.link.protocols.parameter import Parameter
+    from gcs.link.protocols.parameter_transfer import Parameter
     from gcs.link.session.upload_fleet import ParameterChange
     from gcs.util.bounded_file import UPLOAD_RECORD, read_file, read_json
 

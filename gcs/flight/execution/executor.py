@@ -17,9 +17,8 @@ from gcs.flight.contingency.choices import Choices, FlightMode
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
-from gcs.flight.contingency.manoeuvres import MotionReference
+from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.order_book import StandingOrder
-from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import (
     AIRBORNE,
     IN_FORMATION,
@@ -28,8 +27,7 @@ from gcs.flight.contingency.policy import (
     Order,
     State,
 )
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle

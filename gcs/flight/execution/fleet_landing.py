@@ -15,8 +15,7 @@ from functools import partial
 from gcs.errors import FlightError, GcsError, OrderError
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import ATTEMPT_S, OrderCarrier
+from gcs.flight.execution.order_carrier import ATTEMPT_S, FlyingFleet, OrderCarrier
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.link.protocols.command import CommandRefused, CommandSender
 from gcs.link.session.vehicle_session import VehicleSession

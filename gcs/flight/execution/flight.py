@@ -18,13 +18,12 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
-from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
-from gcs.flight.execution.fleet_arming import arm_all
+from gcs.flight.execution.fleet_arming import arm_all, climb_to_hover
 from gcs.flight.execution.fleet_landing import FleetLanding
 from gcs.flight.execution.flight_guard import FlightGuard
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,

@@ -9,7 +9,7 @@ from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.policy import IN_FORMATION, USABLE_M, YIELDED, State
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.predicted_tracks import TrackWatch
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error

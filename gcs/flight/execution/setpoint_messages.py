@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory, Values
+from gcs.flight.contingency.manoeuvres import ReferenceTrajectory, Values
 from gcs.flight.execution.leader_follower import SentSetpoints
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station

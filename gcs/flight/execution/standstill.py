@@ -19,8 +19,7 @@ from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
 from gcs.flight.contingency.policy import Action, Order, State
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.progress import ALL_VEHICLES
 from gcs.mission.returns.return_routes import ReturnRoutes

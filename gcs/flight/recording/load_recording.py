@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError
-from gcs.flight.monitoring.plan_time import PlanTime
-from gcs.flight.monitoring.progress import Event
+from gcs.flight.monitoring.progress import Event, PlanTime
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
@@ -24,8 +23,7 @@ from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.link.protocols.statustext import StatusTextJoiner
-from gcs.link.wire.local_motion import is_local_place, local_motion
-from gcs.link.wire.message import GROUND, Message
+from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.plan.plan_file import read_plan
 from gcs.types import Array, JsonObject

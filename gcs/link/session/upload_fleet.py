@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 from gcs.autopilots.parameter_names import in_units_of
 from gcs.errors import FlightError, GcsError, PeerError, UsageError, counted
 from gcs.link.protocols.mission.strategy import SentAs
-from gcs.link.protocols.parameter import Parameter, as_kind
+from gcs.link.protocols.parameter_transfer import Parameter, as_kind
 from gcs.link.session.vehicle_api import Loadable
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mavlink import MissionType
