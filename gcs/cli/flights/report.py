@@ -114,7 +114,6 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
 
 def _known(values: JsonObject) -> JsonObject:
-    """Values for `--json`: null where a number is not known."""
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
 
 
@@ -163,7 +162,6 @@ def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:
 
 
 def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:
-    """The largest formation error between T0 and the planned arrival, and its plan time; None without one."""
     import numpy as np
 
     errors, t_s = (record.column(name).to_numpy() for name in ("formation_error_m", "t_s"))

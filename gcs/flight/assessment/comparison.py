@@ -40,7 +40,8 @@ def compare(plan: Plan, record: pa.Table, truth: Truth | None) -> tuple[Comparis
             found.append(Comparison(sysid, np.nan, np.nan, np.nan, np.nan))
             continue
         estimated, planned, rate = (
-            _vectors(columns, mine, form) for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
+            np.stack([columns[form.format(axis)][mine] for axis in ("north", "east", "down")], axis=1)
+            for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
         )
         true = np.full_like(estimated, np.nan)
         if truth is not None and sysid in truth.sysids:
@@ -57,10 +58,6 @@ def compare(plan: Plan, record: pa.Table, truth: Truth | None) -> tuple[Comparis
             )
         )
     return tuple(found)
-
-
-def _vectors(columns: dict[str, Array], rows: Array, form: str) -> Array:
-    return np.stack([columns[form.format(axis)][rows] for axis in ("north", "east", "down")], axis=1)
 
 
 def _rms(off: Array) -> float:

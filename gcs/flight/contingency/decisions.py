@@ -129,7 +129,6 @@ class ContingencyPolicy:
         )
 
     def _acts(self, sysid: int, unix_s: float) -> bool:
-        """Whether a vehicle's last order may still take effect."""
         again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
         return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
 

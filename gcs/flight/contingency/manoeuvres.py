@@ -165,7 +165,6 @@ def _braking(start: MotionStart, routes: ReturnRoutes) -> PiecewiseMotion:
 
 
 def _climbing(up_m: float) -> PiecewiseMotion:
-    """A climb from rest to rest, as a change of the position."""
     top_mps = min(SPREAD_MPS, math.sqrt(up_m * SPREAD_MPS2))
     rise_s, even_s = top_mps / SPREAD_MPS2, up_m / top_mps - top_mps / SPREAD_MPS2
     heights_m, speeds_mps = np.zeros((1, 4, 3)), np.zeros((1, 4, 3))
@@ -175,7 +174,6 @@ def _climbing(up_m: float) -> PiecewiseMotion:
 
 
 def _both(first: PiecewiseMotion, second: PiecewiseMotion) -> PiecewiseMotion:
-    """The sum of two motions, with the knots of both."""
     times_s = np.union1d(first.times_s, second.times_s)[None]
     places = first.places_at(times_s) + second.places_at(times_s)
     return PiecewiseMotion(times_s, places, _velocities_at(first, times_s) + _velocities_at(second, times_s))

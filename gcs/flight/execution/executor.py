@@ -334,7 +334,6 @@ class ContingencyExecutor:
                 self._start(order.sysid, order.action.value, partial(self._take_over, order))
 
     async def _take_over(self, order: Order) -> None:
-        """Give an order once, from where the vehicle is now."""
         vehicle = self._vehicles[order.sysid]
         track = self._track(order, vehicle)
         if track is not None:
@@ -353,7 +352,6 @@ class ContingencyExecutor:
         return track
 
     def _start(self, sysid: int, what: str, work: Callable[[], Awaitable[None]]) -> None:
-        """Give an order in place of the one before, until it is carried out."""
         self._carrier.start(sysid, what, work, self.tell_failure)
 
     def tell_failure(self, order: StandingOrder) -> None:
@@ -368,5 +366,4 @@ class ContingencyExecutor:
 
 
 def _event_words(action: Action) -> str:
-    """The words of an event: a released vehicle gets no order."""
     return "released" if action is Action.LEAVE else f"ordered to {action.value}"

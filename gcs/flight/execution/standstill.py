@@ -139,7 +139,8 @@ class Standstill:
         """
         if not (self._stranded or self.gathers):
             return None
-        flying = self._flying()
+        states = self._policy.states
+        flying = [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
         obey = [v for v in flying if v.session.custom_mode == v.behaviour.guided and is_taken_back(v.sysid)]
         if self._stranded:
             self._stranded = False
@@ -189,10 +190,6 @@ class Standstill:
         """A vehicle has shown only now that it left its mode: all stop again until it follows setpoints."""
         if not self.gathers:
             self._stranded = True
-
-    def _flying(self) -> list[FlightVehicle]:
-        states = self._policy.states
-        return [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
 
     def _heard(self) -> list[FlightVehicle]:
         states, unheard = self._policy.states, (State.SILENT, State.LOST)

@@ -283,7 +283,6 @@ class Streamer:
         return Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s, lags_s=lags_s)
 
     async def _turn(self, scheduler: Scheduler) -> None:
-        """Send what is due, and wait until the next setpoint is due."""
         send_due(scheduler, self.streamed.values(), self._send, host_s(self._loop))
         longest_s = _EMULATED_WAIT_S if self._emulated else _LONGEST_WAIT_S
         pause_s = wait_s(scheduler, self.streamed.values(), host_s(self._loop), longest_s)

@@ -203,7 +203,8 @@ class FleetClock:
             elif clock.jumped and abs(shown_s - common_s) > AGREE_S >= abs(shown_s + clock.gnss_off_s - common_s):
                 ahead_s = -clock.gnss_off_s
                 clock.follow_gnss()
-                found.append(_boot_jump(sysid, ahead_s))
+                what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
+                found.append(ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0))
             told, self._told[sysid] = self._told.get(sysid, False), clock.jumped
             if told != clock.jumped:
                 found.append(_gnss_jump(sysid, clock.gnss_off_s) if clock.jumped else _gnss_back(sysid, clock))
@@ -259,8 +260,3 @@ def _gnss_jump(sysid: int, off_s: float) -> ClockChange:
 def _gnss_back(sysid: int, clock: VehicleClock) -> ClockChange:
     what = "has a GNSS time that agrees with its boot clock again"
     return ClockChange(sysid, what, f"GNSS time within {JUMP_S:g} s is followed", clock.gnss_off_s)
-
-
-def _boot_jump(sysid: int, ahead_s: float) -> ClockChange:
-    what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
-    return ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0)

@@ -189,7 +189,6 @@ class Monitor:
         return float(formation_error_m(positions[:, None], self.plan.offsets(t_s)[rows])[0])
 
     def _nearest(self, sysids: Collection[int]) -> NearestPair | None:
-        """The nearest two of these vehicles now; None for fewer than two, or before all have reported."""
         now = self._now(sysids, moved_only=self.part is FlightPart.TAKEOFF)
         if now is None or len(now[1]) < 2:
             return None

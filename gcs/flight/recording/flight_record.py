@@ -249,7 +249,6 @@ class FlightRecord:
             self._write_state(self._state)
 
     def _note(self, text: str) -> None:
-        """Take what the writing thread has to say."""
         self._untold.append(text)
         if self._writer is None and not self.gaps.in_flight:
             self._tell()

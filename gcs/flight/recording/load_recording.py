@@ -35,8 +35,6 @@ _TOGETHER_S = 0.5  # a global and a local position within that are of one place
 
 @dataclass
 class _Heard:
-    """The reports of one system so far."""
-
     autopilot: int = GENERIC_AUTOPILOT
     beats: int = 0
     armed: bool = False
@@ -247,7 +245,6 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
 
 
 def _placed(event: Event, plan_time: PlanTime) -> Event:
-    """Return an event from before T0 was known with its plan time."""
     return replace(event, t_s=float(plan_time.t_s(np.array(event.unix_s)))) if math.isnan(event.t_s) else event
 
 

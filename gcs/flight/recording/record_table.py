@@ -180,7 +180,6 @@ def telemetry_logs(folder: Path) -> list[Path]:
 
 
 def _began_us(log: Path) -> int:
-    """The first time that a log knows; 0 for none."""
     return next((one.stamp_us for one in scan(log) if isinstance(one, LoggedFrame) and one.stamp_us), 0)
 
 

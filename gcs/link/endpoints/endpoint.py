@@ -205,7 +205,6 @@ async def _connection(spec: LinkSpec) -> socket.socket:
 
 
 async def _connected(host: str, port: int) -> socket.socket:
-    """A connection to the first address of the host that answers."""
     loop = asyncio.get_running_loop()
     failure = OSError(f"{host} has no address")
     try:

@@ -103,11 +103,6 @@ def decode(message: Message, *, in_bytes: bool) -> Parameter | None:
     return Parameter(name, round(value), kind) if math.isfinite(value) else None
 
 
-def read_request(name: str, peer: Station) -> Message:
-    """Return PARAM_REQUEST_READ by name."""
-    return Message("PARAM_REQUEST_READ", {**peer.target, "param_id": name, "param_index": -1})
-
-
 def set_request(parameter: Parameter, peer: Station, *, in_bytes: bool) -> Message:
     """Return PARAM_SET in the parameter's own type: PX4 ignores any other type without an error."""
     value = encode(parameter, in_bytes=in_bytes)
@@ -226,7 +221,6 @@ class ParameterMachine:
         return [self._request(one) for one in names]
 
     def _spellings(self, name: str) -> tuple[str, ...]:
-        """The names under which a parameter is requested."""
         return (name,)
 
     def _request(self, name: str) -> Message:
@@ -254,7 +248,7 @@ class ParameterReader(ParameterMachine):
         return spellings(self._autopilot, name, self._version)
 
     def _request(self, name: str) -> Message:
-        return read_request(name, self.peer)
+        return Message("PARAM_REQUEST_READ", {**self.peer.target, "param_id": name, "param_index": -1})
 
     def _settles(self, parameter: Parameter) -> bool:
         return True

@@ -369,13 +369,11 @@ class LinkedFleet:
 
 
 def _identity_request(session: VehicleSession) -> Message:
-    """Return the request of AUTOPILOT_VERSION, which has the id of a vehicle."""
     request = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), session.exchange)
     return request.start(0.0)[0]
 
 
 def _is_vehicle(message: Message) -> bool:
-    """Whether this is the HEARTBEAT of an autopilot."""
     return (
         message.name == "HEARTBEAT"
         and message.fields["type"] != MavType.GCS

@@ -165,7 +165,6 @@ class MavsdkVehicle:
             plugin.destroy()
 
     async def _read_any(self, names: tuple[str, ...]) -> Parameter:
-        """The parameter under the first of these names that the vehicle has."""
         for name in names[:-1]:
             with suppress(PeerError):
                 return await self.call(f"read {name}", partial(self._read, name))

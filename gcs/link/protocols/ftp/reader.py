@@ -82,7 +82,18 @@ class FtpReader(FtpTransfer):
             return self._burst(reply, now_s) if in_burst else []
         if matched is None:
             return []
-        return self._answered(reply, now_s)
+        if self.state is FtpState.OPENING:
+            messages = self._opened(reply, now_s)
+            if messages is not None:
+                return messages
+            self.state = FtpState.READING
+            return [self._request_burst(0, now_s)]
+        if self.state is FtpState.CLOSING:
+            return self._finish(None)
+        if reply.opcode == FtpOpcode.NAK:
+            return self._refused(reply, now_s)
+        self._store(reply, now_s)
+        return self._advance(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Return the messages to send after a timer expired."""
@@ -96,20 +107,6 @@ class FtpReader(FtpTransfer):
         self._burst_end_s = self._piece_s = self._size = None
         self._received.clear()
         return super()._open(now_s)
-
-    def _answered(self, reply: FtpPayload, now_s: float) -> list[Message]:
-        if self.state is FtpState.OPENING:
-            messages = self._opened(reply, now_s)
-            if messages is not None:
-                return messages
-            self.state = FtpState.READING
-            return [self._request_burst(0, now_s)]
-        if self.state is FtpState.CLOSING:
-            return self._finish(None)
-        if reply.opcode == FtpOpcode.NAK:
-            return self._refused(reply, now_s)
-        self._store(reply, now_s)
-        return self._advance(now_s)
 
     def _burst(self, reply: FtpPayload, now_s: float) -> list[Message]:
         self._requests.drop(FtpOpcode.BURST_READ_FILE)
@@ -167,7 +164,6 @@ class FtpReader(FtpTransfer):
         ]
 
     def _gaps(self) -> list[tuple[int, int]]:
-        """The (offset, length) of all gaps; without a header, of one piece."""
         return self._received.gaps(DATA_MAX if self._size is None else self._size)
 
     def _request_burst(self, offset: int, now_s: float) -> Message:
@@ -237,7 +233,6 @@ class ReceivedBytes:
 
 
 def _gaps(have: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
-    """Return the (begin, end) within these bounds that no stretch covers."""
     found, here = [], begin
     for start, until in have:
         if start >= end:

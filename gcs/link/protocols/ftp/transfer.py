@@ -216,7 +216,6 @@ class FtpTransfer:
         return [] if self.done else self._fail(PeerError(f"the transfer of {self._path} was cancelled."))
 
     def _open(self, now_s: float) -> list[Message]:
-        """Request the file, in a new session."""
         self.state = FtpState.OPENING
         self._tries -= 1
         self._resume_s = None

@@ -108,7 +108,6 @@ class MissionMachine(TableMachine):
         return self.exchange.estimates or self._repeats < self._timers.retries
 
     def _is_ours(self, message: Message) -> bool:
-        """Whether a message is one of this exchange, about items of our type."""
         return self.exchange.hears(message) and mission_type_of(message) == self.mission_type
 
     def _ack(self, result: MissionResult) -> Message:

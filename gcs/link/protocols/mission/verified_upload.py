@@ -78,7 +78,6 @@ class VerifiedUpload(MissionMachine):
 
     @property
     def _machine(self) -> MissionSender | MissionReceiver | None:
-        """The transfer that runs now."""
         return self._sender if self.state is _S.SENDING else self._reader if self.state is _S.READING else None
 
     def _advance(self, machine: MissionSender | MissionReceiver, now_s: float) -> list[Message]:
