@@ -21,11 +21,11 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum, auto
 
 from gcs.autopilots.parameter_names import spellings
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse, UsageError
 from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import ParameterType
 
@@ -114,15 +114,6 @@ def set_request(parameter: Parameter, peer: Station, *, in_bytes: bool) -> Messa
 _WINDOW = 6
 
 
-class ParameterState(Enum):
-    """See the table above."""
-
-    IDLE = auto()
-    RUNNING = auto()
-    DONE = auto()
-    FAILED = auto()
-
-
 class ParameterMachine:
     """The common part of reader and writer. `values` is complete, by name, once `done` and `error` is None."""
 
@@ -134,7 +125,7 @@ class ParameterMachine:
         version: int | None = None,
     ) -> None:
         self.peer = exchange.peer
-        self.state = ParameterState.IDLE
+        self.state = MachineState.IDLE
         self.error: GcsError | None = None
         self.values: dict[str, Parameter] = {}
         self._autopilot, self._version = exchange.autopilot, version
@@ -149,26 +140,26 @@ class ParameterMachine:
     @property
     def done(self) -> bool:
         """Whether it has ended: with success if `error` is None."""
-        return self.state in (ParameterState.DONE, ParameterState.FAILED)
+        return self.state in (MachineState.DONE, MachineState.FAILED)
 
     @property
     def deadline_s(self) -> float | None:
         """The time of the next `tick`; None if no timer runs."""
-        if self.state is not ParameterState.RUNNING:
+        if self.state is not MachineState.RUNNING:
             return None
         return min((next_s for _, next_s in self._requested.values()), default=None)
 
     def start(self, now_s: float) -> list[Message]:
         """Return the first requests. Raises `ProtocolMisuse` if called twice."""
-        if self.state is not ParameterState.IDLE:
+        if self.state is not MachineState.IDLE:
             raise ProtocolMisuse("a parameter machine was started twice: create a new one.")
-        self.state = ParameterState.RUNNING
+        self.state = MachineState.RUNNING
         return self._next_requests(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Process answers to these requests; ignore all other messages."""
         if (
-            self.state is not ParameterState.RUNNING
+            self.state is not MachineState.RUNNING
             or message.name != "PARAM_VALUE"
             or not message.comes_from(self.peer)
             or (name := self._asked.get(message.fields["param_id"], "")) not in self._requested
@@ -186,7 +177,7 @@ class ParameterMachine:
 
     def tick(self, now_s: float) -> list[Message]:
         """Repeat the requests whose wait has passed."""
-        if self.state is not ParameterState.RUNNING:
+        if self.state is not MachineState.RUNNING:
             return []
         messages = []
         for name, (sent, next_s) in tuple(self._requested.items()):
@@ -194,7 +185,7 @@ class ParameterMachine:
                 continue
             if sent >= self._timers.attempts:
                 self.error = self._timeout_error(name)
-                self.state = ParameterState.FAILED
+                self.state = MachineState.FAILED
                 return []
             messages += self._send(name, sent, now_s)
         return messages
@@ -203,7 +194,7 @@ class ParameterMachine:
         """Stop the requests. No message is sent."""
         if not self.done:
             self.error = PeerError(f"the transfer of parameters of {self.peer} was cancelled.")
-            self.state = ParameterState.FAILED
+            self.state = MachineState.FAILED
         return []
 
     def _next_requests(self, now_s: float) -> list[Message]:
@@ -211,7 +202,7 @@ class ParameterMachine:
         while self._waiting and len(self._requested) < _WINDOW:
             messages += self._send(self._waiting.pop(0), 0, now_s)
         if not self._requested:
-            self.state = ParameterState.DONE
+            self.state = MachineState.DONE
         return messages
 
     def _send(self, name: str, sent: int, now_s: float) -> list[Message]:

@@ -26,7 +26,8 @@ from collections.abc import Callable
 from gcs.errors import GcsError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload
-from gcs.link.protocols.ftp.transfer import FtpState, FtpTransfer
+from gcs.link.protocols.ftp.transfer import FtpTransfer
+from gcs.link.protocols.machine import MachineState
 from gcs.link.wire.message import Message
 
 _WINDOW = 4  # ArduPilot queues five requests
@@ -59,7 +60,7 @@ class FtpReader(FtpTransfer):
     @property
     def data(self) -> bytes:
         """The whole file. Raises `ProtocolMisuse` before it is complete."""
-        if self.state is not FtpState.DONE:
+        if self.state is not MachineState.DONE:
             raise ProtocolMisuse("the file of an FtpReader was read before it was complete.")
         return self._received.first(self._size or 0) or b""
 
@@ -78,17 +79,17 @@ class FtpReader(FtpTransfer):
             return []
         matched = self._requests.match(message, now_s)
         if reply.req_opcode == FtpOpcode.BURST_READ_FILE:
-            in_burst = self.state is FtpState.READING and reply.session == self._session
+            in_burst = self.state is MachineState.READING and reply.session == self._session
             return self._burst(reply, now_s) if in_burst else []
         if matched is None:
             return []
-        if self.state is FtpState.OPENING:
+        if self.state is MachineState.OPENING:
             messages = self._opened(reply, now_s)
             if messages is not None:
                 return messages
-            self.state = FtpState.READING
+            self.state = MachineState.READING
             return [self._request_burst(0, now_s)]
-        if self.state is FtpState.CLOSING:
+        if self.state is MachineState.CLOSING:
             return self._finish(None)
         if reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
@@ -141,7 +142,7 @@ class FtpReader(FtpTransfer):
         if self._size is not None and not self._gaps():
             self._burst_end_s = None
             self._requests.drop()
-            self.state = FtpState.CLOSING
+            self.state = MachineState.CLOSING
             return [self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
         return [] if self._burst_end_s is not None else self._request_missing(now_s)
 
@@ -175,14 +176,14 @@ class FtpReader(FtpTransfer):
         return message
 
     def _fail(self, error: GcsError) -> list[Message]:
-        return self._finish(None if self.state is FtpState.CLOSING and isinstance(error, PeerTimeout) else error)
+        return self._finish(None if self.state is MachineState.CLOSING and isinstance(error, PeerTimeout) else error)
 
     def _finish(self, error: GcsError | None) -> list[Message]:
-        opened = self.state is FtpState.READING
+        opened = self.state is MachineState.READING
         self._requests.drop()
         self._burst_end_s = None
         self.error = error
-        self.state = FtpState.DONE if error is None else FtpState.FAILED
+        self.state = MachineState.DONE if error is None else MachineState.FAILED
         if not opened:
             return []
         seq = self._requests.numbers.next_seq()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, auto
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import NAME, FtpError, FtpOpcode, FtpPayload, FtpRefused, read_payload
+from gcs.link.protocols.machine import MachineState
 from gcs.link.wire.message import Message
 
 _SEQS = 0x10000
@@ -146,19 +146,6 @@ _TEMPORARY = _RESETS | {FtpError.INVALID_SESSION}
 _CLOSED = frozenset({FtpError.FAIL, FtpError.INVALID_SESSION, FtpError.FILE_NOT_FOUND})
 
 
-class FtpState(Enum):
-    """The states of the tables of `FtpReader` and `FtpWriter`."""
-
-    IDLE = auto()
-    OPENING = auto()
-    READING = auto()
-    WRITING = auto()
-    SEALING = auto()
-    CLOSING = auto()
-    DONE = auto()
-    FAILED = auto()
-
-
 class FtpTransfer:
     """One file of one vehicle, opened with `opcode` at most `tries` times, also while another file is open.
 
@@ -168,7 +155,7 @@ class FtpTransfer:
     """
 
     def __init__(self, opcode: FtpOpcode, path: str, exchange: Exchange, tries: int) -> None:
-        self.state = FtpState.IDLE
+        self.state = MachineState.IDLE
         self.error: GcsError | None = None
         self._path = path
         self._timers = exchange.timers.ftp
@@ -182,7 +169,7 @@ class FtpTransfer:
     @property
     def done(self) -> bool:
         """Whether it has ended: with success if `error` is None."""
-        return self.state in (FtpState.DONE, FtpState.FAILED)
+        return self.state in (MachineState.DONE, MachineState.FAILED)
 
     @property
     def heard(self) -> bool:
@@ -198,7 +185,7 @@ class FtpTransfer:
 
     def start(self, now_s: float) -> list[Message]:
         """Return the request for the file. Raises `ProtocolMisuse` if called twice."""
-        if self.state is not FtpState.IDLE:
+        if self.state is not MachineState.IDLE:
             raise ProtocolMisuse(f"an {type(self).__name__} was started twice: create a new one.")
         return self._open(now_s)
 
@@ -216,7 +203,7 @@ class FtpTransfer:
         return [] if self.done else self._fail(PeerError(f"the transfer of {self._path} was cancelled."))
 
     def _open(self, now_s: float) -> list[Message]:
-        self.state = FtpState.OPENING
+        self.state = MachineState.OPENING
         self._tries -= 1
         self._resume_s = None
         self._requests.drop()
@@ -241,7 +228,7 @@ class FtpTransfer:
 
     def _refused(self, reply: FtpPayload, now_s: float) -> list[Message]:
         """Open the file again if it is not open any more, and a try is left; else fail."""
-        if self.state is not FtpState.CLOSING and reply.error in _CLOSED and self._tries > 0:
+        if self.state is not MachineState.CLOSING and reply.error in _CLOSED and self._tries > 0:
             return self._open(now_s)
         return self._fail(FtpRefused(self._requests.peer, self._path, reply))
 
