@@ -74,9 +74,8 @@ class Custody:
         """Raises `FlightError` if one of these vehicles, or any, is armed and was not taken."""
         asked = self._sessions if sysids is None else sysids
         if foreign := [i for i in asked if self._sessions[i].armed and not self.holds(i)]:
-            named = f"vehicle{'s' if len(foreign) > 1 else ''} {', '.join(map(str, foreign))}"
             raise FlightError(
-                f"{named} armed, and not by this flight.",
+                f"{named(foreign)} armed, and not by this flight.",
                 hint="it got no order: leave it to its pilot or ground station until it is disarmed, then fly again; "
                 "`--waive disarmed` does not change whose it is",
             )

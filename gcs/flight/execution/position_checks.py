@@ -60,7 +60,7 @@ class PositionChecks:
     def conflicts(self, now_s: float, t_s: float, *, gathers: bool) -> list[Incident]:
         """Return an incident for each conflict; its first vehicle is farther from its place than the other one.
 
-        `gathers`: after a standstill of this program no vehicle flies the plan.
+        `gathers`: after a pause of this program no vehicle flies the plan.
         """
         states, views = self._policy.states, self._monitor.views
         armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]

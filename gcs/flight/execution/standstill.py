@@ -21,7 +21,7 @@ from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, p
 from gcs.flight.contingency.policy import Action, Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import ALL_VEHICLES
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Event
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.util.steady_loop import host_s, stalls_of
 
@@ -99,7 +99,7 @@ class Standstill:
         self,
         now_s: float,
         t_s: float,
-        note: Callable[[float, float, int, str, str], None],
+        on_event: Callable[[Event], None],
         carry_out: Callable[[Order, float], None],
     ) -> float:
         """Lead the vehicles back to the plan, or home, once it is known which; return the plan time."""
@@ -109,7 +109,7 @@ class Standstill:
         how = self.step(now_s, lambda sysid: not self._carrier.stands(sysid))
         if how is None:
             return t_s
-        note(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how))
+        on_event(Event(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how)))
         orders = [order for incident in self.incidents(how, now_s) for order in self._policy.take(incident)]
         back = [order for order in orders if order.action is Action.REJOIN]
         for order in orders:
@@ -117,7 +117,7 @@ class Standstill:
                 carry_out(order, t_s)
         if back and isinstance(how, Rejoin):
             words = self.lead_back([order.sysid for order in back], how, now_s)
-            note(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule)
+            on_event(Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule))
         return now_s - self._monitor.t0_s
 
     def incidents(self, how: Rejoin | str, now_s: float) -> list[Incident]:

@@ -127,7 +127,7 @@ class Streamer:
         await self.obey(vehicle)
 
     def hush(self) -> None:
-        """After a standstill of this program, send nothing until `resume`, or for `_HUSHED_S` at most.
+        """After a pause of this program, send nothing until `resume`, or for `_HUSHED_S` at most.
 
         Until what has waited is read, the vehicles' clocks and positions are old.
         """
