@@ -29,9 +29,9 @@ from gcs.flight.monitoring.progress import (
     FlightHooks,
     FlightTimes,
     NearestPair,
-    PlanTime,
     Step,
     Watcher,
+    flown_plan_time,
 )
 from gcs.flight.recording.flight_folder import (
     EVENTS,
@@ -170,8 +170,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with held_folder(folder):
         flew = ctrl_c.run(_fly(now, ctrl_c))
     watcher.lap("fly")
-    noted = ((event.unix_s, event.t_s) for event in read_events(folder / EVENTS))
-    times = replace(flew.times, clock=PlanTime.of(flew.times.t0_unix_s, noted))
+    times = replace(flew.times, clock=flown_plan_time(flew.times.t0_unix_s, read_events(folder / EVENTS)))
     verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
     extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
     watcher.lap("judge")

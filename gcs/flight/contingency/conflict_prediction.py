@@ -6,8 +6,9 @@ There are two hypotheses, and a conflict under either one counts:
   deviation, which drifts on for about half a second until its controller acts. With a mission of its own it continues
   along its own predicted track, from where it is and as much slower or faster as it is now. A vehicle off the plan
   continues straight on; that counts for `STRAIGHT_S` only, because orders make it brake and turn.
-- Both vehicles on the plan go straight on. Where the plan itself has two vehicles fly so towards each other that they
-  would come within `PLANNED` times the limit, this hypothesis says nothing.
+- Both vehicles on the plan go straight on; for `FOLLOWS_S` only if followers brake with their leader. Where the plan
+  itself has two vehicles fly so towards each other that they would come within `PLANNED` times the limit, this
+  hypothesis says nothing.
 
 Before T0 a vehicle climbs on at its present rate up to its hover, as far to the side of its pad as it is: gusts move
 it, and it comes back. A vehicle more than `COLUMN_M` to the side is off the plan.
@@ -30,6 +31,7 @@ from gcs.types import Array
 
 HORIZON_S, STEP_S = 6.0, 0.25
 STRAIGHT_S = 3.0
+FOLLOWS_S = 1.0  # then a follower has the speed of its leader
 PLANNED = 2.0
 FADE_S = 0.5
 COLUMN_M = 1.0
@@ -49,13 +51,16 @@ class Conflict:
 class SeparationWatch:
     """Checks all pairs; it reports a conflict at every check while it lasts."""
 
-    def __init__(self, plan: Plan, limit_m: float, tracks: PredictedTracks | None = None) -> None:
-        """`tracks`: of vehicles that fly missions of their own."""
+    def __init__(
+        self, plan: Plan, limit_m: float, tracks: PredictedTracks | None = None, *, follow: bool = False
+    ) -> None:
+        """`tracks`: of vehicles that fly missions of their own. `follow`: followers go with their leader."""
         self._plan = plan
         self._limit_m = limit_m
         self._tracks = tracks
         self._hover_down_m = plan.states(np.array([plan.airborne_s]))[:, 0, POSITION][:, 2]
         self._seen: dict[tuple[int, int], int] = {}
+        self._straight_s = FOLLOWS_S if follow else HORIZON_S
         self._ahead_s = np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S)
 
     def look(
@@ -108,8 +113,8 @@ class SeparationWatch:
 
         Rows of `flown` and `planned` (P, 2, 3) are relative positions and velocities.
         """
-        least_m, _ = least_distance(flown[:, 0], flown[:, 0] + HORIZON_S * flown[:, 1])
-        planned_m, _ = least_distance(planned[:, 0], planned[:, 0] + HORIZON_S * planned[:, 1])
+        least_m, _ = least_distance(flown[:, 0], flown[:, 0] + self._straight_s * flown[:, 1])
+        planned_m, _ = least_distance(planned[:, 0], planned[:, 0] + self._straight_s * planned[:, 1])
         least_m[planned_m < PLANNED * self._limit_m] = np.inf
         closing, squared = np.sum(flown[:, 0] * flown[:, 1], axis=-1), np.sum(flown[:, 1] ** 2, axis=-1)
         inside = np.sum(flown[:, 0] ** 2, axis=-1) - self._limit_m**2

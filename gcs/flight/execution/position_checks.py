@@ -26,7 +26,9 @@ class PositionChecks:
         self.lands = False
         self._plan, self._vehicles, self._monitor = plan, fleet.vehicles, fleet.monitor
         self._policy = policy
-        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks)
+        self._separation = SeparationWatch(
+            plan, judged_separation_m(plan.scenario), fleet.tracks, follow=fleet.options.follow
+        )
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
 

@@ -21,7 +21,7 @@ from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, p
 from gcs.flight.contingency.policy import Action, Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import ALL_VEHICLES, Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN, Event
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.util.steady_loop import host_s, stalls_of
 
@@ -116,8 +116,11 @@ class Standstill:
             if order not in back:
                 carry_out(order, t_s)
         if back and isinstance(how, Rejoin):
+            t0_unix_s = self._monitor.t0_s
             words = self.lead_back([order.sysid for order in back], how, now_s)
-            on_event(Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule))
+            waits_s = t0_unix_s + now_s - self._monitor.t0_s  # when the plan was where it goes on now
+            off_plan = {OFF_PLAN: (min(self._before_s, waits_s), self._begins_s(now_s) + how.fade_s)}
+            on_event(Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule, off_plan))
         return now_s - self._monitor.t0_s
 
     def incidents(self, how: Rejoin | str, now_s: float) -> list[Incident]:
@@ -160,7 +163,7 @@ class Standstill:
 
     def lead_back(self, sysids: list[int], how: Rejoin, now_s: float) -> str:
         """Carry out a rejoin; return it in words: by how much later than planned the flight goes on."""
-        begin_s, before_s = now_s + self._options.lead_s + BEGIN_S, self._monitor.t0_s
+        begin_s, before_s = self._begins_s(now_s), self._monitor.t0_s
         keeps_t0 = abs(how.t_s - (begin_s - before_s)) < 1e-6
         t0_unix_s = before_s if keeps_t0 else begin_s - how.t_s
         later_s = t0_unix_s - before_s
@@ -170,6 +173,9 @@ class Standstill:
         if not keeps_t0:
             self._monitor.set_t0(t0_unix_s)
         return "are led back to the plan" + (f", which goes on {later_s:.1f} s later" if later_s else "")
+
+    def _begins_s(self, now_s: float) -> float:
+        return now_s + self._options.lead_s + BEGIN_S
 
     def close(self) -> None:
         """Nothing is left to be done: also before T0, in a landing, with missions on board."""
@@ -214,7 +220,7 @@ class Standstill:
         return hold_reference(predicted_start(self._plan, vehicle.view, t0_s, begin_s), self._routes)
 
     def _choose(self, vehicles: list[FlightVehicle], now_s: float, before_s: float) -> Rejoin | str:
-        begin_s = now_s + self._options.lead_s + BEGIN_S
+        begin_s = self._begins_s(now_s)
         seen = [vehicle.view.predicted(begin_s) for vehicle in vehicles]
         if not all(np.isfinite(place).all() for place, _ in seen):
             return "the position of a vehicle is not known"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError
-from gcs.flight.monitoring.progress import Event, PlanTime
+from gcs.flight.monitoring.progress import Event, PlanTime, flown_plan_time
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
@@ -225,7 +225,7 @@ def load_recording(path: Path) -> LoadedRecording:
 def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
     plan, _ = read_plan(folder / PLAN)
     events = read_events(folder / EVENTS)
-    plan_time = PlanTime.of(t0_unix_s, ((event.unix_s, event.t_s) for event in events))
+    plan_time = flown_plan_time(t0_unix_s, events)
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
     record = (

@@ -78,9 +78,10 @@ def straight(
     aloft: tuple[int, ...] = (1, 2, 3),
     starting: tuple[int, ...] = (),
     tracks: PredictedTracks | None = None,
+    follow: bool = False,
 ) -> dict[tuple[int, int], tuple[float, float]]:
     """Conflicts of the straight plan at the third look, as (seconds ahead, metres) by pair."""
-    ours = SeparationWatch(straight_plan(), limit_m, tracks)
+    ours = SeparationWatch(straight_plan(), limit_m, tracks, follow=follow)
     for looks in range(3):
         views = reported(t_s, T0, ages_s)
         move(views)
@@ -134,6 +135,13 @@ def test_two_who_fly_towards_each_other_are_seen_six_seconds_ahead(age_s: float)
     assert straight(0.0, 2.0, move=moved(1, off_mps=(0.45, 0.0, 0.0))) == {}, "that takes longer"
     assert straight(0.0, 2.0, move=moved(1, off_mps=(0.6, 0.0, 0.0)), on_plan=(2, 3)) == {}, "it has an order"
     assert straight(0.0, 2.55, move=moved(1, off_mps=(1.0, 0.0, 0.0))) == {}, "the plan's own 5 m are too near"
+
+
+def test_a_follower_that_brakes_with_its_leader_is_no_conflict() -> None:
+    """Vehicle 1 catches up 2.5 m/s from 5 m behind, but goes with its leader after a second; 3.5 m/s are too fast."""
+    assert (1, 3) in straight(0.0, 2.0, move=moved(1, off_mps=(2.5, 0.0, 0.0)))
+    assert straight(0.0, 2.0, move=moved(1, off_mps=(2.5, 0.0, 0.0)), follow=True) == {}
+    assert (1, 3) in straight(0.0, 2.0, move=moved(1, off_mps=(3.5, 0.0, 0.0)), follow=True)
 
 
 def test_vehicles_on_missions_go_on_along_their_own_tracks_at_their_own_speeds() -> None:
