@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError
-from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
-from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+from gcs.flight.assessment.judge import Tracks, Verdict, judge, judge_reports, load_truth, reported_tracks
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
@@ -45,7 +44,7 @@ from gcs.flight.recording.flight_folder import (
     read_events,
     report_data,
 )
-from gcs.flight.recording.flight_journal import FlightJournal
+from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
@@ -191,7 +190,6 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
 
 
 def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
-    """The verdict on emulated vehicles, their true tracks, and what the report says of the emulation."""
     order, plan = now.order, now.order.plan
     truth = load_truth(now.folder / "truth.npz")
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
@@ -204,7 +202,6 @@ def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, 
 
 
 def _judged_reports(now: _Prepared, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
-    """The verdict on vehicles of a link, and their reported tracks; no verdict without telemetry."""
     plan, link = now.order.plan, now.order.link
     record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
     tracks = reported_tracks(plan, record, times.plan_time)
@@ -219,8 +216,6 @@ def refuse_late_starts(scenario: Scenario) -> None:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """A flight whose folder and files are made."""
-
     order: FlightRun
     watcher: Watcher
     folder: Path
@@ -241,8 +236,6 @@ class _Ended:
 
 
 class _LinkedFlight:
-    """One flight between the opening and the closing of its links."""
-
     def __init__(self, now: _Prepared, ctrl_c: Stoppable) -> None:
         order = now.order
         self._now, self._order, self._plan, self._ctrl_c = now, order, order.plan, ctrl_c
@@ -352,8 +345,17 @@ class _LinkedFlight:
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
             self._checks = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
-            for event in _waived(self._checks, sessions):
-                self._journal.on_event(event)
+            now_s = host_s(asyncio.get_running_loop())
+            times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
+            for check in self._checks:
+                if check.waived:
+                    unix_s = times[check.sysid]
+                    what = f"failed the pre-flight check {check.name}, waived: {check.measured}"
+                    what += f" (required: {check.required})"
+                    rule = f"The operator waived it for this flight: --waive {check.name}"
+                    self._journal.on_event(
+                        Event(math.nan if unix_s is None else unix_s, math.nan, check.sysid, what, rule)
+                    )
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
@@ -363,25 +365,7 @@ async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
     return await _LinkedFlight(now, ctrl_c).run()
 
 
-def _waived(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
-    """Return an event for each check that failed and was waived, for the flight's folder."""
-    now_s = host_s(asyncio.get_running_loop())
-    times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
-    return [
-        Event(
-            math.nan if (unix_s := times[c.sysid]) is None else unix_s,
-            math.nan,
-            c.sysid,
-            f"failed the pre-flight check {c.name}, waived: {c.measured} (required: {c.required})",
-            f"The operator waived it for this flight: --waive {c.name}",
-        )
-        for c in checks
-        if c.waived
-    ]
-
-
 def _skew(late_s: dict[int, float]) -> dict[str, object]:
-    """Return the spread of the delays and the delay of each vehicle, in seconds; null for one that never flew."""
     skew = skew_s(late_s.values())
     late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
     return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}

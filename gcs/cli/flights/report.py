@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.comparison import LandingError
     from gcs.flight.assessment.judge import Truth, Verdict
     from gcs.flight.assessment.route_passing import Track
-    from gcs.flight.monitoring.plan_time import PlanTime
+    from gcs.flight.monitoring.progress import PlanTime
     from gcs.plan.trajectory.plan import Plan
     from gcs.types import JsonObject
 
@@ -37,8 +37,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
     from gcs.errors import FileFormatError
     from gcs.flight.assessment.comparison import compare, landing_errors
-    from gcs.flight.assessment.judge import judge, load_truth
-    from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+    from gcs.flight.assessment.judge import judge, judge_reports, load_truth, reported_tracks
     from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.monitoring.monitor import skew_s
     from gcs.flight.monitoring.progress import FlightTimes, flown_plan_time
@@ -115,7 +114,6 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
 
 def _known(values: JsonObject) -> JsonObject:
-    """Values for `--json`: null where a number is not known."""
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
 
 
@@ -165,7 +163,6 @@ def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:
 
 
 def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:
-    """The largest formation error between T0 and the planned arrival, and its plan time; None without one."""
     import numpy as np
 
     errors, t_s = (record.column(name).to_numpy() for name in ("formation_error_m", "t_s"))

@@ -59,8 +59,19 @@ def upload(
     held, changes = Stoppable().run(_upload(wanted, screen, watch))
     record = None
     if held is not None:
-        record = _write_record(to, plan.scenario.name, held)
-        _show_missions(screen, held)
+        from gcs.cli.shared.console import to_json
+        from gcs.util.atomic_write import atomic_write
+
+        record = to / f"{datetime.now():%Y-%m-%d-%H%M%S}-{plan.scenario.name}.json"
+        digests = {str(sysid): digest for sysid, digest in held.digests.items()}
+        data = {"format": "skein-upload", "plan_hash": held.plan_hash, "digests": digests}
+        atomic_write(record, to_json(data | {"parameters": [_change_data(one) for one in held.changes]}) + "\n")
+        from rich.table import Table
+
+        table = Table("vehicle", "mission sent", "why", title="missions on board, read back and equal")
+        for sysid, way in sorted(held.sent_as.items()):
+            table.add_row(str(sysid), way.transfer.value, way.reason)
+        screen.show(table)
         have = counted(len(held.digests), "vehicle has its mission", "vehicles have their missions")
         screen.say(f"{have} of plan {plan.hash[:12]}; the read-back is equal")
         if held.changes:
@@ -112,8 +123,6 @@ def restore(
 
 @dataclass(frozen=True)
 class _Upload:
-    """What goes on board, and over which links."""
-
     plan: Plan
     known: Connection
     backend: str
@@ -162,15 +171,6 @@ def _show(screen: Screen, changes: tuple[ParameterChange, ...], why: dict[tuple[
     screen.show(table)
 
 
-def _show_missions(screen: Screen, held: Holdings) -> None:
-    from rich.table import Table
-
-    table = Table("vehicle", "mission sent", "why", title="missions on board, read back and equal")
-    for sysid, way in sorted(held.sent_as.items()):
-        table.add_row(str(sysid), way.transfer.value, way.reason)
-    screen.show(table)
-
-
 def _change_data(change: ParameterChange) -> JsonObject:
     before, after = change.before, change.after
     return {
@@ -182,22 +182,10 @@ def _change_data(change: ParameterChange) -> JsonObject:
     }
 
 
-def _write_record(folder: Path, name: str, held: Holdings) -> Path:
-    from gcs.cli.shared.console import to_json
-    from gcs.util.atomic_write import atomic_write
-
-    path = folder / f"{datetime.now():%Y-%m-%d-%H%M%S}-{name}.json"
-    digests = {str(sysid): digest for sysid, digest in held.digests.items()}
-    changes = [_change_data(change) for change in held.changes]
-    record = {"format": "skein-upload", "plan_hash": held.plan_hash, "digests": digests, "parameters": changes}
-    atomic_write(path, to_json(record) + "\n")
-    return path
-
-
 def read_record(path: Path) -> tuple[ParameterChange, ...]:
     """The parameters that an upload changed, from its record. Raises `FileFormatError`."""
     from gcs.errors import FileFormatError
-    from gcs.link.protocols.parameter import Parameter
+    from gcs.link.protocols.parameter_transfer import Parameter
     from gcs.link.session.upload_fleet import ParameterChange
     from gcs.util.bounded_file import UPLOAD_RECORD, read_file, read_json
 

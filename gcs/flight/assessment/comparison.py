@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitoring.monitor import lateness_s
-from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.progress import PlanTime
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
@@ -45,7 +45,8 @@ def compare(plan: Plan, record: pa.Table, truth: Truth | None, plan_time: PlanTi
             found.append(Comparison(sysid, np.nan, np.nan, np.nan, np.nan))
             continue
         estimated, planned, rate = (
-            _vectors(columns, mine, form) for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
+            np.stack([columns[form.format(axis)][mine] for axis in ("north", "east", "down")], axis=1)
+            for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
         )
         true = np.full_like(estimated, np.nan)
         if truth is not None and sysid in truth.sysids:
@@ -62,10 +63,6 @@ def compare(plan: Plan, record: pa.Table, truth: Truth | None, plan_time: PlanTi
             )
         )
     return tuple(found)
-
-
-def _vectors(columns: dict[str, Array], rows: Array, form: str) -> Array:
-    return np.stack([columns[form.format(axis)][rows] for axis in ("north", "east", "down")], axis=1)
 
 
 def _rms(off: Array) -> float:

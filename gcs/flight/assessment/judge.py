@@ -1,7 +1,7 @@
 """The verdict on a flight: the criteria of the scenario's `[judge]`, from true states, or from what vehicles reported.
 
 True states decide every criterion. Reports are only known within an uncertainty: where that spans a limit, the
-criterion is not known (`gcs.flight.assessment.reported_tracks`).
+criterion is not known (`gcs.flight.assessment.judge`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
@@ -18,7 +19,7 @@ from scipy.spatial.distance import pdist
 from gcs.errors import FileFormatError
 from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.route_passing import route_criterion
-from gcs.flight.monitoring.progress import FlightTimes
+from gcs.flight.monitoring.progress import FlightTimes, PlanTime
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
 from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.trajectory.plan import Plan
@@ -346,3 +347,48 @@ def load_truth(path: Path | str) -> Truth:
         return Truth(tuple(found["sysid"].tolist()), found["t_unix_s"], found["state"])
     except (OSError, ValueError) as problem:
         raise FileFormatError(f"{path} has no true states of a simulated flight: {problem}.", hint=hint) from problem
+
+
+_ACCELERATION_MPS2 = 5.0  # of a vehicle that leans by 27 degrees
+_ENDS_S = 3.0  # a vehicle whose reports end with those of all others was not lost
+_AXES = ("north", "east", "down")
+_FORMS = ("{}_m", "v_{}_mps")
+
+
+def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
+    """Return the verdict on a flight from `reported_tracks`. It counts what `judge` counts, in plan time.
+
+    None where nothing was reported between T0 and the planned arrival.
+    """
+    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s) & ~tracks.off_plan
+    if not on_plan.any() or np.isnan(tracks.ned_m).any():
+        return None
+    landing_s = plan.phase("landing").start_s
+    return judge_tracks(plan, tracks, tracks.during((tracks.t_s >= plan.airborne_s) & (tracks.t_s <= landing_s)))
+
+
+def reported_tracks(plan: Plan, record: pa.Table, plan_time: PlanTime) -> Tracks | None:
+    """Return the tracks of a flight's record from its first armed report to its last one; None without any."""
+    columns = {name: record.column(name).to_numpy() for name in record.column_names}
+    armed_s = columns["unix_s"][columns["armed"]]
+    if not len(armed_s):
+        return None
+    unix_s = np.arange(armed_s.min(), armed_s.max(), GRID_S)
+    places = np.full((len(plan.sysids), len(unix_s), 3), np.nan)
+    horizontal_m, vertical_m = np.full((2, len(plan.sysids), len(unix_s)), np.inf)
+    for row, sysid in enumerate(plan.sysids):
+        mine = np.flatnonzero(columns["sysid"] == sysid)
+        mine = mine[np.unique(columns["unix_s"][mine], return_index=True)[1]]
+        if len(mine) < 2:
+            continue
+        told_s = columns["unix_s"][mine]
+        at = {form: np.stack([columns[form.format(axis)][mine] for axis in _AXES], axis=1) for form in _FORMS}
+        places[row] = CubicHermiteSpline(told_s, *at.values())(np.clip(unix_s, told_s[0], told_s[-1]))
+        after = np.clip(np.searchsorted(told_s, unix_s), 1, len(mine) - 1)
+        strayed_m = _ACCELERATION_MPS2 * (told_s[after] - told_s[after - 1]) ** 2 / 8.0
+        lost = (unix_s > told_s[-1] + _ENDS_S) & bool(columns["armed"][mine[-1]])
+        for name, within in (("horizontal_within_m", horizontal_m), ("vertical_within_m", vertical_m)):
+            told_m = columns[name][mine]
+            within[row] = np.maximum(told_m[after - 1], told_m[after]) + strayed_m
+            within[row, lost] = np.inf
+    return Tracks(plan_time.t_s(unix_s), places, horizontal_m, vertical_m, plan_time.off_plan(unix_s))

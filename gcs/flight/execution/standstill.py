@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,10 +19,9 @@ from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
 from gcs.flight.contingency.policy import Action, Order, State
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN
+from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN, Event
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.util.steady_loop import host_s, stalls_of
 
@@ -100,7 +99,7 @@ class Standstill:
         self,
         now_s: float,
         t_s: float,
-        note: Callable[[float, float, int, str, str, Mapping[str, object] | None], None],
+        on_event: Callable[[Event], None],
         carry_out: Callable[[Order, float], None],
     ) -> float:
         """Lead the vehicles back to the plan, or home, once it is known which; return the plan time."""
@@ -110,7 +109,7 @@ class Standstill:
         how = self.step(now_s, lambda sysid: not self._carrier.stands(sysid))
         if how is None:
             return t_s
-        note(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how), None)
+        on_event(Event(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how)))
         orders = [order for incident in self.incidents(how, now_s) for order in self._policy.take(incident)]
         back = [order for order in orders if order.action is Action.REJOIN]
         for order in orders:
@@ -121,7 +120,7 @@ class Standstill:
             words = self.lead_back([order.sysid for order in back], how, now_s)
             waits_s = t0_unix_s + now_s - self._monitor.t0_s  # when the plan was where it goes on now
             off_plan = {OFF_PLAN: (min(self._before_s, waits_s), self._begins_s(now_s) + how.fade_s)}
-            note(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule, off_plan)
+            on_event(Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule, off_plan))
         return now_s - self._monitor.t0_s
 
     def incidents(self, how: Rejoin | str, now_s: float) -> list[Incident]:
@@ -143,7 +142,8 @@ class Standstill:
         """
         if not (self._stranded or self.gathers):
             return None
-        flying = self._flying()
+        states = self._policy.states
+        flying = [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
         obey = [v for v in flying if v.session.custom_mode == v.behaviour.guided and is_taken_back(v.sysid)]
         if self._stranded:
             self._stranded = False
@@ -196,10 +196,6 @@ class Standstill:
         """A vehicle has shown only now that it left its mode: all stop again until it follows setpoints."""
         if not self.gathers:
             self._stranded = True
-
-    def _flying(self) -> list[FlightVehicle]:
-        states = self._policy.states
-        return [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
 
     def _heard(self) -> list[FlightVehicle]:
         states, unheard = self._policy.states, (State.SILENT, State.LOST)

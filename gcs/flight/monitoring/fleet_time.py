@@ -210,10 +210,16 @@ class FleetClock:
             elif clock.jumped and abs(shown_s - common_s) > AGREE_S >= abs(shown_s + clock.gnss_off_s - common_s):
                 ahead_s = -clock.gnss_off_s
                 clock.follow_gnss()
-                found.append(_boot_jump(sysid, ahead_s))
+                what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
+                found.append(ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0))
             told, self._told[sysid] = self._told.get(sysid, False), clock.jumped
             if told != clock.jumped:
-                found.append(_gnss_jump(sysid, clock.gnss_off_s) if clock.jumped else _gnss_back(sysid, clock))
+                off_s, bound = clock.gnss_off_s, f"GNSS time {'more than' if clock.jumped else 'within'} {JUMP_S:g} s"
+                what = "has a GNSS time that agrees with its boot clock again"
+                if clock.jumped:
+                    what = f"has a GNSS time that is off by {off_s:+.1f} s: it flies by its boot clock"
+                rule = f"{bound} off is not followed" if clock.jumped else f"{bound} is followed"
+                found.append(ClockChange(sysid, what, rule, off_s))
         return found
 
     def _expected_s(self, clocks: Mapping[int, VehicleClock], now_s: float) -> float | None:
@@ -256,18 +262,3 @@ def differences_s(clocks: Mapping[int, VehicleClock], now_s: float) -> dict[int,
         if others:
             found[sysid] = unix_s - median(others if len(times) == 2 else times.values())
     return found
-
-
-def _gnss_jump(sysid: int, off_s: float) -> ClockChange:
-    what = f"has a GNSS time that is off by {off_s:+.1f} s: it flies by its boot clock"
-    return ClockChange(sysid, what, f"GNSS time more than {JUMP_S:g} s off is not followed", off_s)
-
-
-def _gnss_back(sysid: int, clock: VehicleClock) -> ClockChange:
-    what = "has a GNSS time that agrees with its boot clock again"
-    return ClockChange(sysid, what, f"GNSS time within {JUMP_S:g} s is followed", clock.gnss_off_s)
-
-
-def _boot_jump(sysid: int, ahead_s: float) -> ClockChange:
-    what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
-    return ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0)

@@ -74,7 +74,6 @@ def draw_coverage(plan: Plan, found: Coverage) -> Figure:
 
 
 def _fill(axes: Axes, shape: BaseGeometry, **look: Any) -> None:
-    """Fill polygons (north, east) with their holes."""
     rings = [
         ring
         for part in shapely.get_parts(shapely.orient_polygons(shape))

@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 from gcs.autopilots.parameter_names import in_units_of
 from gcs.errors import FlightError, GcsError, PeerError, UsageError, counted
 from gcs.link.protocols.mission.strategy import SentAs
-from gcs.link.protocols.parameter import Parameter, as_kind
+from gcs.link.protocols.parameter_transfer import Parameter, as_kind
 from gcs.link.session.vehicle_api import Loadable
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mavlink import MissionType
@@ -76,8 +76,6 @@ class UploadFailed(PeerError):
 
 @dataclass
 class _Loading:
-    """One vehicle during the upload."""
-
     session: Loadable
     load: VehicleLoad
     changes: list[ParameterChange] = field(default_factory=list)
@@ -210,7 +208,6 @@ async def _set(one: _Loading, on_step: Callable[[int, str], None]) -> None:
 
 
 async def _roll_back(every: Sequence[_Loading]) -> dict[int, str]:
-    """Clear what was sent and restore parameters. Return the state of each vehicle in words."""
     states = await asyncio.gather(*(asyncio.shield(_roll_back_one(one)) for one in every))
     return {one.session.sysid: state for one, state in zip(every, states, strict=True)}
 

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from gcs.flight.assessment.criterion import Criterion, FlightOutcome
-from gcs.flight.assessment.judge import Truth, Verdict, judge
-from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
-from gcs.flight.monitoring.plan_time import PlanTime
-from gcs.flight.monitoring.progress import OFF_PLAN, Event, FlightTimes, flown_plan_time
-from gcs.flight.monitoring.reported_accuracy import ReportedAccuracy
-from gcs.flight.recording.record_table import build_record
+from gcs.flight.assessment.judge import Truth, Verdict, judge, judge_reports, reported_tracks
+from gcs.flight.monitoring.progress import OFF_PLAN, Event, FlightTimes, PlanTime, flown_plan_time
+from gcs.flight.recording.record_table import ReportedAccuracy, build_record
 from gcs.link.wire.message import Message
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan

@@ -16,7 +16,7 @@ from gcs.flight.assessment import judge
 from gcs.flight.assessment.comparison import compare
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitoring.monitor import Lateness, lateness_s, skew_s
-from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.record_table import FlightReports, build_record, load_record
 from gcs.flight.recording.tlog import Gap, LoggedFrame, scan
 from gcs.link.wire.codec import Codec
