@@ -22,6 +22,7 @@ from gcs.flight.contingency.options import FlightMode, FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
@@ -335,16 +336,17 @@ class _LinkedFlight:
         warn, exported = self._now.watcher.warn, self._now.exported
         return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
 
-    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> None:
-        order, plan, watcher = self._order, self._plan, self._now.watcher
+    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
+        order, plan, watcher, charge = self._order, self._plan, self._now.watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
-            self._checks = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
+            self._checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
             for event in _waived(self._checks, sessions):
                 self._journal.on_event(event)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
+        return charge
 
 
 async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:

@@ -21,6 +21,7 @@ from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.fleet_landing import FleetLanding
 from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.hover_charge import check_hover
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,
@@ -179,8 +180,7 @@ class FlightSequence:
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
-        if self._hooks.on_ready is not None:
-            await self._hooks.on_ready()
+        charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
@@ -203,6 +203,8 @@ class FlightSequence:
         async with alongside(self.contingency.run()):
             await self.each(self._take_off)
             await self.each(until_hovering)
+            if charge is not None:
+                await check_hover(self._fleet, self.contingency.charge, charge, self._tell)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions

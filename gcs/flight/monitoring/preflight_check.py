@@ -8,7 +8,7 @@ from typing import Any
 
 from gcs.errors import FlightError, UsageError
 
-CLOCK, DISARMED, MESSAGES = "clock", "disarmed", "messages"
+BATTERY, CLOCK, DISARMED, MESSAGES = "battery", "clock", "disarmed", "messages"
 CHECKS = {
     DISARMED: "the vehicle is not armed",
     "position estimate": "the estimator's flags are those that a flight needs",
@@ -18,7 +18,7 @@ CHECKS = {
     "home": "its home is where it stands",
     "local frame": "the origin of its local frame is at its pad",
     CLOCK: "TIMESYNC is answered in time, and GNSS time agrees with that of the other vehicles",
-    "battery": "the charge is enough for the plan and the reserve",
+    BATTERY: "the charge is enough for the plan and the reserve, also by the current in the hover before T0",
     "capacity": "the capacity that it is set to is that of [vehicle.power]; a difference is a warning",
     MESSAGES: "it has sent no STATUSTEXT of severity CRITICAL or worse",
 }

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
 
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.session.upload_fleet import Holdings
@@ -205,11 +206,14 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class FlightHooks:
-    """What is called during a flight. `on_ready` may raise to stop it before the upload; `on_read_back` follows it."""
+    """What is called during a flight. `on_read_back` follows the upload.
+
+    `on_ready` may raise to stop the flight before the upload; it returns the charge to end with, None: any.
+    """
 
     on_event: Callable[[Event], None] = _ignore
     on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
-    on_ready: Callable[[], Awaitable[None]] | None = None
+    on_ready: Callable[[], Awaitable[ChargeRule | None]] | None = None
     on_read_back: Callable[[Holdings], None] = _ignore
 
     def spared(self) -> FlightHooks:

@@ -3,14 +3,15 @@
 Every vehicle has every check of `_KINDS`, so that the table of a fleet has no holes.
 
 Battery: with battery and propellers in the scenario, the flight needs the energy of its plan
-(`gcs.plan.trajectory.energy`). Otherwise a full battery is assumed to hover for `endurance_s`, and the flight needs its
-own duration of that, times `effort` for climbs and wind. `reserve` is left at the end.
+(`gcs.plan.trajectory.energy`), in percent of the battery that the vehicle is set to. Otherwise a full battery is
+assumed to hover for `endurance_s`, and the flight needs its own duration of that, times `effort` for climbs and wind.
+`reserve` is left at the end. In the hover before T0 the measured current takes the place of both
+(`gcs.flight.execution.hover_charge`).
 """
 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -20,7 +21,8 @@ import numpy as np
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, counted
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
-from gcs.flight.monitoring.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
+from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
+from gcs.flight.monitoring.preflight_check import BATTERY, CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import VehicleReport, status_report
@@ -36,8 +38,6 @@ from gcs.util.steady_loop import host_s
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with and without an RTK fix: nearer to another pad by more than this
-_CELL_V = 3.7  # nominal, lithium polymer
-_CHARGED_CELL_V = 4.35  # no cell has more
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,11 @@ class _Situation:
     row: int
     report: VehicleReport
     limits: PreflightTable
-    needed: float  # share of a full battery
+    needed: float  # share of the full battery of the scenario
+
+    @property
+    def battery(self) -> OwnBattery:
+        return own_battery(self.report, self.plan.scenario.vehicle.power)
 
     @property
     def pad_ned_m(self) -> Array:
@@ -104,7 +108,7 @@ def preflight(
 
 
 def battery_needed(plan: Plan, limits: PreflightTable) -> Array:
-    """Return the share of a full battery that the flight needs, per vehicle (V,), without the reserve."""
+    """Return the share of the scenario's full battery that the flight needs, per vehicle (V,), without the reserve."""
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     if taken_Wh is None or power is None:
         flight_s = plan.t_end_s - plan.t_start_s
@@ -197,8 +201,11 @@ def _clock_required(_: Plan, limits: PreflightTable) -> str:
 def _battery(now: _Situation) -> _Measured:
     share = now.report.battery_share
     have = "charge not reported" if share is None else f"has {share:.0%}"
-    enough = share is not None and share >= now.needed + now.limits.reserve
-    return _Measured(f"{have}, needs {now.needed:.0%}", enough)
+    needed = now.needed * now.battery.scale(now.plan.scenario.vehicle.power)
+    enough = share is not None and share >= needed + now.limits.reserve
+    own = now.battery
+    of = "" if own.full_Wh is None else f" of {own.full_Wh:.1f} Wh ({own} at {own.nominal_V:.3g} V)"
+    return _Measured(f"{have}, needs {needed:.0%}{of}", enough)
 
 
 def _battery_required(plan: Plan, limits: PreflightTable) -> str:
@@ -207,7 +214,7 @@ def _battery_required(plan: Plan, limits: PreflightTable) -> str:
     if power is None:
         known = f"{limits.endurance_s / 60:g} min of hover assumed: no [vehicle.power]"
     else:
-        known = f"of {power.battery_Wh:g} Wh, need from the plan"
+        known = f"need from the plan; {power.battery_Wh:g} Wh in [vehicle.power]"
     return f"{limits.reserve:.0%} left ({known})"
 
 
@@ -219,15 +226,6 @@ def _capacity(now: _Situation) -> _Measured:
 def _messages(now: _Situation) -> _Measured:
     texts = now.report.critical_texts
     return _Measured("; ".join(texts) or "none", not texts)
-
-
-def nominal_V(power: Power, reported_V: float | None) -> float | None:
-    """Return the nominal voltage of a battery: its own, else 3.7 V for each cell of a charged one that reports."""
-    if power.battery_V is not None:
-        return power.battery_V
-    if reported_V is None or not reported_V > 0.0:
-        return None
-    return _CELL_V * math.ceil(reported_V / _CHARGED_CELL_V)
 
 
 def compare_capacity(report: VehicleReport, power: Power | None, tolerance: float) -> _Measured:
@@ -246,8 +244,8 @@ def compare_capacity(report: VehicleReport, power: Power | None, tolerance: floa
         return own
     known = f"{planned_mAh:.0f} mAh ({power.battery_Wh:g} Wh at {volt:g} V)"
     warning = (
-        f"{name} is {own_mAh:.0f} mAh, [vehicle.power] has {known}: its charge in percent is not that of the plan. "
-        "Set both to the battery that flies"
+        f"{name} is {own_mAh:.0f} mAh, [vehicle.power] has {known}: what the flight needs is told in percent of "
+        "its own. Set both to the battery that flies"
     )
     return own._replace(warning=warning)
 
@@ -269,8 +267,10 @@ async def go_or_no_go(
     limits: PreflightTable,
     show: Callable[[tuple[PreflightCheck, ...]], None],
     waived: Collection[str] = (),
-) -> tuple[PreflightCheck, ...]:
-    """Return the checks of all vehicles, after `show`; failed ones named in `waived` do not stop the flight.
+) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
+    """Return the checks of all vehicles, after `show`, and the charge to end with; None if that is waived.
+
+    Failed checks that `waived` names do not stop the flight.
 
     Raises `FlightError` for a no-go, `DuplicateSystemId`.
     """
@@ -284,7 +284,11 @@ async def go_or_no_go(
     checks = waive(preflight(plan, reports, limits), waived)
     show(checks)
     refuse_no_go(checks)
-    return checks
+    if BATTERY in waived:
+        return checks, None
+    power = plan.scenario.vehicle.power
+    batteries = {sysid: own_battery(report, power) for sysid, report in reports.items()}
+    return checks, ChargeRule(limits.reserve, limits.effort, batteries)
 
 
 async def preflight_report(session: VehicleSession, where: str = "") -> VehicleReport:
@@ -323,7 +327,7 @@ _KINDS = {
     "home": _Kind(lambda _, limits: f"within {limits.home_m:g} m", _home),
     "local frame": _Kind(lambda _, limits: f"within {limits.origin_m:g} m", _local_frame),
     CLOCK: _Kind(_clock_required, _clock),
-    "battery": _Kind(_battery_required, _battery),
+    BATTERY: _Kind(_battery_required, _battery),
     "capacity": _Kind(capacity_required, _capacity),
     "messages": _Kind(lambda _, __: "no critical text", _messages),
 }
