@@ -209,6 +209,7 @@ ARDUPILOT = columns.AutopilotTraits(
         estimator=_ESTIMATOR,
         startup_texts=("PreArm: ", "Arm: "),  # PreArm is repeated every 30 s while a condition is missing
         capacity_parameter="BATT_CAPACITY",
+        fence_parameter="FENCE_ENABLE",
         timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
     ),
     parameter_file=columns.ParameterFileStyle.MISSION_PLANNER,

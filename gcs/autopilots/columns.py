@@ -314,6 +314,7 @@ class LinkBehaviour:
     # How critical STATUSTEXTs begin that belong to the start-up: they count only once the vehicle is ready.
     startup_texts: tuple[str, ...] = ()
     capacity_parameter: str | None = None  # of its battery, mAh; 0 or less: unknown
+    fence_parameter: str = ""  # switches the fence on; without one, a fence on board is in force
     timers: ProtocolTimers = STANDARD
 
 

@@ -34,6 +34,7 @@ from gcs.flight.monitoring.progress import (
     Watcher,
 )
 from gcs.flight.recording.flight_folder import (
+    BEFORE,
     EVENTS,
     PLAN,
     REPORTS,
@@ -49,6 +50,7 @@ from gcs.flight.recording.flight_report import emulation_data, repeat_command, w
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.recording.record_table import write_record
+from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
     TimeKeeping,
     export_for_flight,
@@ -57,7 +59,7 @@ from gcs.flight.setup.build_loads import (
     refuse_no_hour,
     refuse_other_autopilots,
 )
-from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
+from gcs.flight.setup.preflight import go_or_no_go
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
@@ -263,6 +265,9 @@ class _LinkedFlight:
         self._journal = FlightJournal(now.folder, state, now.watcher.say, now.watcher.warn)
         self._checks: tuple[PreflightCheck, ...] = ()
         self._sent: Mapping[int, SentAs] = {}
+        self._loaded: tuple[VehicleLoad, ...] = ()
+        kept, say = self._journal.record.gaps.kept, self._journal.say
+        self._before = BoardBefore(now.folder / BEFORE, self._plan.hash, kept, say)
 
     async def run(self) -> _Ended:
         """Fly, and restore what was changed on board, however the flight ends."""
@@ -285,7 +290,9 @@ class _LinkedFlight:
             finally:
                 await ended(showing)
                 if flight.held is not None:
-                    await insisted(restore_parameters(sessions, flight.held.changes, journal.say))
+                    await insisted(self._before.give_back(sessions))
+                elif flight.step is Step.UPLOAD:
+                    self._before.tell_kept()
 
     def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
         folder, port = self._now.folder, fleet.local_address[1]
@@ -300,6 +307,7 @@ class _LinkedFlight:
 
     def _note_sent(self, held: Holdings) -> None:
         self._sent = held.sent_as
+        self._before.uploaded(held)
         self._journal.on_sent(held.sent_as)
         self._journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
 
@@ -309,6 +317,8 @@ class _LinkedFlight:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.options.follow and len(set(autopilots.values())) > 1:
             self._now.watcher.warn(MIXED_FOLLOWING)
+        emulated = order.link is None
+        self._loaded = missions_only(exported.missions) if emulated else await self._loads(autopilots)
         hooks = FlightHooks(
             self._journal.on_event, self._journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
         )
@@ -321,7 +331,7 @@ class _LinkedFlight:
                 lead_s=SIM_LEAD_S if order.link is None else 0.0,
                 watched_elsewhere=bool(order.also_to),
             ),
-            loads=missions_only(exported.missions) if order.link is None else await self._loads(autopilots),
+            loads=self._loaded,
             stream=self._now.stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
@@ -343,6 +353,7 @@ class _LinkedFlight:
             self._checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
             for event in _waived(self._checks, sessions):
                 self._journal.on_event(event)
+            await self._before.read(sessions, self._loaded)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()

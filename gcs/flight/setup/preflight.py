@@ -19,14 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs.autopilots.traits import link_behaviour
-from gcs.errors import GcsError, PeerError, counted
+from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import BATTERY, CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import VehicleReport, status_report
-from gcs.link.session.upload_fleet import ParameterChange, restore
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
@@ -302,20 +301,6 @@ async def preflight_report(session: VehicleSession, where: str = "") -> VehicleR
     except PeerError:
         return replace(report, capacity_parameter=name)
     return replace(report, capacity_parameter=name, capacity_mAh=float(capacity_mAh))
-
-
-async def restore_parameters(
-    sessions: Mapping[int, VehicleSession], changes: tuple[ParameterChange, ...], say: Callable[[str], None]
-) -> None:
-    """Restore the parameters from before the upload. A failure is reported by `say`, not raised: the flight is over."""
-    if not changes:
-        return
-    try:
-        await restore(sessions, changes)
-    except GcsError as error:
-        say(f"WARNING: not all parameters were restored: {error.message}")
-    else:
-        say(f"{counted(len(changes), 'parameter')} restored")
 
 
 _KINDS = {
