@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import Machine
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.read_back import compare_missions
@@ -86,9 +87,8 @@ class Air:
         transfer: Transfer = Transfer.ITEMS,
     ) -> Arrived:
         """Until the machine has ended. A vehicle that takes files is known to."""
-        learned = round_trip or RttEstimator()
-        by_items = VerifiedUpload(items, VEHICLE, self.autopilot, round_trip=learned)
-        as_file = FileUpload(items, VEHICLE, self.autopilot, round_trip=learned)
+        exchange = Exchange(VEHICLE, self.autopilot, round_trip=round_trip)
+        by_items, as_file = VerifiedUpload(items, exchange), FileUpload(items, exchange)
         machine: Machine = by_items
         if planned(transfer, self.autopilot, MissionType.MISSION, len(items)).transfer is Transfer.FILE:
             machine = as_file if transfer is Transfer.FILE else Preferred(as_file, by_items)

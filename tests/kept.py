@@ -34,12 +34,10 @@ WEEK_S = 7 * 86400.0
 PATCHES: list[pytest.MonkeyPatch] = []  # of the test under way
 MAKERS = ("gcs/*.py", "gcs/autopilots", "gcs/physics", "gcs/scenario", "gcs/plan", "requirements.lock")
 
-# The environment of a program that shares plans with the tests, and the command `gcs` as such a program.
+# The environment of a program that shares plans with the tests; the command `gcs`, and the same as such a program.
 SHARING = {"PYTHONPATH": str(Path(__file__).resolve().parent / "sharing")}
-GCS = [
-    *("env", *(f"{name}={value}" for name, value in SHARING.items())),
-    *(sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"),
-]
+GCS_ALONE = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
+GCS = ["env", *(f"{name}={value}" for name, value in SHARING.items()), *GCS_ALONE]
 
 
 def folder() -> Path:

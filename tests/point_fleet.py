@@ -188,7 +188,7 @@ class PointFleet:
         if starting:
             self.executor.starts()
         else:
-            self.monitor.begin(EPOCH_S + host_s(self.loop) - self._begin_s)
+            self.monitor.set_t0(EPOCH_S + host_s(self.loop) - self._begin_s)
             self.streamer._schedule(self.monitor.t0_s, ends=True)
             self.executor.flies()
         tasks = [reports, asyncio.ensure_future(self.streamer.run()), asyncio.ensure_future(self.executor.run())]

@@ -11,7 +11,7 @@ import math
 import selectors
 from collections.abc import Callable
 from concurrent.futures import Executor
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 _PATIENCE_S = 60.0  # wall time in which a thread has come to its end
 _WORKING_S = 0.01  # wall time between two looks at a thread that works for the loop
@@ -59,6 +59,28 @@ class VirtualClock:
         end_s = self.now_s + patience_s
         while not condition():
             assert self.to_next(end_s), "it did not happen"
+
+
+class Every:
+    """Does something again and again while the block lasts."""
+
+    def __init__(self, clock: VirtualClock, period_s: float, act: Callable[[], object]) -> None:
+        self.due_s = clock.now_s
+        self._clock, self._period_s, self._act = clock, period_s, act
+
+    def __enter__(self) -> Self:
+        self._clock.moving.append(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._clock.moving.remove(self)
+
+    def hear(self) -> None:
+        """It listens to nobody."""
+
+    def move(self) -> None:
+        self._act()
+        self.due_s += self._period_s
 
 
 class _NoWait(selectors.DefaultSelector):

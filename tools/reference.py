@@ -1,4 +1,4 @@
-"""The generated parts of docs: reference pages, the policy's tables in flying.md, the folders in design.md.
+"""The generated parts of docs: the reference pages, and the tables of other pages that are made from the code.
 
 ./tools/run python tools/reference.py
 """
@@ -14,6 +14,14 @@ from gcs.flight.contingency.detection import DETECTED
 from gcs.flight.contingency.policy import ALL, MEANING, Row, State
 from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 from gcs.flight.recording.tlog import FRAMES_MAX
+from gcs.link.protocols.command import COMMAND
+from gcs.link.protocols.machine import Table, Transition
+from gcs.link.protocols.mission import rules as mission_rules
+from gcs.link.protocols.mission.file_upload import FILE_UPLOAD
+from gcs.link.protocols.mission.item_rewrite import REWRITE
+from gcs.link.protocols.mission.receiver import RECEIVER
+from gcs.link.protocols.mission.sender import SENDER
+from gcs.link.protocols.mission.verified_upload import UPLOAD
 from gcs.mission.drawings import xml_drawing
 from gcs.mission.drawings.route_formats import ROUTE_FORMATS
 from gcs.mission.formats.plan_items import ITEMS_MAX
@@ -36,6 +44,7 @@ from tools.markdown import table
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 MADE = re.compile(r"(^<!-- made by tools/reference\.py [^\n]*-->\n).*?(^<!-- end -->$|\Z)", re.M | re.S)
 HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
+TRANSITIONS = ("state", "event", "if", "next state", "sends", "rule")
 RULES = ("incident", "in state", "if", "new state", "order", "rule")
 Schema = dict[str, Any]
 
@@ -147,6 +156,29 @@ def _rule(row: Row) -> tuple[str, ...]:
     return str(row.trigger), states, row.when.words, row.to or "", row.action or "", row.rule
 
 
+MACHINES: dict[str, Table[Any]] = {
+    "MissionSender": SENDER,
+    "MissionReceiver": RECEIVER,
+    "VerifiedUpload": UPLOAD,
+    "FileUpload": FILE_UPLOAD,
+    "ItemRewrite": REWRITE,
+    "CommandSender": COMMAND,
+}
+
+
+def protocol_tables() -> tuple[str, ...]:
+    """The transitions of each protocol machine, and the rules that their last column names."""
+    parts = []
+    for name, machine in MACHINES.items():
+        parts.append(f"### {name}\n\n{table(TRANSITIONS, map(_transition, machine.rows))}")
+    return "\n".join(parts), f"{mission_rules.__doc__}".partition("Rules\n")[2]
+
+
+def _transition(row: Transition[Any]) -> tuple[str, ...]:
+    states = ", ".join(state.name for state in row.states)
+    return states, row.event, row.when.words if row.when else "", row.to.name if row.to else "", row.sends, row.rule
+
+
 FILE_LIMITS = f"""
 - JSON has at most {JSON_VALUES_MAX:,} values.
 - A mission has at most {ITEMS_MAX:,} items.
@@ -243,6 +275,7 @@ MAKERS: dict[str, Callable[[], str | tuple[str, ...]]] = {
     "commands.md": commands_reference,
     "formats.md": formats_reference,
     "flying.md": policy_tables,
+    "links.md": protocol_tables,
     "design.md": house,
 }
 

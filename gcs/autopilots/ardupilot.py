@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from gcs.autopilots import columns
+from gcs.autopilots.alarms import ARDUPILOT_ALARMS
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
 from gcs.autopilots.waypoint_models import calibration
@@ -191,13 +192,15 @@ ARDUPILOT = columns.AutopilotTraits(
         stream_first_s=0.0,
         lag_s=0.0,  # setpoints that came 0.1 s early put it 0.43 m ahead
         waits_for_time_of_day=True,
-        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS, MessageId.RC_CHANNELS),
+        health_ids=(*columns.HEALTH_IDS, MessageId.FENCE_STATUS),
         failsafe=_FAILSAFE,
+        alarms=ARDUPILOT_ALARMS,
     ),
     landing=columns.LandingBehaviour(
         {"LAND_SPEED": 50.0, "LAND_SPEED_HIGH": 0.0, "LAND_ALT_LOW": 1000.0, "WPNAV_SPEED_DN": 150.0}, _landing_profile
     ),
     link=columns.LinkBehaviour(
+        prearm_bit=True,
         home_is_item_0=True,
         mission_files=True,  # 4.1 and newer
         requests_in_flight=8,  # it answers requests for items in any order

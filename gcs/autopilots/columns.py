@@ -13,6 +13,7 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from gcs.autopilots.alarms import NO_ALARMS, AlarmTexts
 from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers
 from gcs.autopilots.stored_fields import UNKNOWN_STORAGE, ItemStorage
 from gcs.autopilots.waypoint_models.navigator import Navigator
@@ -23,10 +24,11 @@ from gcs.mavlink import EkfFlag, MavCommand, MessageId, ModeFlag
 AMSL, ABOVE_HOME, ABOVE_GROUND = frozenset({0, 5}), frozenset({3, 6}), frozenset({10, 11})
 
 
-# Of an estimate that a formation flies on. The PREARM bit of SYS_STATUS is not among the conditions: it is about the
-# present mode, which is not the one that a vehicle is armed in.
+# Of an estimate that a formation flies on. The PREARM bit of SYS_STATUS is a check of its own (`prearm_bit`).
 POSITION_FLAGS = EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.POS_HORIZ_ABS | EkfFlag.POS_VERT_ABS
 
+
+HEALTH_IDS = (MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.RC_CHANNELS, MessageId.BATTERY_STATUS)
 
 if TYPE_CHECKING:
     from gcs.types import Array
@@ -251,6 +253,7 @@ class FlightBehaviour:
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
     health_ids: tuple[int, ...]  # messages that report failures, and a pilot's input, in flight
     failsafe: FailsafeSigns = FailsafeSigns()
+    alarms: AlarmTexts = NO_ALARMS
     takeoff_modes: frozenset[int] = frozenset()  # shown between arming and the hover, besides `armed_in`
 
     def mode_parameters(self, mode: int) -> tuple[float, ...]:
@@ -313,6 +316,8 @@ class LinkBehaviour:
     mentioned_sensors: frozenset[str] = frozenset({"radio control"})
     # How critical STATUSTEXTs begin that belong to the start-up: they count only once the vehicle is ready.
     startup_texts: tuple[str, ...] = ()
+    # The PREARM bit of SYS_STATUS says whether it can be armed, whatever its present mode.
+    prearm_bit: bool = False
     capacity_parameter: str | None = None  # of its battery, mAh; 0 or less: unknown
     fence_parameter: str = ""  # switches the fence on; without one, a fence on board is in force
     timers: ProtocolTimers = STANDARD

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from gcs.autopilots import columns
+from gcs.autopilots.alarms import PX4_ALARMS
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.stored_fields import ItemStorage, StoredAs, StoredItem, published, recorded
 from gcs.autopilots.waypoint_models import calibration
@@ -191,8 +192,9 @@ PX4 = columns.AutopilotTraits(
         stream_first_s=1.5,
         lag_s=0.1,  # 0.13 s at 20 Hz, less half a period of waiting for the next setpoint
         waits_for_time_of_day=False,
-        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.RC_CHANNELS),
+        health_ids=columns.HEALTH_IDS,
         failsafe=_FAILSAFE,
+        alarms=PX4_ALARMS,
         takeoff_modes=frozenset({px4_mode(4, 2)}),
     ),
     landing=columns.LandingBehaviour(

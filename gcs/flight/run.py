@@ -18,7 +18,8 @@ import numpy as np
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
 from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
@@ -52,7 +53,6 @@ from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_wi
 from gcs.flight.recording.record_table import write_record
 from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
-    TimeKeeping,
     export_for_flight,
     loads_built_aside,
     missions_only,
@@ -228,7 +228,7 @@ class _Prepared:
     watcher: Watcher
     folder: Path
     exported: ExportIndex
-    navigator: str
+    navigator: NavigatorChoice
     stream: SetpointStream
 
 

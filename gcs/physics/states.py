@@ -12,12 +12,6 @@ NX, NU = 12, 4  # components of state and control of one vehicle
 POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 STATE_NAMES = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
 CONTROL_NAMES = ("U1", "U2", "U3", "U4")
-# The same in messages.
-STATE_WORDS = (
-    *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
-    *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
-)
-CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from gcs.errors import FileFormatError
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.passages import passages_contradiction
-from gcs.plan.trajectory.phases import Phase, phases_of
+from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.verify import Check, Report, verify
+from gcs.plan.verification.verify import OK, Check, Report, verdict_of, verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.util.archives import ArrayKind, BadArchive, read_arrays
 from gcs.util.atomic_write import atomic_write
@@ -49,11 +49,22 @@ ARRAYS = {
     "shape_tables_ned_m": ArrayKind("f8", 3, 64 * MIB),
     "checksum": ArrayKind("u1", 1, 32),
 }
+
+
+@dataclass(frozen=True)
+class _StoredMargins:
+    """What decides on a stored check; its name and the rest are for people."""
+
+    worst: float
+    tolerance: float
+    proved: float | None
+
+
 _PHASES = TypeAdapter(tuple[Phase, ...])
 _ROUNDS = TypeAdapter(tuple[MeshRound, ...])
 _ALTERNATIVES = TypeAdapter(tuple[Alternative, ...])
 _MOVES = TypeAdapter(tuple[Move, ...])
-_CHECKS = TypeAdapter(tuple[Check, ...])
+_CHECKS = TypeAdapter(tuple[_StoredMargins, ...])
 _SAME_M = 1e-3  # two verdicts with figures this close say the same
 
 
@@ -92,7 +103,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "moves": [asdict(m) for m in plan.moves],
         "timings_s": plan.timings_s,
         "begin_state": plan.begin_state,
-        "report": asdict(report),
+        "report": {**asdict(report), "checks": [_stored(check) for check in report.checks]},
     }
     if plan.route_s:
         meta["route_s"] = plan.route_s
@@ -196,11 +207,16 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     return arrays
 
 
+def _stored(check: Check) -> dict[str, object]:
+    """A check as the file has it: its constraint by name."""
+    return {"name": check.name, **{key: value for key, value in asdict(check).items() if key != "constraint"}}
+
+
 def _verdict(data: dict[str, Any]) -> StoredVerdict:
     checks = _CHECKS.validate_python(data["checks"])
     separation_m = data["separation_min_m"]
     return StoredVerdict(
-        all(check.ok for check in checks),
+        all(verdict_of(check.worst, check.tolerance, check.proved) in OK for check in checks),
         float(data["clearance_min_m"]),
         None if separation_m is None else float(separation_m),
     )
@@ -221,11 +237,11 @@ def _contradiction(plan: Plan) -> str:
     if plan.begin_state is not None:
         if len(plan.begin_state) != 12 or not np.isfinite(plan.begin_state).all():
             return "the state that it begins with is not 12 finite numbers"
-        mission = next(n for n, phase in enumerate(expected) if phase.name == "mission")
-        expected = (Phase("mission", motion.start_s, expected[mission].end_s), *expected[mission + 1 :])
+        mission = next(n for n, phase in enumerate(expected) if phase.name == PhaseKind.MISSION)
+        expected = (Phase(PhaseKind.MISSION, motion.start_s, expected[mission].end_s), *expected[mission + 1 :])
     if plan.phases != expected or not motion.start_s < plan.flight_s:
         return "its phases are not those of its scenario"
-    mission_s = plan.phase("mission").start_s, plan.phase("mission").end_s
+    mission_s = plan.phase(PhaseKind.MISSION).start_s, plan.phase(PhaseKind.MISSION).end_s
     in_the_air = plan.begin_state is not None
     if wrong := passages_contradiction(plan.scenario, plan.route_s, mission_s, in_the_air=in_the_air):
         return wrong

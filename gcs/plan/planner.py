@@ -20,7 +20,7 @@ from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem, run_up_
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
-from gcs.plan.trajectory.phases import Phase, phases_of
+from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.plan.trajectory.zone_margin import first_with_room
@@ -77,15 +77,15 @@ def make_plan(
     # Changes of the shape do not move the leader's landing point.
     pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]
     span = {p.name: (p.start_s, p.end_s) for p in phases}
-    parts = [vertical(*span["takeoff"], pad, hover[2], yaw_start, vehicle)]
-    if "hover" in span:
-        parts.append(vertical(*span["hover"], hover, hover[2], yaw_start, vehicle))
+    parts = [vertical(*span[PhaseKind.TAKEOFF], pad, hover[2], yaw_start, vehicle)]
+    if PhaseKind.HOVER in span:
+        parts.append(vertical(*span[PhaseKind.HOVER], hover, hover[2], yaw_start, vehicle))
     if run_up is not None:
         parts.append(run_up)
     parts.append(trajectory)
-    if "arrival-hover" in span:
-        parts.append(vertical(*span["arrival-hover"], end, end[2], yaw_end, vehicle))
-    parts.append(vertical(*span["landing"], end, ground[2], yaw_end, vehicle))
+    if PhaseKind.ARRIVAL_HOVER in span:
+        parts.append(vertical(*span[PhaseKind.ARRIVAL_HOVER], end, end[2], yaw_end, vehicle))
+    parts.append(vertical(*span[PhaseKind.LANDING], end, ground[2], yaw_end, vehicle))
     return Plan(
         scenario,
         joined(parts),

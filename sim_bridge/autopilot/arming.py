@@ -68,6 +68,7 @@ class Arming:
         self._event_queue = event_queue
         self.armed = False
         self.options = 0
+        self.refuses = False  # a fault
         self._armed_s = -math.inf
         self._idle_since_s = math.inf
         self._next_check_s = self._reported_s = -math.inf
@@ -105,6 +106,8 @@ class Arming:
             reasons.append("Need Position Estimate")
         if not reasons and not self._readiness.reached(Milestone.CHECKED):
             reasons.append("Need Position Estimate")
+        if trying and self.refuses:
+            reasons.append("Accels inconsistent")
         if mode.intent is Intent.MISSION and not has_mission:
             reasons.append("Mode requires mission")
         elif (trying or self._traits.status_shows_armable) and not self._allowed(mode, has_stream=has_stream):

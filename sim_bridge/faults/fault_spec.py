@@ -131,10 +131,12 @@ WRONG_CRC = FaultKind("wrong-crc", 18, "CalcFileCRC32 of MAVLink FTP answers ano
 REFUSE = FaultKind("refuse-commands", 19, "every command is refused")
 IGNORE = FaultKind("ignore-commands", 20, "no command is carried out or acknowledged")
 CLOCK_JUMP = FaultKind("clock-jump", 21, "GNSS time is ahead by this, fixes are not", (Value("ahead_s", -1e6, 1e6),))
+REFUSE_ARMING = FaultKind("refuse-arming", 22, "arming is refused, with a text that gives the reason")
 
 KINDS = (
     *(LOSS, DUPLICATE, REORDER, CORRUPT, DELAY, SILENT, DIE, REJECT_MISSION, REBOOT),
     *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH, WRONG_CRC, REFUSE, IGNORE, CLOCK_JUMP),
+    REFUSE_ARMING,
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}
 _WHOLE = frozenset({"motor", "sensor"})

@@ -46,7 +46,7 @@ class VehicleFactory:
         """Put the bodies on their pads. Raises `UsageError` for a system id above 254.
 
         `personality` is that of all vehicles; None: each has that of its autopilot in the scenario. `ideal` vehicles
-        fly waypoints on time; others as the original autopilot does.
+        fly waypoints on time; others as the original autopilot does, where that may go both ways by the seed.
         """
         self.sysids = si.sysids(scenario)
         if max(self.sysids) > LARGEST_SYSID:
@@ -77,12 +77,15 @@ class VehicleFactory:
         self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
         self._geodetic = GeodeticPositions(self.airframes, self._origin)
         random = np.random.default_rng([seed, 1])
+        self._reactions: list[int] = np.random.default_rng([seed, 2]).integers(2, size=len(self.sysids)).tolist()
         self.boot_ms: list[int] = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
 
     def vehicle(self, row: int, boot_s: float | None = None) -> Conversation:
         """Return the vehicle of a row in its initial state; its boot clock starts at simulated time `boot_s`."""
         pad_ned_m, sysid, personality = self._pads_ned_m[row], self.sysids[row], self._personalities[row]
         own = personality.identity.autopilot.navigator.within(self._motion.ability)
+        if own.reactions:  # each vehicle is at one end of what its autopilot may do
+            own = own.reactions[self._reactions[row]]
         path_generator = PathGenerator(
             self._motion, self._origin, pad_ned_m, epoch_unix_s=self._epoch_s, navigator=None if self._ideal else own
         )

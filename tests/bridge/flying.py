@@ -15,7 +15,8 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution import streamer
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.progress import Event, FlightHooks, FlightTimes, Step

@@ -81,7 +81,7 @@ async def watched(
         sessions = await linked.vehicles(sysids, 60.0)
         for session in sessions.values():
             session.subscribe(heard.append)
-            for number in (MessageId.LOCAL_POSITION_NED, *WATCHED_IDS):
+            for number in (MessageId.LOCAL_POSITION_NED, MessageId.ATTITUDE, *WATCHED_IDS):
                 await session.set_message_interval(number, 10.0)
         async with asyncio.timeout(120.0):
             while not until():

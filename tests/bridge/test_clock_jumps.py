@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gcs.errors import FlightError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.flight import FlightSequence
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.progress import Step
 from gcs.mavlink import MissionType

@@ -11,6 +11,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.protocols.command import CommandRefused, command_ack
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.protocols.mission.sender import MissionSender
@@ -23,7 +24,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 from tests.fleets import in_their_time
 
 QUICK = ProtocolTimers(mission=MissionTimers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5))
-PATIENT = MissionTimers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)
+PATIENT = ProtocolTimers(mission=MissionTimers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0))
 
 
 def free_port():
@@ -44,6 +45,7 @@ class Vehicle:
         self.me = Station(sysid, 1)
         self.autopilot = autopilot
         self.codec = Codec(*self.me)
+        self.exchange = Exchange(GROUND, me=self.me, timers=PATIENT, estimates=False)
         self.endpoint = UdpEndpoint(f"udpout:127.0.0.1:{PORT}")
         self.machine = None
         self.stored = ()
@@ -63,9 +65,9 @@ class Vehicle:
             if self.mute or not message.is_for(self.me):
                 continue
             if message.name == "MISSION_COUNT":
-                self.machine = MissionReceiver(GROUND, me=self.me, timers=PATIENT, int_requests=False, check=self.check)
+                self.machine = MissionReceiver(self.exchange, int_requests=False, check=self.check)
             elif message.name == "MISSION_REQUEST_LIST":
-                self.machine = MissionSender(self.stored, GROUND, me=self.me, timers=PATIENT)
+                self.machine = MissionSender(self.stored, self.exchange)
                 self.say(*self.machine.start(now_s))
                 continue
             elif message.name == "COMMAND_LONG":

@@ -27,7 +27,7 @@ from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import step_aside
-from tests.fleets import StillFleet, free_port, running_fleet, still_commands
+from tests.fleets import CLOCK, emulated, free_port, running_fleet, still_commands
 from tests.kept import GCS
 
 
@@ -284,8 +284,8 @@ def vehicles_out_there(hop: Plan) -> Iterator[tuple[World, str]]:
 def still(hop: Plan) -> Iterator[tuple[World, str]]:
     """The same; they and commands of this process have virtual time."""
     port = free_port()
-    with still_commands(), StillFleet(hop.scenario, links=[f"udpout:127.0.0.1:{port}"]) as fleet:
-        yield fleet._world, f"udpin:127.0.0.1:{port}"
+    with still_commands(), emulated(hop.scenario, WorldOptions(links=(call(port),)), CLOCK) as world:
+        yield world, f"udpin:127.0.0.1:{port}"
 
 
 @pytest.mark.slow

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.contingency.options import FlightMode
-from gcs.flight.contingency.policy import OnLoss
+from gcs.flight.contingency.choices import FlightMode, OnLoss
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import Flown, fly
 

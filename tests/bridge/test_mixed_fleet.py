@@ -13,7 +13,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerError, UsageError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.setup.build_loads import build_loads
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_load import read_onboard

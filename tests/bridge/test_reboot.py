@@ -9,6 +9,7 @@ import pytest
 
 from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.errors import PeerTimeout
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.wire.message import Message
@@ -56,7 +57,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
             before = fleet.vehicles[1]
             with pytest.raises(PeerTimeout):
                 items = session.as_sent(new, mission(simulation1, new).home)
-                await session.run(MissionSender(items, session.station, timers=TIMERS.mission))
+                await session.run(MissionSender(items, Exchange(session.station, timers=TIMERS, estimates=False)))
             restarted_s = fleet.vehicles[1].on_from_s
             assert fleet.vehicles[1] is not before
             assert fleet.vehicles[1].simulated_s(0) == pytest.approx(restarted_s, abs=1e-9)  # its clock began anew

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.flight import FlightSequence
 from gcs.plan.planner import make_plan
 from gcs.scenario.environment.no_fly import outside_m

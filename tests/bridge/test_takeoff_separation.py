@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FlightError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.monitoring.progress import FlightPart
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly

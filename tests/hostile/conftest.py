@@ -18,7 +18,7 @@ from sim_bridge.personality import by_name
 from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.flying import hop_scenario
-from tests.fleets import StillFleet, free_port, running_fleet, still_commands
+from tests.fleets import CLOCK, StillFleet, emulated, free_port, running_fleet, still_commands
 
 SPEEDUP = 10.0
 MakeVehicles = Callable[..., tuple[World, int]]
@@ -69,6 +69,19 @@ def still(hop: Plan) -> Iterator[MakeStill]:
             return stack.enter_context(StillFleet(hop.scenario, links=[f"udpout:127.0.0.1:{port}"], **options)), port
 
         yield make
+
+
+@pytest.fixture
+def still_vehicles(hop: Plan) -> Iterator[MakeVehicles]:
+    """As `vehicles`; they and commands of this process have virtual time."""
+    with still_commands(), ExitStack() as stack:
+
+        def start(autopilot: str | None = None, **options: Any) -> tuple[World, int]:
+            port = free_port()
+            known = WorldOptions(links=(call(port),), personality=by_name(autopilot) if autopilot else None, **options)
+            return stack.enter_context(emulated(hop.scenario, known, CLOCK)), port
+
+        yield start
 
 
 def all_down(world: World) -> bool:

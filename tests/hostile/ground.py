@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
-from tests.kept import GCS
+from tests.kept import GCS_ALONE, SHARING
 
 PATIENCE_S = 120.0  # of a busy machine
 
@@ -32,9 +32,9 @@ class Ground:
     def __init__(self, *arguments: object, **options: Any) -> None:
         """`options` go to the process: `env` adds to this one's environment, `by` is a command that starts it."""
         by = options.pop("by", ())
-        env = {**os.environ, "PYTHONUNBUFFERED": "1", **options.pop("env", {})}
+        env = {**os.environ, **SHARING, "PYTHONUNBUFFERED": "1", **options.pop("env", {})}
         options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
-        self.process = subprocess.Popen([*by, *GCS, *map(str, arguments)], env=env, **options)
+        self.process = subprocess.Popen([*by, *GCS_ALONE, *map(str, arguments)], env=env, **options)
         self.lines: list[str] = []
         self._coming: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._over = False  # all its output was read

@@ -34,6 +34,7 @@ ONLY_IN = {"casadi": "gcs/plan", "pymavlink": "gcs/link/wire/codec.py", "mavsdk"
 # State machines and formulas: time is an argument, seeds are injected, bytes are handed over.
 SANS_IO = (
     "gcs/autopilots",
+    "gcs/flight/contingency/climb_watch.py",
     "gcs/flight/contingency/conflict_prediction.py",
     "gcs/flight/contingency/decisions.py",
     "gcs/flight/contingency/detection.py",

@@ -9,18 +9,16 @@ from typing import Any
 import numpy as np
 
 from gcs.physics.states import NU
-from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.leg_rows import leg_times
 from gcs.plan.nlp.mesh import Mesh, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S
 from gcs.plan.nlp.program_bounds import STATE_UNIT
+from gcs.plan.nlp.route_phases import first_mesh, leg_times
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS, yaw_rate
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.ocp.stage_functions import REST_SMOOTHING_MPS
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
 from gcs.scenario.schema.scenario import Scenario

@@ -106,7 +106,8 @@ def over_ground(
     if beside is not None:
         axes = figure.axes[0]
         axes.plot(beside[:, 1], beside[:, 0], "k--", lw=1.2, label="our leader")
-        axes.add_artist(axes.get_legend())
+        if (legend := axes.get_legend()) is not None:
+            axes.add_artist(legend)
         axes.legend(handles=axes.lines[-1:], fontsize=8, loc="lower right")
     save(figure, folder, number + 1)
 

@@ -24,17 +24,24 @@ _SAME_MPS = 1e-6
 class LegMotion:
     """Motion along a leg of `length_m`, at most at `top_mps`. `elapsed_s` of `duration_s` have passed."""
 
-    def __init__(self, length_m: float, top_mps: float, limits: RampLimits) -> None:
+    def __init__(self, length_m: float, top_mps: float, limits: RampLimits, slow_down_room: float = 1.0) -> None:
+        """From rest. A slow-down is made if there is `slow_down_room` times the room that it takes."""
         self.length_m = length_m
         self.top_mps = top_mps
         self.elapsed_s = 0.0
         self._limits = limits
+        self._slow_down_room = slow_down_room
         self._plan_from_rest()
 
     @property
     def remaining_s(self) -> float:
         """The time until rest."""
         return self.duration_s - self.elapsed_s
+
+    @property
+    def obeyed(self) -> float:
+        """The speed of the cruise over the speed limit."""
+        return self._change.end_mps / self.top_mps
 
     @property
     def started_s(self) -> float:
@@ -123,7 +130,7 @@ class LegMotion:
     def _change_within(self, room_m: float) -> Ramp:
         now, limits = self._start.end_mps, self._limits
         wait_s = _EASINGS_PER_CHANGE * min(_LONGEST_EASE_S, limits.ease_s)
-        if self.top_mps < now - _SAME_MPS and wait_s * now < room_m:
+        if self.top_mps < now - _SAME_MPS and self._slow_down_room * wait_s * now < room_m:
             # The speed falls by what it would gain from the new speed in half the room: by less where that is short.
             rise = ramp_up(self.top_mps, now, 0.5 * room_m, limits)
             return replace(rise, start_mps=now, end_mps=now - (rise.end_mps - rise.start_mps))

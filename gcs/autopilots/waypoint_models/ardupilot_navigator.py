@@ -2,8 +2,9 @@
 
 The target moves along legs that go from rest to rest and overlap at corners. The next leg is calculated one leg ahead,
 with the speed that is then set. A change of speed takes effect when its leg becomes the present one, and so reaches a
-leg that has already begun (see `ardupilot_leg`). The slope of the path limits speeds. If the vehicle falls behind, the
-time of the target passes more slowly.
+leg that has already begun (see `ardupilot_leg`): there a slow-down is made or not by the room for it, and `reactions`
+are the navigators that ask for a little less and a little more of it. The slope of the path limits speeds. If the
+vehicle falls behind, the time of the target passes more slowly.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from gcs.autopilots.waypoint_models.scurve import RampLimits, ramp_up
 from gcs.autopilots.waypoint_models.tracking import Follower, Following
 
 _NOWHERE_M = 1e-3
+# By so much may the room differ at which an autopilot makes a slow-down: through other parameters, or by rounding.
+_ROOM = 1.1
 _SLACK = 0.05  # a speed lower by this share does not count as falling behind
 
 
@@ -39,12 +42,18 @@ class ArduPilotNavigator:
     input_time_s: float = 0.15
     fastest_mps: float = math.inf
     snap_max_mps4: float = math.inf
+    slow_down_room: float = 1.0  # factor on the room that a slow-down takes
     step_s: float = 0.02
 
     @property
     def delay_begins_m(self) -> float:
         """A delay begins when the target has come to rest at the waypoint."""
         return 0.0
+
+    @property
+    def reactions(self) -> tuple[ArduPilotNavigator, ...]:
+        """A slow-down with about as much room as it takes may be made, by the first, or not, by the second."""
+        return replace(self, slow_down_room=1.0 / _ROOM), replace(self, slow_down_room=_ROOM)
 
     @property
     def snap_mps4(self) -> float:
@@ -83,15 +92,15 @@ class ArduPilotNavigator:
             motion = target.advance(time_rate * step_s)
             steps += 1
             t_s = steps * step_s
-            completed = None
+            completed, obeyed = None, 1.0
             if target.arrived and math.isinf(hold_until_s):
                 index = target.index
                 if not orders.stops_at(index) or math.dist(vehicle.position, target.leg_end) <= self.radius_m:
                     hold_until_s = t_s + orders.holds_s[index]
             if t_s >= hold_until_s and not target.finished:
-                completed, hold_until_s = target.index, math.inf
+                completed, obeyed, hold_until_s = target.index, target.obeyed, math.inf
                 target.next_leg()
-            yield vehicle.state(t_s, completed)
+            yield vehicle.state(t_s, completed, obeyed)
 
     def _pace(self, motion: Motion, vehicle: Follower) -> float:
         """Return the share of the target's speed that the vehicle sustains, at most 1."""
@@ -125,6 +134,11 @@ class _Target:
     def leg_end(self) -> Vector:
         """The waypoint at the end of the present leg."""
         return self._this.destination
+
+    @property
+    def obeyed(self) -> float:
+        """The speed of the present leg's cruise over the speed set for it."""
+        return self._this.motion.obeyed
 
     def advance(self, step_s: float) -> Motion:
         """Advance the target by `step_s` and return its motion."""
@@ -180,7 +194,8 @@ class _Target:
         vertical = navigator.vertical_mps2
         acceleration = limit_along(direction, navigator.acceleration_mps2, vertical, vertical)
         limits = RampLimits(acceleration, navigator.jerk_mps3, navigator.snap_mps4)
-        return NavigatorLeg(origin, destination, direction, LegMotion(length, self._top(direction, speed_of), limits))
+        motion = LegMotion(length, self._top(direction, speed_of), limits, navigator.slow_down_room)
+        return NavigatorLeg(origin, destination, direction, motion)
 
     def _top(self, direction: Vector, speed_of: int) -> float:
         navigator = self._navigator

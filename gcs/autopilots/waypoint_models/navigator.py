@@ -15,13 +15,17 @@ _STILL = (0.0, 0.0, 0.0)
 
 
 class NavigatorState(NamedTuple):
-    """A vehicle's motion at time `t_s` after the start, and the waypoint completed in this step, if any."""
+    """A vehicle's motion at time `t_s` after the start, and the waypoint completed in this step, if any.
+
+    With that comes how fast the leg to it ended its cruise, over the speed set for the leg: 1 if that was obeyed.
+    """
 
     t_s: float
     position_ned_m: Vector
     velocity_ned_mps: Vector
     acceleration_ned_mps2: Vector
     completed: int | None = None
+    obeyed: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,13 @@ class Navigator(Protocol):
     @property
     def delay_begins_m(self) -> float:
         """The distance from a waypoint at which its delay begins; 0 where it begins in rest at the waypoint."""
+
+    @property
+    def reactions(self) -> tuple[Navigator, ...]:
+        """The same navigator at both ends of what the autopilot may do where its reaction is open; empty if nowhere.
+
+        The first obeys a slow-down if in doubt, the last does not.
+        """
 
     def within(self, ability: Ability) -> Navigator:
         """Return the same navigator for a vehicle with this ability."""

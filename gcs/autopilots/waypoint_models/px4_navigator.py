@@ -34,6 +34,11 @@ class Px4Navigator(Approach):
         """A waypoint is reached, and its delay begins, at the acceptance radius."""
         return self.radius_m
 
+    @property
+    def reactions(self) -> tuple[Px4Navigator, ...]:
+        """A new speed holds from the change of the leg, up or down. How PX4 brakes is in `apart_s` of its row."""
+        return ()
+
     def within(self, ability: Ability) -> Px4Navigator:
         """Return the same navigator for a vehicle with this ability."""
         acceleration = min(self.acceleration_mps2, ability.horizontal_mps2)

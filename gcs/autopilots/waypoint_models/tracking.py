@@ -78,7 +78,7 @@ class Follower:
             self.velocity[i] = u + step_s * rate
             self.acceleration[i] = rate
 
-    def state(self, t_s: float, completed: int | None) -> NavigatorState:
-        """Return its present motion, with a time and a completed waypoint."""
+    def state(self, t_s: float, completed: int | None, obeyed: float = 1.0) -> NavigatorState:
+        """Return its present motion, with a time, a completed waypoint, and how the speed of its leg was obeyed."""
         motion = vector(*self.position), vector(*self.velocity), vector(*self.acceleration)
-        return NavigatorState(t_s, *motion, completed)
+        return NavigatorState(t_s, *motion, completed, obeyed)

@@ -9,7 +9,7 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
@@ -17,10 +17,11 @@ from rich.table import Table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import connection
 from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
-from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry
+from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry, until_placed
 from gcs.flight.monitoring.progress import FlightHooks
 from gcs.flight.recording.flight_folder import BEFORE
 from gcs.flight.recording.flight_journal import FlightJournal
@@ -34,7 +35,10 @@ from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.plan_file import load_plan, read_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import refusal
-from gcs.util.aio import Stoppable, each, until
+from gcs.util.aio import Stoppable, each
+
+if TYPE_CHECKING:
+    from gcs.types import JsonObject
 
 _SETTLE_S = 4.0  # from the first vehicle that is heard to the last; HEARTBEAT comes once a second
 
@@ -120,7 +124,7 @@ async def _take_up(
     loads: Sequence[VehicleLoad],
     stream: SetpointStream,
     ctrl_c: Stoppable,
-) -> dict[str, Any]:
+) -> JsonObject:
     options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow, watched_elsewhere=bool(request.also_to))
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
@@ -151,7 +155,7 @@ async def _take_up(
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 
 
-async def _show(flight: FlightSequence, book: FlightState, screen: Screen, *, asks: bool) -> list[dict[str, Any]]:
+async def _show(flight: FlightSequence, book: FlightState, screen: Screen, *, asks: bool) -> list[JsonObject]:
     """Show a table of the vehicles, and return its rows as data. Without `asks` no answer is waited for."""
     stops = [flight.listen(vehicle) for vehicle in flight.vehicles.values()]
     try:
@@ -197,8 +201,4 @@ async def _ask(vehicle: FlightVehicle) -> None:
     """Ask a vehicle for its position; one that does not answer is shown without it."""
     with suppress(PeerError):
         await request_telemetry(vehicle)
-        await until(
-            lambda: bool(np.isfinite(vehicle.view.position_ned_m).all()),
-            vehicle.options.find_timeout_s,
-            f"a position of vehicle {vehicle.sysid}",
-        )
+        await until_placed(vehicle)

@@ -10,6 +10,7 @@ import typer
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.errors import UsageError
+from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLeaderLoss, OnLoss, TimeKeeping
 
 if TYPE_CHECKING:
     from gcs.scenario.schema.scenario import Scenario
@@ -28,8 +29,8 @@ def fly(
         bool, shared.option("With --link: do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
     mode: Annotated[
-        str, shared.option("stream: setpoint stream; mission: waypoint missions on board.", words=("stream", "mission"))
-    ] = "stream",
+        str, shared.option("stream: setpoint stream; mission: waypoint missions on board.", words=tuple(FlightMode))
+    ] = FlightMode.STREAM,
     speedup: Annotated[str, shared.option("With --sim: speed in multiples of real time, or max.")] = "10",
     seed: Annotated[
         int, shared.option("With --sim: seed of the noise of sensors, and of the gusts.", limits=(0, LARGEST_SEED, ""))
@@ -56,24 +57,24 @@ def fly(
         str,
         shared.option(
             "What the other vehicles do when one is lost: land, return or continue.",
-            words=("land", "return", "continue"),
+            words=tuple(OnLoss),
         ),
-    ] = "land",
+    ] = OnLoss.LAND,
     on_leader_loss: Annotated[
         str,
         shared.option(
             "With --follow, when the leader is lost: promote (the next vehicle leads) or return.",
-            words=("promote", "return"),
+            words=tuple(OnLeaderLoss),
         ),
-    ] = "promote",
+    ] = OnLeaderLoss.PROMOTE,
     nav: Annotated[
         str,
         shared.option(
             "With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
             "ideal: it keeps the plan's times; auto: own where it is predicted to meet the table `judge`, else ideal.",
-            words=("auto", "own", "ideal"),
+            words=tuple(NavigatorChoice),
         ),
-    ] = "auto",
+    ] = NavigatorChoice.AUTO,
     gates: Annotated[
         int,
         shared.option(
@@ -118,7 +119,8 @@ def fly(
     """
     screen = Screen(json=json)
     share = None if reserve is None else shared.as_share(reserve)
-    _check(sim, bool(link), mode, speedup, nav, follow, gates)
+    keeping = TimeKeeping(FlightMode(mode), sim, NavigatorChoice(nav), gates)
+    _check(keeping, speedup, on_link=bool(link), follow=follow)
     for name, given in (("--reserve", reserve), ("--waive", waive)):
         if given and sim:
             raise UsageError(f"{name} applies to vehicles on a --link only", hint=f"leave {name} out with --sim")
@@ -128,11 +130,9 @@ def fly(
     watched_at = shared.watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
-    from gcs.flight.contingency.options import FlightMode, FlightOptions
-    from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
+    from gcs.flight.contingency.options import FlightOptions
     from gcs.flight.monitoring.preflight_check import known_checks
     from gcs.flight.run import FlightRun, refuse_late_starts
-    from gcs.flight.setup.build_loads import TimeKeeping
     from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
 
     waived = known_checks(waive or ())
@@ -143,7 +143,7 @@ def fly(
 
     def refuse(scenario: Scenario) -> None:
         _refuse_large(scenario)
-        if mode == "mission":
+        if keeping.mode is FlightMode.MISSION:
             refuse_late_starts(scenario)
         if sim and (fault or wind is not None or gusts is not None):
             refuse_wrong_options(scenario, emulated)
@@ -155,7 +155,6 @@ def fly(
     choices = FlightOptions(
         follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss), waived=waived
     )
-    keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
     run = FlightRun(
         plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
@@ -172,17 +171,17 @@ def _refuse_large(scenario: Scenario) -> None:
         )
 
 
-def _check(sim: bool, link: bool, mode: str, speedup: str, nav: str, follow: bool, gates: int) -> None:
+def _check(keeping: TimeKeeping, speedup: str, *, on_link: bool, follow: bool) -> None:
     """Refuse options that do not go together before heavy imports. Raises `UsageError`."""
-    if sim == link:
+    if keeping.emulated is on_link:
         raise UsageError(
             "give --sim for emulated vehicles, or --link for vehicles on a link, and not both",
             hint="for example `gcs fly missions/simulation1 --sim`",
         )
     shared.as_rate("--speedup", speedup)
-    if follow and mode != "stream":
+    if follow and keeping.mode is not FlightMode.STREAM:
         raise UsageError("--follow needs a setpoint stream", hint="give --mode stream")
-    if gates and (mode != "mission" or nav == "ideal"):
+    if keeping.gates and (keeping.mode is FlightMode.STREAM or keeping.navigator is NavigatorChoice.IDEAL):
         raise UsageError(
             "--gates needs waypoint missions and the autopilot's own navigator",
             hint="add --mode mission and leave --nav ideal out",

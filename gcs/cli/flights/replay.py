@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, as_rate, option, recordings
@@ -11,6 +11,7 @@ from gcs.errors import UsageError
 
 if TYPE_CHECKING:
     from gcs.flight.recording.recording import Recording
+    from gcs.types import JsonObject
 
 
 def replay(
@@ -105,7 +106,7 @@ def _window(recording: Recording, from_s: float | None, until_s: float | None) -
     return first, last
 
 
-def _data(recording: Recording, window: tuple[float, float]) -> dict[str, Any]:
+def _data(recording: Recording, window: tuple[float, float]) -> JsonObject:
     from gcs.autopilots.traits import autopilot_name
 
     def within(t_s: float) -> bool:

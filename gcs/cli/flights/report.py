@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.cli.planning.plan_tables import flown_table
 from gcs.cli.shared.console import Screen
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.route_passing import Track
     from gcs.flight.monitoring.plan_time import PlanTime
     from gcs.plan.trajectory.plan import Plan
+    from gcs.types import JsonObject
 
 
 def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
@@ -114,7 +115,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     return 0
 
 
-def _known(values: dict[str, Any]) -> dict[str, Any]:
+def _known(values: JsonObject) -> JsonObject:
     """Values for `--json`: null where a number is not known."""
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import Screen
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gcs.link.session.status_report import VehicleReport
     from gcs.link.session.vehicle_session import VehicleSession
     from gcs.mission.model import Home
+    from gcs.types import JsonObject
 
 _WIDE = 120  # columns of a terminal that shows everything without breaking words
 _TIMEOUT_S = 10.0
@@ -141,7 +142,7 @@ def _place(place: Home | None) -> str:
     return f"{place.lat_deg:.6f}\n{place.lon_deg:.6f}\n{place.alt_amsl_m:.1f} m"
 
 
-def _data(report: VehicleReport) -> dict[str, Any]:
+def _data(report: VehicleReport) -> JsonObject:
     from dataclasses import asdict
 
     data = asdict(report)

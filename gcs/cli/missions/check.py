@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gcs.mission.check.fleet_check import FleetReport
     from gcs.mission.flight_limits import FlightLimits
     from gcs.mission.formats.mission_file import MissionFile
+    from gcs.types import JsonObject
 
 FINDINGS = 11  # exit code: the files were read, and there are findings
 TIMINGS = {"planned": "at planned speeds", "autopilot": "as a model of the autopilot flies them"}
@@ -81,6 +82,7 @@ def check(
     from gcs.mission.export.atomic_folder import exported_from
     from gcs.mission.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.formats.any_mission import load_missions
+    from gcs.mission.predicted.arrival_spread import spread_in_words
     from gcs.mission.predicted.autopilot_flight import AutopilotFlight
     from gcs.mission.predicted.planned_flight import fly, surroundings
 
@@ -101,11 +103,14 @@ def check(
         modelled = AutopilotFlight(ability_of(quadrotor(scenario), scenario.limits))
         if timing == "autopilot":
             limits = replace(limits, overspeed=OVERSPEED)
-    report = check_fleet(missions, around, limits, modelled if timing == "autopilot" else fly)
+    flown = (modelled, modelled.others) if timing == "autopilot" else (fly, ())
+    report = check_fleet(missions, around, limits, *flown)
     findings = (*changed, *report.findings)
     for finding in findings:
         screen.say(str(finding))
     screen.say(f"{len(missions)} mission{'s' * (len(missions) > 1)}, {report.duration_s:.0f} s {TIMINGS[timing]}")
+    if timing == "autopilot":
+        screen.say(spread_in_words(report.spread_s, [mission.firmware for mission in missions]))
     _summary(screen, missions, report, limits)
     count = len(findings)
     screen.say(f"{count or 'no'} finding{'s' * (count != 1)}")
@@ -169,7 +174,7 @@ def _add(table: Table, criterion: str, least_m: float, proved_m: float, limit_m:
     table.add_row(criterion, f"{least_m:.3f} m", proved, limit, verdict, where)
 
 
-def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:
+def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> JsonObject:
     closest = report.closest
     return {
         "ok": ok,

@@ -192,6 +192,8 @@ def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
 
 def _say_timing(screen: Screen, index: ExportIndex) -> None:
     """Print each vehicle's predicted delay and distance from the plan."""
+    from gcs.mission.predicted.arrival_spread import spread_in_words
+
     timing = index.timing
     if timing is None:
         return
@@ -209,8 +211,9 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
         first, second = near.sysids
         screen.say(
             f"vehicles {first} and {second} come within {near.distance_m:.2f} m at {near.t_s:.1f} s if one is "
-            f"{near.apart_s:g} s early"
+            f"{near.apart_s:.3g} s early"
         )
+    screen.say(spread_in_words(timing.may_differ_s, index.autopilots))
     for number, early_s in enumerate(timing.gates_early_s, start=1):
         screen.say(f"gate {number}: all vehicles arrive {early_s:.1f} s before it opens")
 

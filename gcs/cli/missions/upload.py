@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -60,10 +61,8 @@ def upload(
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
     record = None if dry_run else to / f"{datetime.now():%Y-%m-%d-%H%M%S}-{plan.scenario.name}.json"
-    loading = _upload(
-        screen, plan, known, backend, timed=not untimed, safety=not missions_only, record=record, watch=watch
-    )
-    held, before = Stoppable().run(loading)
+    wanted = _Upload(plan, known, backend, timed=not untimed, safety=not missions_only, record=record)
+    held, before = Stoppable().run(_upload(wanted, screen, watch))
     if held is not None:
         _show_missions(screen, held)
         have = counted(len(held.digests), "vehicle has its mission", "vehicles have their missions")
@@ -126,28 +125,30 @@ async def _give_back(known: Connection, before: Sequence[LoadBefore]) -> tuple[s
         return await give_back(sessions, before)
 
 
-async def _upload(
-    screen: Screen,
-    plan: Plan,
-    known: Connection,
-    backend: str,
-    *,
-    timed: bool,
-    safety: bool,
-    record: Path | None,
-    watch: Stopwatch,
-) -> tuple[Holdings | None, tuple[LoadBefore, ...]]:
-    """The proof of an upload, and what was on board before. Without a `record` of that nothing is changed."""
+@dataclass(frozen=True)
+class _Upload:
+    """What goes on board, and over which links. Without a `record` of what was there before, nothing is changed."""
+
+    plan: Plan
+    known: Connection
+    backend: str
+    timed: bool
+    safety: bool
+    record: Path | None
+
+
+async def _upload(wanted: _Upload, screen: Screen, watch: Stopwatch) -> tuple[Holdings | None, tuple[LoadBefore, ...]]:
     from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.link.session.load_before import read_before, record_before, told
     from gcs.link.session.upload_fleet import upload_fleet
 
-    async with known.open_backend(backend) as fleet:
+    plan, known = wanted.plan, wanted.known
+    async with known.open_backend(wanted.backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
         autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
-        loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
+        loads = await loads_built_aside(plan, autopilots, timed=wanted.timed, safety=wanted.safety, warn=screen.warn)
         watch.lap("missions")
         before = await read_before(sessions, loads, screen.say)
         changes = [change for one in before for change in one.changes]
@@ -156,7 +157,7 @@ async def _upload(
             screen.say(f"on board now, {line}")
         _show(screen, changes, why)
         watch.lap("on board before")
-        if record is None:
+        if (record := wanted.record) is None:
             return None, before
         record_before(record, plan.hash, {}, before)
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,9 @@ from gcs.cli.planning.new_options import COURSES, SurveyOptions, check_survey, p
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, one_of, option
 from gcs.errors import UsageError
+
+if TYPE_CHECKING:
+    from gcs.types import JsonObject
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
 SHAPES = ("triangle", "line", "column", "vee", "grid", "circle", "sphere")
@@ -172,7 +175,7 @@ def new(
         check_survey(surveyed)
     elif surveyed.given():
         raise UsageError(f"{surveyed.given()[0]} needs --survey.", hint="give the area too: --survey AREA")
-    given: dict[str, Any] = {
+    given: JsonObject = {
         "count": count,
         "shape": shape,
         "spacing_m": spacing,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -21,6 +21,7 @@ from gcs.scenario.sources.template import FirstFlight, scenario_text
 
 if TYPE_CHECKING:
     from gcs.scenario.sources.survey_flight import SurveyFlight
+    from gcs.types import JsonObject
 
 _NAMED = 5  # polygons that a sentence names
 _FARTHEST_M = 5_000.0  # from the origin to the area
@@ -28,7 +29,7 @@ _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the
 
 
 def text_of_drawing(
-    folder: Path, file: Path, wanted: dict[str, Any], at: tuple[float, float, float | None] | None, screen: Screen
+    folder: Path, file: Path, wanted: JsonObject, at: tuple[float, float, float | None] | None, screen: Screen
 ) -> tuple[str, list[str]]:
     """The text of the scenario, and the sentences about what is not carried over.
 
@@ -56,7 +57,7 @@ def text_of_drawing(
 
 
 def flight_of_sheets(
-    positions: Path, shapes: list[Path], wanted: dict[str, Any], at: tuple[float, float, float] | None, screen: Screen
+    positions: Path, shapes: list[Path], wanted: JsonObject, at: tuple[float, float, float] | None, screen: Screen
 ) -> tuple[SheetFlight, tuple[float, float, None] | None]:
     """The flight; and its origin where that is the place of the first vehicle. Raises UsageError for a wrong sheet."""
     read = read_flight_sheets(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.planning.plan_tables import route_data, route_table
 from gcs.cli.shared.console import BEGAN_S, Screen
@@ -13,8 +13,10 @@ from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgume
 
 if TYPE_CHECKING:
     from gcs.plan.formation.timeline import Move
+    from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
+    from gcs.types import JsonObject
 
 _BAR = 20  # characters
 
@@ -75,7 +77,7 @@ def plan(
     return screen.ended(None if report.ok else refusal(report))
 
 
-def plan_data(made: Plan, report: Report, path: Path) -> dict[str, Any]:
+def plan_data(made: Plan, report: Report, path: Path) -> JsonObject:
     """What `--json` has of every plan that is written."""
     return {
         "ok": report.ok,
@@ -162,30 +164,33 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     from rich.table import Table
 
     from gcs.cli.shared.plan_argument import verdict_word
-    from gcs.plan.verification.proof.verdict import ROUTE
-    from gcs.scenario.environment.no_fly import in_words, zone_names
+    from gcs.plan.trajectory.constraint_id import Kind
+    from gcs.scenario.environment.no_fly import in_words
 
-    limits = made.scenario.limits
-    zones = {str(name) for name in zone_names(made.scenario)}
-    distance = f"distance to {in_words(made.scenario)}"
-    failed = {distance if check.name in zones else check.name for check in report.failures}
+    limits, failures = made.scenario.limits, [check.constraint for check in report.failures]
+    failed = {constraint.kind for constraint in failures}
     title = f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed"
     table = Table("criterion", "proved", "limit", "verdict", title=title)
+
+    def row(kind: Kind, measured: str, limit: str, title: str = "") -> tuple[str, str, str, str]:
+        return title or kind.value, measured, limit, verdict_word(kind not in failed)
+
     rows = [
-        ("clearance above ground", f"≥ {report.clearance_min_m:.3f} m", f"≥ {limits.clearance_min_m:g} m"),
-        ("Eq. 1 re-integrated over 5 s", f"≤ {report.window_error_max_m * 1e3:.2f} mm", "≤ 10 mm"),
-        ("end position", f"{report.terminal_error_m * 1e3:.3f} mm", "≤ 0.8 mm"),
+        row(Kind.CLEARANCE, f"≥ {report.clearance_min_m:.3f} m", f"≥ {limits.clearance_min_m:g} m"),
+        row(Kind.DRIFT, f"≤ {report.window_error_max_m * 1e3:.2f} mm", "≤ 10 mm"),
+        row(Kind.END_POSITION, f"{report.terminal_error_m * 1e3:.3f} mm", "≤ 0.8 mm"),
     ]
     if report.separation_min_m is not None:
-        rows.insert(1, ("separation", f"≥ {report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
+        rows.insert(1, row(Kind.SEPARATION, f"≥ {report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
     if (nearest := report.nearest_zone) is not None:
-        rows.insert(1, (distance, f"≥ {nearest.distance_m:.3f} m", f"≥ {limits.zone_margin_m or 0.0:g} m"))
+        measured, limit = f"≥ {nearest.distance_m:.3f} m", f"≥ {limits.zone_margin_m or 0.0:g} m"
+        rows.insert(1, row(Kind.ZONE, measured, limit, f"distance to {in_words(made.scenario)}"))
     if made.passages:
-        count = len(made.passages)
-        rows.append((f"{ROUTE}s", f"{count} of {count}", "every one, as it asks"))
-        failed |= {f"{ROUTE}s"} if any(name.startswith(ROUTE) for name in failed) else set()
-    for name, measured, limit in rows:
-        table.add_row(name, measured, limit, verdict_word(name not in failed))
+        passed = f"{len(made.passages)} of {len(made.passages)}"
+        as_asked = verdict_word(not any(constraint.is_of_route for constraint in failures))
+        rows.append(("route points", passed, "every one, as it asks", as_asked))
+    for cells in rows:
+        table.add_row(*cells)
     screen.show(table)
 
 
@@ -244,12 +249,12 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
     from gcs.plan.verification.verify import refusal
 
     loaded, report = load_plan(plan, screen.warn)
-    shown: set[str] = set()
+    shown: set[ConstraintId] = set()
     table = Table("criterion", "margin", "limit", "verdict", "least at")
     for check in sorted(report.checks, key=lambda c: c.worst):
-        if check.name in shown and check.ok:
+        if check.constraint in shown and check.ok:
             continue
-        shown.add(check.name)
+        shown.add(check.constraint)
         when = "" if check.t_s is None else f" {check.t_s:.2f} s"
         vehicle = "" if check.sysid is None else f", {check.sysid}"
         # Where the limit is violated, the violation that was found says more than the bound.

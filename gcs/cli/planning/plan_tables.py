@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError, counted
@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gcs.flight.assessment.route_passing import PointPassed
+    from gcs.plan.trajectory.constraint_id import PointName
     from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import Scenario
+    from gcs.types import JsonObject
 
 _NAMED = 5  # places that are not covered
 _SQUARE_M_PER_HA = 10_000.0
@@ -25,7 +27,7 @@ SHOWN = 20  # vehicles of a table on a terminal; a pipe or a file gets all
 _DIGITS = {"lat_deg": 7, "lon_deg": 7, "alt_amsl_m": 3, "north_m": 3, "east_m": 3}
 
 
-def route_data(plan: Plan) -> list[dict[str, Any]]:
+def route_data(plan: Plan) -> list[JsonObject]:
     """The route points ahead, with time, place and speed of the leader at each."""
     import numpy as np
 
@@ -86,13 +88,13 @@ def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Tab
     return table
 
 
-def _short(title: str) -> str:
+def _short(title: PointName) -> str:
     from rich.markup import escape
 
-    return escape(title.removeprefix("point "))
+    return escape(str(title).removeprefix("point "))
 
 
-def say_coverage(screen: Screen, plan: Plan) -> dict[str, Any]:
+def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     """Print the coverage of a plan's survey, and return it for `--json`; nothing where there is no survey."""
     from gcs.plan.verification.coverage import coverage
 
@@ -128,7 +130,7 @@ def say_coverage(screen: Screen, plan: Plan) -> dict[str, Any]:
     }
 
 
-def pads_of(scenario: Scenario) -> list[dict[str, Any]]:
+def pads_of(scenario: Scenario) -> list[JsonObject]:
     """The take-off point of every vehicle."""
     from gcs.frames import ned_to_geodetic
     from gcs.scenario.values.si import local_origin, pads_ned_m, sysids
@@ -143,7 +145,7 @@ def pads_of(scenario: Scenario) -> list[dict[str, Any]]:
     ]
 
 
-def say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
+def say_pads(screen: Screen, pads: list[JsonObject]) -> None:
     """Print the table."""
     from rich.table import Table
 
@@ -174,7 +176,7 @@ def refuse_no_csv(path: Path) -> None:
         raise UsageError(f"--pads {path}: pads are written as CSV", hint=f"write --pads {path.with_suffix('.csv')}")
 
 
-def write_pads(pads: list[dict[str, Any]], path: Path) -> None:
+def write_pads(pads: list[JsonObject], path: Path) -> None:
     """Write all pads as CSV, one row for each vehicle. Raises UsageError where that is impossible."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.planning.plan_tables import (
     pads_of,
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
     from gcs.scenario.schema.scenario import Scenario
+    from gcs.types import JsonObject
 
 STEP_S = 0.2
 # Of keys of `--json` that text names otherwise.
@@ -102,7 +103,7 @@ def show(
     )
 
 
-def _scenario(scenario: Scenario) -> dict[str, Any]:
+def _scenario(scenario: Scenario) -> JsonObject:
     from gcs.plan.verification.navigation_margins import navigation_in_words
     from gcs.scenario.validation.vehicle_rules import hover_share
     from gcs.scenario.values.si import quadrotor, sysids
@@ -181,7 +182,7 @@ def _autopilots(scenario: Scenario) -> str:
     return "; ".join(f"{kind.key}: {', '.join(str(sysid) for sysid, k in rows if k is kind)}" for kind in kinds)
 
 
-def _plan(plan: Plan, report: Report) -> dict[str, Any]:
+def _plan(plan: Plan, report: Report) -> JsonObject:
     """The figures of a plan, and of its verification when it was loaded."""
     from gcs.plan.cost_terms import cost_terms
     from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh

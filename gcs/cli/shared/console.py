@@ -6,6 +6,7 @@ With `--json` stdout carries exactly one object, and stderr carries warnings onl
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -19,6 +20,8 @@ from gcs.errors import GcsError, for_people
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+
+    from gcs.types import JsonObject
 
 
 BEGAN_S = time.perf_counter()  # this module is among the first to be imported
@@ -48,8 +51,10 @@ class Screen:
             _line(sys.stdout, text)
 
     def warn(self, text: str) -> None:
-        """Print one warning line: on stdout among the others, or on stderr with `--json`."""
-        _line(sys.stderr if self.json else sys.stdout, f"WARNING: {for_people(text)}")
+        """Print one warning line, red on a terminal: on stdout among the others, or on stderr with `--json`."""
+        stream, line = sys.stderr if self.json else sys.stdout, f"WARNING: {for_people(text)}"
+        colour = stream is not None and stream.isatty() and "NO_COLOR" not in os.environ
+        _line(stream, f"\x1b[1;31m{line}\x1b[0m" if colour else line)
 
     def ask(self, question: str) -> None:
         """Print a question that you must answer to go on; on stderr with `--json`."""
@@ -60,7 +65,7 @@ class Screen:
         if not self.json:
             self.console.print(picture)
 
-    def result(self, data: dict[str, Any]) -> None:
+    def result(self, data: JsonObject) -> None:
         """Print the one JSON object, with `--json` only; `"ok"` is true unless `data` has another value."""
         if self.json:
             self._object({"ok": True, **data})
@@ -104,7 +109,7 @@ class Screen:
                 stack.enter_context(safe.without_waiting())
             yield
 
-    def _object(self, data: dict[str, Any]) -> None:
+    def _object(self, data: JsonObject) -> None:
         text = to_json(data)
         try:
             text.encode(getattr(sys.stdout, "encoding", None) or "utf-8")

@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,72 +40,70 @@ def one_of(*words: str) -> Completion:
 
 def missions(incomplete: str) -> list[str]:
     """Mission folders, and scenario and plan files that stand outside them."""
-    return _found(incomplete, SCENARIO, (PLAN, ".toml"))
+    return _Search(SCENARIO, (PLAN, ".toml")).found(incomplete)
 
 
 def plans(incomplete: str) -> list[str]:
     """Plan files."""
-    return _found(incomplete, None, (PLAN,))
+    return _Search(None, (PLAN,)).found(incomplete)
 
 
 def flights(incomplete: str) -> list[str]:
     """Folders of flights, the newest first."""
-    return sorted(_found(incomplete, FLIGHT, ()), reverse=True)
+    return sorted(_Search(FLIGHT, ()).found(incomplete), reverse=True)
 
 
 def recordings(incomplete: str) -> list[str]:
     """Folders of flights, the newest first, and logs."""
-    return [*flights(incomplete), *_found(incomplete, FLIGHT, (".tlog",), folders=False)]
+    return [*flights(incomplete), *_Search(FLIGHT, (".tlog",), folders=False).found(incomplete)]
 
 
-def _found(incomplete: str, mark: str | None, suffixes: tuple[str, ...], *, folders: bool = True) -> list[str]:
-    """The folders that hold a file `mark`, and the files outside them that end so, as the user began to type them."""
-    typed, slash, begun = incomplete.rpartition("/")
-    found: list[str] = []
-    left = [_ENTRIES_MAX]
-    for entry in _entries(Path(typed or slash or "."), left):
-        if entry.name.startswith(begun):
-            found += _below(entry, f"{typed}{slash}{entry.name}", mark, suffixes, left, _DEPTH, folders)
-    return found
+@dataclass
+class _Search:
+    """Finds folders that hold a file `mark`, and the files outside them that end so; it reads no more than `left`."""
 
+    mark: str | None
+    suffixes: tuple[str, ...]
+    folders: bool = True
+    left: int = _ENTRIES_MAX
 
-def _below(
-    entry: os.DirEntry[str],
-    name: str,
-    mark: str | None,
-    suffixes: tuple[str, ...],
-    left: list[int],
-    depth: int,
-    folders: bool,
-) -> Iterator[str]:
-    if not entry.is_dir(follow_symlinks=False):
-        if name.endswith(suffixes) and (not name.endswith(".toml") or _is_scenario(Path(entry.path))):
-            yield name
-    elif mark is not None and (Path(entry.path) / mark).exists():
-        if folders:
-            yield name
-    elif depth > 1:
-        for inner in _entries(Path(entry.path), left):
-            yield from _below(inner, f"{name}/{inner.name}", mark, suffixes, left, depth - 1, folders)
+    def found(self, incomplete: str) -> list[str]:
+        """Return them as the user began to type them."""
+        typed, slash, begun = incomplete.rpartition("/")
+        found: list[str] = []
+        for entry in self._entries(Path(typed or slash or ".")):
+            if entry.name.startswith(begun):
+                found += self._below(entry, f"{typed}{slash}{entry.name}", _DEPTH)
+        return found
+
+    def _below(self, entry: os.DirEntry[str], name: str, depth: int) -> Iterator[str]:
+        if not entry.is_dir(follow_symlinks=False):
+            if name.endswith(self.suffixes) and (not name.endswith(".toml") or _is_scenario(Path(entry.path))):
+                yield name
+        elif self.mark is not None and (Path(entry.path) / self.mark).exists():
+            if self.folders:
+                yield name
+        elif depth > 1:
+            for inner in self._entries(Path(entry.path)):
+                yield from self._below(inner, f"{name}/{inner.name}", depth - 1)
+
+    def _entries(self, folder: Path) -> list[os.DirEntry[str]]:
+        """What is in a folder, by name, without hidden entries; nothing where it cannot be read."""
+        found: list[os.DirEntry[str]] = []
+        with suppress(OSError), os.scandir(folder) as entries:
+            for entry in entries:
+                self.left -= 1
+                if self.left < 0:
+                    break
+                if not entry.name.startswith("."):
+                    found.append(entry)
+        return sorted(found, key=lambda entry: entry.name)
 
 
 def _is_scenario(file: Path) -> bool:
     with suppress(OSError), file.open("rb") as opened:
         return b"schema_version" in opened.read(_READ_MAX)
     return False
-
-
-def _entries(folder: Path, left: list[int]) -> list[os.DirEntry[str]]:
-    """What is in a folder, by name, without hidden entries; nothing where it cannot be read."""
-    found: list[os.DirEntry[str]] = []
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            left[0] -= 1
-            if left[0] < 0:
-                break
-            if not entry.name.startswith("."):
-                found.append(entry)
-    return sorted(found, key=lambda entry: entry.name)
 
 
 def option(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from gcs.flight.assessment.criterion import Criterion
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.plan import Plan
-from gcs.types import Array
+from gcs.types import Array, JsonObject
 
 ROUTE_POINTS = "route points"
 Track = tuple[Array, Array]  # plan times (N,) and positions (N, 3), NED, of one vehicle
@@ -29,7 +28,7 @@ class PointPassed:
     distance_m: dict[int, float]  # least distance from its place there, near the planned time
     late_s: dict[int, float]  # then, or on its arrival where the leader holds
 
-    def data(self, leader: int) -> dict[str, Any]:
+    def data(self, leader: int) -> JsonObject:
         """The values for `--json`, null where one is not known."""
         return {
             "point": self.passage.number,

@@ -24,6 +24,7 @@ from gcs.types import Array
 HORIZON_S, STEP_S = 3.0, 0.25
 FADE_S = 0.5
 COLUMN_M = 1.0
+_GRAVITY_MPS2 = 9.81
 _LOOKS = 3  # checks in a row: one noisy sample is no conflict
 
 
@@ -54,13 +55,15 @@ class SeparationWatch:
         on_plan: Collection[int],
         aloft: Collection[int],
         starting: Collection[int] = (),
+        falling: Collection[int] = (),
     ) -> list[Conflict]:
         """Return the conflicts between vehicles `aloft` at plan time `t_s`, which is `unix_s`.
 
-        Vehicles `on_plan` fly it; those `starting` climb over their pads, or stand on them.
+        Vehicles `on_plan` fly it; those `starting` climb over their pads, or stand on them; those `falling` have no
+        motors.
         """
         sysids = [i for i in aloft if np.isfinite(views[i].position_ned_m).all()]
-        paths = self._paths([views[i] for i in sysids], t_s, unix_s, on_plan, starting)
+        paths = self._paths([views[i] for i in sysids], t_s, unix_s, on_plan, starting, falling)
         found: dict[tuple[int, int], Conflict] = {}
         for a in range(len(sysids) - 1):
             between = paths[a + 1 :] - paths[a]
@@ -86,6 +89,7 @@ class SeparationWatch:
         unix_s: float,
         on_plan: Collection[int],
         starting: Collection[int],
+        falling: Collection[int],
     ) -> Array:
         """Predicted positions (V, T, 3)."""
         plan, ahead = self._plan, self._ahead_s
@@ -109,6 +113,8 @@ class SeparationWatch:
             else:
                 age_s = max(unix_s - view.unix_s, 0.0)
                 paths[n] = view.position_ned_m + np.outer(ahead + age_s, view.velocity_ned_mps)
+                if view.sysid in falling:
+                    paths[n, :, 2] += 0.5 * _GRAVITY_MPS2 * (ahead + age_s) ** 2
         return paths
 
     def _climb(self, view: VehicleView, age_s: float) -> Array:

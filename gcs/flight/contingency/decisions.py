@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from gcs.flight.contingency.choices import Choices
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.policy import (
     AGAIN_S,
@@ -14,7 +15,6 @@ from gcs.flight.contingency.policy import (
     TAKE_OVERS_MAX,
     YIELDED,
     Action,
-    Choices,
     Order,
     Row,
     Situation,

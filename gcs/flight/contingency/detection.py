@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
+from gcs.flight.contingency.alarm_watch import UNKNOWN_PLACE, AlarmWatch, Place
 from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.mode_changes import ModeSigns, Taken
 from gcs.link.wire.local_motion import local_motion
@@ -34,6 +35,8 @@ class IncidentKind(StrEnum):
     MODE_LEFT = "pilot took over"
     CONFLICT = "separation in danger"
     STRANDED = "no setpoints for some time"
+    MOTORS_STOPPED = "disarmed in the air"
+    ALARM = "raises an alarm"
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class DetectionLimits:
 
 
 LIMITS = DetectionLimits()
+_FULL_PCT = 100
 DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.LINK_LOST: f"no message for {LIMITS.link_lost_s:g} s",
     IncidentKind.LINK_BACK: "a position after a silence",
@@ -76,13 +80,16 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.GNSS_LOST: "GPS_RAW_INT: a fix below 3D",
     IncidentKind.GNSS_BACK: "GPS_RAW_INT: a 3D fix again",
     IncidentKind.GNSS_GONE: f"no 3D fix for {LIMITS.gnss_gone_s:g} s",
-    IncidentKind.BATTERY_LOW: f"SYS_STATUS: {LIMITS.battery_low_pct} % left, and with every percent less",
-    IncidentKind.BATTERY_CRITICAL: f"SYS_STATUS: {LIMITS.battery_critical_pct} % left, and with every percent less",
+    IncidentKind.BATTERY_LOW: f"SYS_STATUS: {LIMITS.battery_low_pct} % left, and with every percent less; an alarm of "
+    "the vehicle (text, charge state, sensor bit) counts as that percentage",
+    IncidentKind.BATTERY_CRITICAL: f"the same at {LIMITS.battery_critical_pct} %",
     IncidentKind.FENCE: "FENCE_STATUS, or a STATUSTEXT of the autopilot",
     IncidentKind.FAILSAFE: "HEARTBEAT: a mode that was not ordered, with a failsafe's STATUSTEXT or system_status",
     IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.mode_told_s:g} s",
     IncidentKind.CONFLICT: "separation below `[judge]` predicted within 3 s, three times in a row",
     IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
+    IncidentKind.MOTORS_STOPPED: "HEARTBEAT: not armed above ground, twice or with a fall faster than 2 m/s",
+    IncidentKind.ALARM: "SYS_STATUS: a sensor that is not healthy any more; HEARTBEAT: system status critical",
 }
 
 
@@ -94,7 +101,8 @@ class VehicleWatch:
     ) -> None:
         self.sysid = sysid
         self.obeys = obeys
-        self.remaining_pct: int | None = None  # as last reported
+        self.alarms = AlarmWatch(behaviour, limits.battery_low_pct, limits.battery_critical_pct)
+        self._told_pct: int | None = None  # as last reported
         self._behaviour = behaviour
         self._limits = limits
         self._heard_s = unix_s
@@ -103,10 +111,17 @@ class VehicleWatch:
         self._heard_since = self._placed_since = False
         self._no_fix_since_s = math.nan
         self._no_fix_reported = 0
-        self._battery_reported_pct = 100
+        self._battery_reported_pct = _FULL_PCT
         self._fence, self._fence_reported = False, False
         self._signs = ModeSigns(behaviour, limits.mode_told_s, limits.evidence_s)
         self._tolerated: int | None = None  # the mode that an order is about to end
+
+    @property
+    def remaining_pct(self) -> int | None:
+        """What is left of the battery: the lower of what it reports and what its alarms say; None: not known."""
+        if self._told_pct is None and self.alarms.most_pct == _FULL_PCT:
+            return None
+        return min(_FULL_PCT if self._told_pct is None else self._told_pct, self.alarms.most_pct)
 
     def begin(self, unix_s: float, mode: int | None = None) -> None:
         """Begin to watch: silence counts from now. `mode` is the mode shown last."""
@@ -144,6 +159,7 @@ class VehicleWatch:
         self._heard_since = True
         fields = message.fields
         self._signs.receive(message, unix_s)
+        self.alarms.receive(message, unix_s)
         match message.name:
             case "LOCAL_POSITION_NED" if local_motion(message) is not None:
                 self._placed_s = unix_s
@@ -154,13 +170,15 @@ class VehicleWatch:
                 elif math.isnan(self._no_fix_since_s):
                     self._no_fix_since_s = unix_s
             case "SYS_STATUS" if fields["battery_remaining"] >= 0:
-                self.remaining_pct = int(fields["battery_remaining"])
+                self._told_pct = int(fields["battery_remaining"])
             case "FENCE_STATUS":
                 self._fence = bool(fields["breach_status"])
             case "STATUSTEXT" if self._behaviour.failsafe.cause(str(fields["text"])) is FailsafeCause.FENCE:
                 self._fence = True  # PX4 reports a breach in no other way
 
-    def look(self, unix_s: float, *, usable: bool = True, ours: bool = False) -> list[Incident]:
+    def look(
+        self, unix_s: float, *, usable: bool = True, ours: bool = False, place: Place = UNKNOWN_PLACE
+    ) -> list[Incident]:
         """Return the new incidents at `unix_s`; each is reported once, a low battery with every percent.
 
         `usable`: the vehicle is near its planned position. `ours`: a failsafe of now comes from a standstill of this
@@ -175,10 +193,14 @@ class VehicleWatch:
             self._placed_s = max(self._placed_s, unix_s)
         self._heard_since = self._placed_since = False
         found = self._silence(unix_s, near=usable)
-        if self._silent or self._lost:
+        obeys = self._signs.mode is None or self._signs.mode in self.obeys
+        found += [Incident(IncidentKind.ALARM, self.sysid, unix_s, w) for w in self.alarms.news(unix_s, obeys=obeys)]
+        if self.alarms.falls(place):
+            found.append(Incident(IncidentKind.MOTORS_STOPPED, self.sysid, unix_s))
+        if self._silent or self._lost or self.alarms.stopped:
             return found
         found += self._fix(unix_s)
-        found += self._battery(unix_s)
+        found += self._battery(unix_s, obeys=obeys)
         left = self._mode_left(unix_s, ours=ours)
         if self._fence and not self._fence_reported and not any(one.kind is IncidentKind.FAILSAFE for one in left):
             found.append(Incident(IncidentKind.FENCE, self.sysid, unix_s))
@@ -216,14 +238,20 @@ class VehicleWatch:
             )
         ]
 
-    def _battery(self, unix_s: float) -> list[Incident]:
+    def _battery(self, unix_s: float, *, obeys: bool) -> list[Incident]:
         left_pct, limits = self.remaining_pct, self._limits
         if left_pct is None or left_pct > limits.battery_low_pct or left_pct >= self._battery_reported_pct:
             return []
+        alarmed = left_pct == self.alarms.most_pct
+        if alarmed and self.alarms.awaits_failsafe(unix_s):
+            return []
         self._battery_reported_pct = left_pct
+        if alarmed and not obeys:
+            return []  # the failsafe that took over is the incident
         critical = left_pct <= limits.battery_critical_pct
         kind = IncidentKind.BATTERY_CRITICAL if critical else IncidentKind.BATTERY_LOW
-        return [Incident(kind, self.sysid, unix_s, f"{left_pct} % left")]
+        said = f"the vehicle says: {self.alarms.battery_text}" if alarmed else f"{left_pct} % left"
+        return [Incident(kind, self.sysid, unix_s, said)]
 
     def _silence(self, unix_s: float, *, near: bool) -> list[Incident]:
         silent_s = unix_s - self._heard_s

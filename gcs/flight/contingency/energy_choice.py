@@ -22,7 +22,7 @@ from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
-from gcs.types import Array
+from gcs.types import Array, JsonObject
 
 WayLength = Callable[[int, Array, Array], float]  # row of the plan, from (3,), to (3,) -> metres by the route
 _PRIOR = 0.01  # of a full battery: the weight of the model against the measured discharge
@@ -75,7 +75,7 @@ class EnergyChoice:
         """Return the chosen alternative in words."""
         return f"{self.remaining_pct:.0f} % left: {self.chosen}"
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> JsonObject:
         """Return the choice as plain values, for `events.jsonl`."""
         return {
             "chosen": self.chosen.outcome.value,
@@ -257,7 +257,7 @@ class EnergyAdviser:
         return seconds, now.scale * seconds * self.model.hover_per_s
 
 
-def _rounded(values: dict[str, Any]) -> dict[str, Any]:
+def _rounded(values: JsonObject) -> JsonObject:
     return {k: _plain(v) for k, v in values.items()}
 
 

@@ -3,17 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 
+from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import DetectionLimits
-from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
-
-
-class FlightMode(StrEnum):
-    """What keeps the time: the ground station by setpoints, or each vehicle by its own waypoint mission."""
-
-    STREAM = "stream"
-    MISSION = "mission"
 
 
 @dataclass(frozen=True)

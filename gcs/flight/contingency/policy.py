@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+from gcs.flight.contingency.choices import Choices, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import IncidentKind
 from gcs.flight.contingency.energy_choice import Outcome
 
@@ -64,30 +65,6 @@ class Trigger(StrEnum):
     LEADER_OUT = "leader lost or left, with `--follow`"
     NOT_OBEYED = "order refused or not answered three times"
     START_ABORTED = "trouble before T0"
-
-
-class OnLoss(StrEnum):
-    """What the other vehicles do when a vehicle is lost."""
-
-    CONTINUE = "continue"
-    RETURN = "return"
-    LAND = "land"
-
-
-class OnLeaderLoss(StrEnum):
-    """What the followers do when their leader is lost or leaves the formation."""
-
-    PROMOTE = "promote"
-    RETURN = "return"
-
-
-@dataclass(frozen=True)
-class Choices:
-    """The operator's choices."""
-
-    on_loss: OnLoss = OnLoss.LAND
-    on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
-    follow: bool = False
 
 
 IN_FORMATION = frozenset({State.FLYING, State.SILENT})

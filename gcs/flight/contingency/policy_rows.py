@@ -229,6 +229,8 @@ POLICY = (
         "Without a safe way back to the plan after a standstill of this program, vehicles return",
     ),
     Row(_K.STRANDED, ALL - IN_FORMATION, ALWAYS, None, None, KEEPS),
+    Row(_K.MOTORS_STOPPED, ALL, ALWAYS, _S.LOST, None, "A vehicle without motors falls: no order can help it"),
+    Row(_K.ALARM, ALL, ALWAYS, None, None, "It is told; the vehicle keeps its order, and its autopilot its failsafes"),
     Row(
         _T.CLEAR,
         YIELDED,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -43,8 +43,8 @@ class CommonStart:
         self.loads = _starting(loads, self.unix_s)
         self._indices = {load.sysid: timed_waits(load.mission) for load in self.loads}
 
-    async def bring_forward(self, held: Holdings, say: Callable[[str], None]) -> Holdings:
-        """Replace the provisional start, on all vehicles or on none; return the proof.
+    async def bring_forward(self, held: Holdings) -> tuple[Holdings, str]:
+        """Replace the provisional start, on all vehicles or on none; return the proof, and the start in words.
 
         The new one is earlier, or later than a provisional one that cannot be kept any more.
 
@@ -63,14 +63,12 @@ class CommonStart:
                 reason = failure.message
             else:
                 self.loads, self.unix_s = loads, start_s
-                say(f"start their missions at {_clock(start_s)} UTC, {start_s - now_s:.0f} s after all hovered")
-                return held
+                return held, f"start their missions at {_clock(start_s)} UTC, {start_s - now_s:.0f} s after all hovered"
             ahead_s = max(AHEAD_S, 1.5 * (self._time.sure_s() - now_s) + ORDER_S)
         if reason:
             held = await self._set_back(held, reason)
         wait_s = self.unix_s - self._time.sure_s()
-        say(f"keep their start at {_clock(self.unix_s)} UTC, in {wait_s:.0f} s{': ' if reason else ''}{reason}")
-        return held
+        return held, f"keep their start at {_clock(self.unix_s)} UTC, in {wait_s:.0f} s{': ' if reason else ''}{reason}"
 
     async def _change(
         self, held: Holdings, loads: Sequence[VehicleLoad], until_s: float, *, look_first: bool = False

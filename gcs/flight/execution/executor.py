@@ -13,12 +13,13 @@ import numpy as np
 
 from gcs.autopilots.columns import FailsafeCause
 from gcs.errors import FlightError
+from gcs.flight.contingency.alarm_watch import Place
+from gcs.flight.contingency.choices import Choices, FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.contingency.options import FlightMode
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import (
@@ -26,8 +27,8 @@ from gcs.flight.contingency.policy import (
     IN_FORMATION,
     NOT_OBEYED_AFTER,
     USABLE_M,
+    YIELDED,
     Action,
-    Choices,
     Order,
     State,
 )
@@ -39,12 +40,18 @@ from gcs.flight.monitoring.progress import Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
-from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
 from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _STAMPED_S = 0.005  # local time in which many messages get one stamp
 _REJOIN_S = 8.0
+_IN_AIR_M = 2.0
+_FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
+_ALARMS = frozenset(
+    {IncidentKind.ALARM, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL}
+)
 
 
 class ContingencyExecutor:
@@ -87,6 +94,8 @@ class ContingencyExecutor:
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
         self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
         self._told: set[tuple[int, IncidentKind]] = set()
+        self._fell_s: dict[int, float] = {}  # when motors stopped in the air
+        self._lands = False
         self._began_s = math.nan
 
     def _watch(self, vehicle: FlightVehicle) -> VehicleWatch:
@@ -160,6 +169,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         self._standstill.land()
+        self._lands = True
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
@@ -201,11 +211,13 @@ class ContingencyExecutor:
         excused_s = self._standstill.end_reading(now_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)
-            if not self._vehicles[sysid].session.armed:
+            if not (self._vehicles[sysid].session.armed or watch.alarms.stopped):
                 continue  # no incidents on the ground
-            error_m = self._monitor.views[sysid].error_m
+            error_m, ours = self._monitor.views[sysid].error_m, self._standstill.ours(now_s)
             self.charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
-            for incident in watch.look(now_s, usable=not error_m > USABLE_M, ours=self._standstill.ours(now_s)):
+            for incident in watch.look(now_s, usable=not error_m > USABLE_M, ours=ours, place=self._place(sysid)):
+                if incident.kind is IncidentKind.MOTORS_STOPPED:
+                    self._fell_s[sysid] = now_s
                 self._decide(self._with_energy(incident, t_s), t_s)
         self._check_separation(now_s, t_s)
         if not self._t0_known:
@@ -229,6 +241,14 @@ class ContingencyExecutor:
         self._monitor.watch_formation([i for i in formation if self.policy.states[i] is State.FLYING])
         if not formation:
             self.over.set()
+
+    def _place(self, sysid: int) -> Place:
+        """Where a vehicle is above the ground; a reported height may be off by the navigation error."""
+        scenario = self._plan.scenario
+        north_m, east_m, down_m = self._monitor.views[sysid].position_ned_m
+        above_m = float(-down_m - ground_height_m(scenario.terrain, north_m, east_m))
+        flies = self.policy.states[sysid] in IN_FORMATION | YIELDED and not self._lands
+        return Place(above_m, flies, _IN_AIR_M + navigation_error(scenario).vertical_m)
 
     def _tell_clocks(self, now_s: float) -> None:
         for change in self._time.changes():
@@ -283,9 +303,11 @@ class ContingencyExecutor:
         starting = [i for i, s in states.items() if s is State.STARTING]
         # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
         airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
+        falling = [i for i, fell_s in self._fell_s.items() if now_s - fell_s < _FALL_S]
+        airborne += falling
         self._monitor.watch_separation(airborne)
         on_plan = [i for i in airborne if states[i] in IN_FORMATION and not self._standstill.gathers]
-        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting):
+        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting, falling):
             farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
             higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
             distance = f"{conflict.distance_m:.2f} m"
@@ -306,16 +328,25 @@ class ContingencyExecutor:
         if orders or not (again or incident.kind is IncidentKind.CONFLICT):
             choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
             data = None if choice is None else choice.data()
-            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data)
+            alarm = incident.kind in _ALARMS
+            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data, alarm=alarm)
         if battery:
             self._told.add((incident.sysid, incident.kind))
         for order in orders:
             self._carry_out(order, t_s)
 
     def _note(
-        self, unix_s: float, t_s: float, sysid: int, what: str, rule: str, data: Mapping[str, Any] | None = None
+        self,
+        unix_s: float,
+        t_s: float,
+        sysid: int,
+        what: str,
+        rule: str,
+        data: Mapping[str, Any] | None = None,
+        *,
+        alarm: bool = False,
     ) -> None:
-        self._on_event(Event(unix_s, t_s, sysid, what, rule, data))
+        self._on_event(Event(unix_s, t_s, sysid, what, rule, data, alarm))
 
     def _carry_out(self, order: Order, t_s: float) -> None:
         self._note(self._time.sure_s(), t_s, order.sysid, _event_words(order.action), order.rule)

@@ -16,18 +16,20 @@ from gcs.errors import FlightError, GcsError, OrderError
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier
+from gcs.flight.execution.order_carrier import ATTEMPT_S, OrderCarrier
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.link.protocols.command import CommandSender
+from gcs.link.protocols.command import CommandRefused, CommandSender
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
-from gcs.util.aio import LOOK_S
+from gcs.util.aio import LOOK_S, until
 
 PILOT_WORDS = "a pilot flies it; the flight ends when it has landed"
 ORDERED_WORDS = "it was ordered to land; the flight ends when it has landed"
 SILENT_WORDS = "not heard: it is not known whether landed"
 HANDED_OVER = "is not known to have landed, and is handed over"
+_FRESH_S = 1.0
+_FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2: whatever the vehicle takes itself for
 _AGAIN_S = 3.0  # a HEARTBEAT comes once a second
 HAND_OVER_WORDS = "fly it by its RC transmitter or another ground station; `gcs attach --land` lands it"
 
@@ -44,9 +46,13 @@ class Custody:
         self._stops: list[Callable[[], None]] = []
 
     def take_to_arm(self, sysid: int) -> None:
-        """Take a vehicle before the first order to it leaves: its answer may be lost. Raises `FlightError`."""
+        """Take a vehicle before the order to arm leaves: its answer may be lost. Raises `FlightError`."""
         self.refuse_armed([sysid])
         self._take(sysid)
+
+    def release(self, sysid: int) -> None:
+        """A vehicle stands disarmed on the ground: there is nothing left to bring down."""
+        self._seen_armed.pop(sysid, None)
 
     def take_up(self) -> None:
         """Take the vehicles that are in the air: the operator ordered to continue a flight that was left.
@@ -87,7 +93,7 @@ class Custody:
         self._seen_armed.setdefault(sysid, session.armed)
 
         def receive(message: Message) -> None:
-            if message.name == "HEARTBEAT" and session.armed:
+            if message.name == "HEARTBEAT" and session.armed and sysid in self._seen_armed:
                 self._seen_armed[sysid] = True
 
         self._stops.append(session.subscribe(receive))
@@ -134,12 +140,35 @@ class FleetLanding:
         land = partial(self._fleet.land, vehicle.sysid)
         self.orders.start(vehicle.sysid, "land", land, self._tell_failure, planned=planned)
 
+    def disarm(self, vehicle: FlightVehicle, on_ground: Callable[[], bool], reason: str) -> None:
+        """Order a vehicle that failed at its take-off to disarm, as soon as it is on the ground, until it has.
+
+        One that does not lift takes itself for flying, and refuses: then it is forced.
+        """
+        session, sysid = vehicle.session, vehicle.sysid
+
+        def stands() -> bool:
+            return on_ground() and session.fresh("LOCAL_POSITION_NED", _FRESH_S) is not None
+
+        async def stop() -> None:
+            if not stands():
+                await self._fleet.land(sysid)
+                await until(lambda: stands() or not session.armed, ATTEMPT_S, f"vehicle {sysid}: the ground")
+            for force in (0.0, _FORCE):
+                with suppress(CommandRefused):
+                    await session.command(MavCommand.COMPONENT_ARM_DISARM, 0.0, force)
+                    break
+            await session.wait_for(lambda _: not session.armed, ATTEMPT_S, "a disarmed HEARTBEAT", or_latest=True)
+
+        self._tell(sysid, "ordered to disarm", f"A vehicle that fails at its take-off stops its motors: it {reason}")
+        self.orders.start(sysid, "disarm", stop, self._tell_failure)
+
     def send_once(self) -> None:
         """Send every vehicle the order to land once, without waiting for an acknowledgement."""
         now_s = asyncio.get_running_loop().time()
         for vehicle in self._ours_aloft():
             land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
-            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
+            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.exchange)
             with suppress(Exception):  # the others get theirs
                 for message in command.start(now_s):
                     vehicle.session.send(message)

@@ -9,15 +9,19 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
+from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.fleet_arming import arm_all
 from gcs.flight.execution.fleet_landing import FleetLanding
 from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.flying_fleet import FlyingFleet
@@ -29,16 +33,15 @@ from gcs.flight.execution.takeoff_landing import (
     lacks,
     request_telemetry,
     start_mission,
-    take_off,
-    until_hovering,
     until_ready,
 )
+from gcs.flight.execution.telemetry_watch import TelemetryWatch
 from gcs.flight.execution.text_watch import TextWatch
 from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Completion, Monitor
 from gcs.flight.monitoring.preflight_check import CLOCK, MESSAGES
-from gcs.flight.monitoring.progress import Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.monitoring.reported_now import ReportedNow
 from gcs.flight.setup.build_loads import refuse_no_hour
 from gcs.flight.setup.own_process import in_own_process
@@ -108,6 +111,7 @@ class FlightSequence:
             self._tell_failure,
             self._tell,
         )
+        self._telemetry = TelemetryWatch(self.vehicles, self.landing.custody, self._tell)
         self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._tell)
 
     @property
@@ -124,10 +128,14 @@ class FlightSequence:
         """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         try:
-            return await self._guard.run(flying)
+            return await self._guard.run(self._with_telemetry(flying))
         finally:
             for stop in stops:
                 stop()
+
+    async def _with_telemetry(self, flying: Coroutine[Any, Any, T]) -> T:
+        async with alongside(self._telemetry.run()):
+            return await flying
 
     def snapshot(self) -> Snapshot:
         """Return how the flight stands now, for display."""
@@ -180,6 +188,7 @@ class FlightSequence:
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
+        self._telemetry.checked = True
         charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
@@ -201,8 +210,8 @@ class FlightSequence:
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
-            await self.each(self._take_off)
-            await self.each(until_hovering)
+            await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
+            await self.each(partial(climb_to_hover, landing=self.landing))
             if charge is not None:
                 await check_hover(self._fleet, self.contingency.charge, charge, self._tell)
             airborne_unix_s = self.time.sure_s()
@@ -214,13 +223,13 @@ class FlightSequence:
         self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
-    async def _take_off(self, vehicle: FlightVehicle) -> None:
-        self.landing.custody.take_to_arm(vehicle.sysid)
-        await take_off(vehicle, self._refuse_critical_texts)
+    def _refuse_arming(self) -> None:
+        self._refuse_critical_texts()
+        self._telemetry.refuse_stale()
 
-    def _refuse_critical_texts(self, sysid: int | None = None) -> None:
+    def _refuse_critical_texts(self) -> None:
         if MESSAGES not in self.options.waived:
-            self._texts.refuse(sysid)
+            self._texts.refuse()
 
     def is_aloft(self) -> None:
         """Another process brought the vehicles into the air: a silent one does not end the flight."""
@@ -264,7 +273,7 @@ class FlightSequence:
 
     async def watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
-        self.monitor.begin(t0_unix_s)
+        self.monitor.set_t0(t0_unix_s)
         self.contingency.flies()
         self.completion.begins(self.time.sure_s() - t0_unix_s)
         self.enter(self.step)
@@ -333,14 +342,13 @@ class FlightSequence:
         start, held = self._start, self.held
         if start is None or held is None:
             raise ProtocolMisuse("missions were to be flown before they were uploaded.")
-        said: list[str] = []
-        self.held = held = await start.bring_forward(held, said.append)
+        held, what = await start.bring_forward(held)
+        self.held = held
         self.loads = start.loads
         held.require(self.plan.hash, self.plan.sysids)
         t0_unix_s = start.unix_s - self._leaving_s
         now_s = self.time.sure_s()
-        for what in said:
-            self._hooks.on_event(Event(now_s, now_s - t0_unix_s, 0, what))
+        self._hooks.on_event(Event(now_s, now_s - t0_unix_s, ALL_VEHICLES, what))
         async with alongside(self.time.watch_start(start.unix_s)):
             await self.each(start_mission)
             late_s = self.time.sure_s() - start.unix_s

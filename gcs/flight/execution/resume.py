@@ -8,15 +8,21 @@ from enum import StrEnum
 import numpy as np
 
 from gcs.errors import FlightError, PeerError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.fleet_landing import named
 from gcs.flight.execution.flight import FlightSequence
-from gcs.flight.execution.takeoff_landing import FlightVehicle, expected_landings, request_telemetry, until_ready
+from gcs.flight.execution.takeoff_landing import (
+    FlightVehicle,
+    expected_landings,
+    request_telemetry,
+    until_placed,
+    until_ready,
+)
 from gcs.flight.monitoring.progress import Step
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
-from gcs.util.aio import alongside, each, until
+from gcs.util.aio import alongside, each
 
 NEAR_M = 3.0
 FADE_S = 10.0
@@ -128,11 +134,7 @@ async def _ready(flight: FlightSequence, *, need_all: bool) -> set[int]:
         try:
             await request_telemetry(vehicle)
             await until_ready(vehicle)
-            await until(
-                lambda: bool(np.isfinite(vehicle.view.position_ned_m).all()),
-                flight.options.find_timeout_s,
-                f"a position of vehicle {vehicle.sysid}",
-            )
+            await until_placed(vehicle)
         except PeerError as failure:
             failures[vehicle.sysid] = failure
 

@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.common_rejoin import Rejoin, Stranded, common_rejoin
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
-from gcs.flight.contingency.options import FlightMode
 from gcs.flight.contingency.policy import Action, Order, State
 from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier, hurried
@@ -168,7 +168,7 @@ class Standstill:
             [self._vehicles[i] for i in sysids], t0_unix_s, begin_s - t0_unix_s, how.fade_s, self._policy.leader
         )
         if not keeps_t0:
-            self._monitor.move_t0(t0_unix_s)
+            self._monitor.set_t0(t0_unix_s)
         return "are led back to the plan" + (f", which goes on {later_s:.1f} s later" if later_s else "")
 
     def close(self) -> None:

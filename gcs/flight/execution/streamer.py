@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.manoeuvres import MotionReference, RejoinReference
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.reference_trajectory import PlanReference, ReferenceTrajectory, Values
 from gcs.flight.execution.leader_follower import FollowerState, FollowReference, FormationFollowing
 from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s

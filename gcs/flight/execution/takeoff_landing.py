@@ -1,9 +1,9 @@
-"""One vehicle before its flight: telemetry, readiness, arming, hover over the pad, and its modes."""
+"""One vehicle before its flight: telemetry, readiness, the order to take off, and its modes."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -24,9 +24,8 @@ from gcs.types import Array
 from gcs.util.aio import LOOK_S, each, until
 
 # What another ground station shows of a vehicle, besides its heartbeat and what every flight requests.
-WATCHED_IDS = (MessageId.GLOBAL_POSITION_INT, MessageId.ATTITUDE, MessageId.VFR_HUD)
+WATCHED_IDS = (MessageId.GLOBAL_POSITION_INT, MessageId.VFR_HUD)
 WATCHED_HZ = 2.0
-_SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 
 
 @dataclass(frozen=True)
@@ -51,16 +50,22 @@ class FlightVehicle:
         end = self.plan.airborne_s
         return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
 
+    @property
+    def hover_height_m(self) -> float:
+        """The height of that position above the pad."""
+        return float(self.plan.pads_ned_m[self.row, 2] - self.hover_ned_m[2])
+
 
 async def request_telemetry(vehicle: FlightVehicle) -> None:
-    """Request positions at the telemetry rate, and the messages that incidents are detected from at 2 Hz.
+    """Request positions at the telemetry rate, attitudes at half, and the messages that show incidents at 2 Hz.
 
     A station that watches cannot request what it shows; a vehicle that refuses that flies all the same.
     """
     session = vehicle.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
-    m = vehicle.behaviour
-    for number in (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
+    await session.set_message_interval(MessageId.ATTITUDE, vehicle.options.telemetry_rate_hz / 2.0)
+    state = (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME)
+    for number in (*state, *vehicle.behaviour.health_ids):
         await session.set_message_interval(number, 2.0)
     if vehicle.options.watched_elsewhere:
         for number in WATCHED_IDS:
@@ -88,6 +93,13 @@ async def until_ready(vehicle: FlightVehicle) -> None:
         await asyncio.sleep(LOOK_S)
 
 
+async def until_placed(vehicle: FlightVehicle) -> None:
+    """Wait until a vehicle has reported its position. Raises PeerTimeout."""
+    view, sysid = vehicle.view, vehicle.sysid
+    timeout_s = vehicle.options.find_timeout_s
+    await until(lambda: bool(np.isfinite(view.position_ned_m).all()), timeout_s, f"a position of vehicle {sysid}")
+
+
 def lacks(session: VehicleSession) -> str:
     """What `until_ready` still waits for on this vehicle, in words; empty if it is ready."""
     if not any(session.estimator.is_ready(message.name, message.fields) for message in session.latest.values()):
@@ -110,17 +122,12 @@ async def expected_landings(vehicles: Iterable[FlightVehicle]) -> dict[int, Land
     return landing_profiles({vehicle.sysid: vehicle.session.autopilot for vehicle in fleet}, known)
 
 
-async def take_off(vehicle: FlightVehicle, before_arming: Callable[[int], None] = lambda _: None) -> None:
-    """Arm a vehicle and order it to climb to the hover over its pad. `before_arming` may raise to stop it."""
-    session, behaviour = vehicle.session, vehicle.behaviour
+async def take_off(vehicle: FlightVehicle) -> None:
+    """Order an armed vehicle to climb to the hover over its pad. Raises CommandRefused, PeerTimeout."""
     pad_up_m = -float(vehicle.plan.pads_ned_m[vehicle.row, 2])
-    height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
-    await set_mode(vehicle, behaviour.armed_in)
-    before_arming(vehicle.sysid)
-    vehicle.view.stands_on(vehicle.plan.pads_ned_m[vehicle.row])
-    await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
     home_amsl_m = vehicle.plan.scenario.origin.alt_amsl_m + pad_up_m
-    await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))
+    parameters = vehicle.behaviour.takeoff_parameters(vehicle.hover_height_m, home_amsl_m)
+    await vehicle.session.command(MavCommand.NAV_TAKEOFF, *parameters)
 
 
 async def set_mode(vehicle: FlightVehicle, mode: int) -> None:
@@ -132,16 +139,3 @@ async def start_mission(vehicle: FlightVehicle) -> None:
     """Start the mission of an airborne vehicle and wait until the HEARTBEAT shows it. Raises as `set_mode` does."""
     m = vehicle.behaviour
     await until_mode(vehicle.session, m, m.mission, vehicle.options.phase_timeout_s, MavCommand.MISSION_START)
-
-
-async def until_hovering(vehicle: FlightVehicle) -> None:
-    """Wait until a vehicle is near its hover position, and slow. Raises PeerTimeout."""
-    # A vehicle climbs to a height above its start, which it knows no better than its position on arrival.
-    near_m = max(_SETTLED_M, vehicle.plan.scenario.judge.arrival_position_m)
-    view, hover = vehicle.view, vehicle.hover_ned_m
-
-    def settled() -> bool:
-        near = np.linalg.norm(view.position_ned_m - hover) < near_m
-        return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
-
-    await until(settled, vehicle.options.phase_timeout_s, f"vehicle {vehicle.sysid}: hover over its pad")

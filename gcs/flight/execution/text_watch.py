@@ -1,4 +1,6 @@
-"""Critical STATUSTEXTs during a flight: each is an event, and no vehicle is armed after one.
+"""Alarms in STATUSTEXTs during a flight: each is an event, and no vehicle is armed after a critical one.
+
+A text is an alarm if its severity is WARNING or worse, or if the autopilot's table has it as a grave one.
 
 A text that a vehicle repeats is an event again after `REPEAT_S`, with the number of times. `telemetry.tlog` has every
 one.
@@ -10,12 +12,15 @@ import math
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from gcs.autopilots.alarms import GRAVE
+from gcs.autopilots.traits import traits_of
 from gcs.errors import FlightError
 from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.preflight_check import MESSAGES
 from gcs.flight.monitoring.progress import Event
-from gcs.link.protocols.statustext import StatusText, is_critical
+from gcs.link.protocols.statustext import StatusText
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.mavlink import Severity
 from gcs.mavlink_names import severity_name
 
 REPEAT_S = 30.0  # vehicle time
@@ -23,7 +28,7 @@ _TOLD_MAX = 256  # texts
 
 
 class TextWatch:
-    """The critical texts of all vehicles of a flight."""
+    """The alarms that the vehicles of a flight say in words."""
 
     def __init__(
         self, sessions: Mapping[int, VehicleSession], monitor: Monitor, on_event: Callable[[Event], None]
@@ -34,7 +39,7 @@ class TextWatch:
         self._told: dict[tuple[int, str], tuple[float, int]] = {}  # when it was an event, times since
 
     def start(self) -> Callable[[], None]:
-        """Report critical texts, those since each vehicle was found included. Return the function that ends this."""
+        """Report alarms, those since each vehicle was found included. Return the function that ends this."""
         stops = []
         for sysid, session in self._sessions.items():
             for at_s, said in tuple(session.texts.kept):
@@ -58,7 +63,9 @@ class TextWatch:
                 )
 
     def _receive(self, sysid: int, at_s: float, said: StatusText) -> None:
-        if not is_critical(said):
+        row = traits_of(self._sessions[sysid].autopilot)
+        alarm = None if row is None else row.flight.alarms.alarm(said.text)
+        if alarm not in GRAVE and said.severity > Severity.WARNING:
             return
         unix_s = self._sessions[sysid].clock.now_unix_s(at_s)
         now_s = at_s if unix_s is None else unix_s
@@ -74,4 +81,5 @@ class TextWatch:
         t_s = math.nan if unix_s is None or t0_s is None else unix_s - t0_s
         again = f" ({times + 1} times since)" if times else ""
         what = f"reports: {severity_name(said.severity)}: {said.text.strip()}{again}"
-        self._on_event(Event(math.nan if unix_s is None else unix_s, t_s, sysid, what))
+        rule = "" if alarm is None else f"Alarm: {alarm}"
+        self._on_event(Event(math.nan if unix_s is None else unix_s, t_s, sysid, what, rule, alarm=True))

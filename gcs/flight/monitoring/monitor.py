@@ -144,12 +144,8 @@ class Monitor:
         flying = self.in_formation
         return {sysid: view.error_m if sysid in flying else math.nan for sysid, view in self.views.items()}
 
-    def begin(self, t0_unix_s: float) -> None:
-        """The vehicles fly the plan from this T0."""
-        self.t0_unix_s = t0_unix_s
-
-    def move_t0(self, t0_unix_s: float) -> None:
-        """The plan goes on with this T0; delays count from now on."""
+    def set_t0(self, t0_unix_s: float) -> None:
+        """The plan begins, or goes on, with this T0; delays count from now on."""
         self.t0_unix_s = t0_unix_s
         for view in self.views.values():
             view.lateness = Lateness()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 from gcs.errors import FlightError, UsageError
+from gcs.types import JsonObject
 
 BATTERY, CLOCK, DISARMED, MESSAGES = "battery", "clock", "disarmed", "messages"
 CHECKS = {
@@ -79,7 +79,7 @@ def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
         )
 
 
-def checks_data(checks: Iterable[PreflightCheck]) -> list[dict[str, Any]]:
+def checks_data(checks: Iterable[PreflightCheck]) -> list[JsonObject]:
     """Return the checks as plain values, for `--json` and the flight's folder."""
     return [{**asdict(c), "go": c.go} for c in complete(checks)]
 

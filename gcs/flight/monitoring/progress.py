@@ -122,6 +122,7 @@ class Event:
     what: str
     rule: str = ""
     data: Mapping[str, Any] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
+    alarm: bool = False  # a vehicle says that something fails: shown as a warning
 
     def __str__(self) -> str:
         when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import shapely
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Outline
@@ -15,13 +17,13 @@ from shapely.geometry.base import BaseGeometry
 
 from gcs.errors import UsageError
 from gcs.flight.plots import map_layers
-from gcs.flight.plots.figure_file import BESIDE, Labels, colours, head, save, settle
+from gcs.flight.plots.figure_file import BESIDE, Labels, Look, colours, head, save, settle
 from gcs.flight.plots.flight_map import vehicle_entries
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.coverage import Coverage, coverage
 
-_SEEN: dict[str, Any] = {"fc": "#2ca02c", "ec": "none", "alpha": 0.18}
-_LEFT: dict[str, Any] = {"fc": "#ff00ff", "ec": "#a000a0", "alpha": 0.75}
+_SEEN: Look = {"fc": "#2ca02c", "ec": "none", "alpha": 0.18}
+_LEFT: Look = {"fc": "#ff00ff", "ec": "#a000a0", "alpha": 0.75}
 _NAMED = 6  # places that are not covered and get a label
 
 
@@ -33,7 +35,7 @@ def save_coverage(plan: Plan, path: Path) -> None:
     save(draw_coverage(plan, found), path)
 
 
-def draw_coverage(plan: Plan, found: Coverage) -> Any:
+def draw_coverage(plan: Plan, found: Coverage) -> Figure:
     """Return the map of a survey."""
     scenario, span_s = plan.scenario, (0.0, plan.flight_s)
     places = shapely.get_coordinates([found.tracks, found.area])
@@ -71,7 +73,7 @@ def draw_coverage(plan: Plan, found: Coverage) -> Any:
     return figure
 
 
-def _fill(axes: Any, shape: BaseGeometry, **look: Any) -> None:
+def _fill(axes: Axes, shape: BaseGeometry, **look: Any) -> None:
     """Fill polygons (north, east) with their holes."""
     rings = [
         ring

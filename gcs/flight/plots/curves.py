@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from matplotlib.axes import Axes
 
-from gcs.flight.plots.figure_file import colours
+from gcs.flight.plots.figure_file import Look, colours
 from gcs.flight.plots.flight_map import PLANNED
 from gcs.flight.recording.recording import nearest_m
 from gcs.plan.trajectory.distances import zone_distances_m
@@ -14,12 +13,12 @@ from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
 
-LIMIT: dict[str, Any] = {"color": "red", "lw": 0.8}
+LIMIT: Look = {"color": "red", "lw": 0.8}
 _USUAL = 0.9  # share of instants that the panel of separations shows whole: landed vehicles are far apart
-_LEGEND: dict[str, Any] = {"fontsize": 8, "loc": "lower right", "ncols": 3}
+_LEGEND: Look = {"fontsize": 8, "loc": "lower right", "ncols": 3}
 
 
-def draw_speeds(axes: Any, sysids: tuple[int, ...], t_s: Array, rates_mps: Array, planned_mps: Array | None) -> None:
+def draw_speeds(axes: Axes, sysids: tuple[int, ...], t_s: Array, rates_mps: Array, planned_mps: Array | None) -> None:
     """Draw the speed over ground of every vehicle, from velocities (V, N, 3)."""
     for rate in planned_mps if planned_mps is not None else ():
         axes.plot(t_s, np.linalg.norm(rate, axis=1), **PLANNED)
@@ -28,7 +27,7 @@ def draw_speeds(axes: Any, sysids: tuple[int, ...], t_s: Array, rates_mps: Array
     axes.set(ylabel="speed, m/s", ylim=(0.0, None))
 
 
-def draw_clearance(axes: Any, scenario: Scenario, t_s: Array, places_ned_m: Array) -> None:
+def draw_clearance(axes: Axes, scenario: Scenario, t_s: Array, places_ned_m: Array) -> None:
     """Draw the least height of any vehicle above the ground, and what is required of its distance to the ground.
 
     Beside a slope the distance is less than the height.
@@ -44,7 +43,7 @@ def draw_clearance(axes: Any, scenario: Scenario, t_s: Array, places_ned_m: Arra
 
 
 def draw_separation(
-    axes: Any, t_s: Array, places_ned_m: Array, planned_ned_m: Array | None, required_m: float | None
+    axes: Axes, t_s: Array, places_ned_m: Array, planned_ned_m: Array | None, required_m: float | None
 ) -> None:
     """Draw the distance of the nearest two vehicles."""
     own = nearest_m(places_ned_m)
@@ -63,7 +62,7 @@ def draw_separation(
 
 
 def draw_zone_margin(
-    axes: Any, scenario: Scenario, t_s: Array, places_ned_m: Array, planned_ned_m: Array | None
+    axes: Axes, scenario: Scenario, t_s: Array, places_ned_m: Array, planned_ned_m: Array | None
 ) -> None:
     """Draw the distance of the nearest vehicle to the edge of a no-fly zone; below 0 it is inside."""
     if planned_ned_m is not None:

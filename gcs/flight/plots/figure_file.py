@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gcs.errors import UsageError
 from gcs.util.atomic_write import atomic_write
@@ -17,11 +19,14 @@ from itertools import product
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
+from numpy.typing import ArrayLike
 
 DPI = 110
 NAMED = 12  # vehicles at most in a legend
-BESIDE: dict[str, Any] = {"fontsize": 8, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
+Look = dict[str, Any]  # keyword arguments of matplotlib
+BESIDE: Look = {"fontsize": 8, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
 _COLOURS = (
     *("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e"),
     *("#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22"),
@@ -50,7 +55,7 @@ def refuse_kind(path: Path) -> None:
         raise UsageError(f"{path} is not the name of a picture.", hint="use a name ending in .png, .svg or .pdf")
 
 
-def save(figure: Any, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write and close a figure, in the format of the file's ending, whole or not at all. Raises UsageError."""
     drawn = io.BytesIO()
     try:
@@ -64,12 +69,12 @@ def save(figure: Any, path: Path) -> None:
         raise UsageError(f"{path} cannot be written: {problem.strerror or problem}.") from None
 
 
-def head(axes: Any, text: str, width_in: float, size_pt: float = 11.0) -> None:
+def head(axes: Axes, text: str, width_in: float, size_pt: float = 11.0) -> None:
     """Write a title over axes of that width, in as many lines as it needs."""
     axes.set_title(fitted(text, width_in, size_pt), fontsize=size_pt, parse_math=False)
 
 
-def head_figure(figure: Any, text: str, size_pt: float = 12.0) -> None:
+def head_figure(figure: Figure, text: str, size_pt: float = 12.0) -> None:
     """Write a title over a whole figure."""
     figure.suptitle(fitted(text, 0.95 * figure.get_figwidth(), size_pt), fontsize=size_pt, parse_math=False)
 
@@ -81,35 +86,36 @@ def fitted(text: str, width_in: float, size_pt: float) -> str:
     return "\n".join(line for lines in wrapped for line in lines)
 
 
-def settle(figure: Any) -> None:
+def settle(figure: Figure) -> None:
     """Lay a figure out and keep it so: labels that are placed after this are where they were placed."""
     for _ in range(_PASSES):
-        figure.get_layout_engine().execute(figure)
+        if (engine := figure.get_layout_engine()) is not None:
+            engine.execute(figure)
     figure.set_layout_engine("none")
 
 
 class Labels:
     """The labels of one figure, which is laid out already. Each goes to the first free place near its point."""
 
-    def __init__(self, figure: Any) -> None:
+    def __init__(self, figure: Figure) -> None:
         self._figure = figure
-        self._renderer = figure.canvas.get_renderer()
+        self._renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
         self._taken: list[Bbox] = []
 
-    def avoid_points(self, axes: Any, places: Any, size_px: float = 5.0) -> None:
+    def avoid_points(self, axes: Axes, places: ArrayLike, size_px: float = 5.0) -> None:
         """Keep labels off markers at places (N, 2), east and north."""
         for x, y in axes.transData.transform(np.asarray(places)):
             self._taken.append(Bbox([[x - size_px, y - size_px], [x + size_px, y + size_px]]))
 
-    def avoid_arrows(self, axes: Any) -> None:
+    def avoid_arrows(self, axes: Axes) -> None:
         """Keep labels off arrows that begin at a place on the map and have a length in points."""
         for note in axes.texts:
-            if note.arrow_patch is not None and not note.get_text():
+            if isinstance(note, Annotation) and note.arrow_patch is not None and not note.get_text():
                 path = note.arrow_patch.get_path().interpolated(_ALONG)
                 for x, y in note.arrow_patch.get_transform().transform(path.vertices):
                     self._taken.append(Bbox([[x - 1.0, y - 1.0], [x + 1.0, y + 1.0]]))
 
-    def place(self, axes: Any, text: str, point: tuple[float, float], *, needed: bool = False, **style: Any) -> bool:
+    def place(self, axes: Axes, text: str, point: tuple[float, float], *, needed: bool = False, **style: Any) -> bool:
         """Write a label near (east, north); whether there was room. One that is needed is written without room too."""
         if not axes.bbox.contains(*axes.transData.transform(point)):
             return False
@@ -140,11 +146,11 @@ class Labels:
         self._taken.append(first[3])
         return False
 
-    def _within(self, axes: Any, box: Bbox) -> bool:
+    def _within(self, axes: Axes, box: Bbox) -> bool:
         room = axes.bbox
         return bool(room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1)
 
-    def _join(self, axes: Any, point: tuple[float, float], offset_pt: tuple[float, float]) -> None:
+    def _join(self, axes: Axes, point: tuple[float, float], offset_pt: tuple[float, float]) -> None:
         line = axes.annotate(
             "",
             point,

@@ -7,16 +7,18 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.path import Path as Shape
 from matplotlib.transforms import Affine2D
 
 from gcs.flight.plots import map_layers
-from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, colours
+from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
 
-PLANNED: dict[str, Any] = {"color": "0.72", "lw": 3.5, "zorder": 1.9}
+PLANNED: Look = {"color": "0.72", "lw": 3.5, "zorder": 1.9}
 _STEPS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 _MARKS = 8  # at most
 _APART = 0.04  # of the map: closer marks share a place
@@ -47,10 +49,10 @@ class FlightMap:
         row = self.sysids.index(leader) if leader in self.sysids else 0
         return row if known[row] else int(np.argmax(known))
 
-    def draw(self, axes: Any) -> None:
+    def draw(self, axes: Axes) -> None:
         """Draw all but the labels, with the legend to the right."""
         low, high = area = self.area
-        handles = []
+        handles: list[Artist] = [*vehicle_entries(self.sysids), *self._planned_entry()]
         if self.scenario is not None:
             map_layers.draw_ground(axes, self.scenario, area)
             map_layers.draw_zones(axes, self.scenario, self._span_s)
@@ -61,12 +63,11 @@ class FlightMap:
         handles += self._draw_ends(axes) + self._draw_course(axes)
         handles += map_layers.draw_route(axes, self.scenario) if self.scenario is not None else []
         axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
-        handles = vehicle_entries(self.sysids) + self._planned_entry() + handles
         if self.scenario is not None:
             handles += map_layers.layer_entries(axes, self.scenario)
         axes.legend(handles=handles, **BESIDE)
 
-    def label(self, axes: Any, labels: Labels) -> None:
+    def label(self, axes: Axes, labels: Labels) -> None:
         """Write times at the marks and beside moving zones. The layout is settled by then."""
         times_s, places = self.marks()
         labels.avoid_points(axes, places[:, 1::-1])
@@ -84,18 +85,18 @@ class FlightMap:
     def _planned_entry(self) -> list[Line2D]:
         return [] if self.planned_ned_m is None else [Line2D([], [], **PLANNED, label="planned")]
 
-    def _draw_ends(self, axes: Any) -> list[Any]:
+    def _draw_ends(self, axes: Axes) -> list[Line2D]:
         known = [track[np.isfinite(track[:, 0])] for track in self.tracks_ned_m]
         ends = np.stack([track[[0, -1], 1::-1] for track in known if len(track)])
-        look = {"ls": "", "mfc": "black", "mec": "white", "mew": 0.5, "zorder": 5}
+        look: Look = {"ls": "", "mfc": "black", "mec": "white", "mew": 0.5, "zorder": 5}
         begin = axes.plot(*ends[:, 0].T, marker="^", ms=6, label=self.ends[0], **look)
         return [*begin, *axes.plot(*ends[:, 1].T, marker="s", ms=5, label=self.ends[1], **look)]
 
-    def _draw_course(self, axes: Any) -> list[Line2D]:
+    def _draw_course(self, axes: Axes) -> list[Line2D]:
         """Marks on the leader's track at round times, and an arrow between two of them where it moves."""
         times_s, places = self.marks()
         track = self.tracks_ned_m[self.leader, :, 1::-1]
-        look: dict[str, Any] = {"ls": "", "mec": "black", "mew": 0.6, "zorder": 6}
+        look: Look = {"ls": "", "mec": "black", "mew": 0.6, "zorder": 6}
         for begin_s, end_s in pairwise(times_s):
             at = int(np.searchsorted(self.t_s, 0.5 * (begin_s + end_s)))
             step = track[min(at + 1, len(track) - 1)] - track[at - 1]

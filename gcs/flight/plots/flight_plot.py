@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, save, settle
 from gcs.flight.plots.flight_map import FlightMap
@@ -48,7 +49,7 @@ def shown_s(plan: Plan) -> tuple[float, ...]:
 
 def draw_map(
     scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, planned_ned_m: Array | None = None
-) -> Any:
+) -> Figure:
     """Return the map of tracks (V, N, 3) at plan times (N,), and of what was planned beneath them."""
     chart = FlightMap(scenario, sysids, t_s, tracks_ned_m, planned_ned_m)
     width_in, height_in = map_size_in(scenario, chart.area)
@@ -64,7 +65,7 @@ def draw_map(
 
 def draw_formation(
     scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, instants_s: tuple[float, ...] = ()
-) -> Any:
+) -> Figure:
     """Return the formation of tracks (V, N, 3) at plan times (N,): at given instants, else at four of the flight."""
     instants_s = instants_s or tuple(share * scenario.time.flight_s for share in (0.0, 1 / 3, 2 / 3, 1.0))
     at = [int(np.argmin(np.abs(t_s - instant))) for instant in instants_s]
@@ -103,7 +104,7 @@ def _frame(places: Array) -> tuple[Array, Array]:
     return middle - 0.5 * wanted, middle + 0.5 * wanted
 
 
-def _draw_course(axes: Any, t_s: Array, leader_ned_m: Array, at: int) -> str:
+def _draw_course(axes: Axes, t_s: Array, leader_ned_m: Array, at: int) -> str:
     """Draw an arrow along the leader's course; return course and speed in words."""
     around = np.flatnonzero(np.abs(t_s - t_s[at]) <= _AROUND_S)
     first, last = around[0], around[-1]

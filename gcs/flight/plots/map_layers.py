@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 from matplotlib.path import Path as Shape
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
 
-from gcs.flight.plots.figure_file import Labels
+from gcs.flight.plots.figure_file import Labels, Look
 from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, Scenario
@@ -82,7 +82,7 @@ def levels_m(height_m: Array) -> Array:
     return np.asarray(MaxNLocator(_BANDS).tick_values(float(height_m.min()), float(height_m.max())))
 
 
-def draw_ground(axes: Any, scenario: Scenario, area: Area, *, scale: bool = True) -> None:
+def draw_ground(axes: Axes, scenario: Scenario, area: Area, *, scale: bool = True) -> None:
     """Draw heights of the ground in bands with contour lines, and the edge of the box of Eq. 51."""
     north, east, height = ground_grid(scenario, area)
     levels = levels_m(height)
@@ -99,7 +99,7 @@ def draw_ground(axes: Any, scenario: Scenario, area: Area, *, scale: bool = True
     axes.add_patch(box)
 
 
-def draw_zones(axes: Any, scenario: Scenario, span_s: tuple[float, float]) -> None:
+def draw_zones(axes: Axes, scenario: Scenario, span_s: tuple[float, float]) -> None:
     """Draw edges of keep-in areas, and no-fly zones; a moving one where it is at both ends of a span, with its way."""
     for zone in zones(scenario):
         first, *later = outlines(zone, span_s)
@@ -111,21 +111,21 @@ def draw_zones(axes: Any, scenario: Scenario, span_s: tuple[float, float]) -> No
         for corners in later:
             axes.add_patch(Polygon(corners[:, ::-1], fc=ZONE, ec="none", alpha=0.12, zorder=1.5))
             axes.add_patch(Polygon(corners[:, ::-1], fill=False, ec=ZONE, lw=1.0, ls="--", zorder=1.6))
-            ends = [tuple(one.mean(axis=0)[::-1]) for one in (corners, first)]
+            end, start = ((float(east), float(north)) for north, east in (corners.mean(axis=0), first.mean(axis=0)))
             arrow = {"arrowstyle": "-|>", "color": ZONE, "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
-            axes.annotate("", *ends, arrowprops=arrow, zorder=1.7, annotation_clip=True)
+            axes.annotate("", end, start, arrowprops=arrow, zorder=1.7, annotation_clip=True)
 
 
-def draw_route(axes: Any, scenario: Scenario) -> list[Any]:
+def draw_route(axes: Axes, scenario: Scenario) -> list[Line2D]:
     """Draw the route points, and return their entry for the legend; nothing without a route."""
     if not scenario.route:
         return []
     north_m, east_m, _ = np.array([point.position_m for point in scenario.route]).T
-    look: dict[str, Any] = {"ls": "", "marker": "D", "ms": 6, "mfc": "none", "mec": ROUTE, "mew": 1.4, "zorder": 6.5}
+    look: Look = {"ls": "", "marker": "D", "ms": 6, "mfc": "none", "mec": ROUTE, "mew": 1.4, "zorder": 6.5}
     return list(axes.plot(east_m, north_m, label="route point", **look))
 
 
-def label_route(axes: Any, labels: Labels, scenario: Scenario) -> None:
+def label_route(axes: Axes, labels: Labels, scenario: Scenario) -> None:
     """Write its number, and its name if it has one, beside each route point. Later rounds fly the same points."""
     places = [(point.position_m[1], point.position_m[0]) for point in scenario.route]
     if places:
@@ -135,7 +135,7 @@ def label_route(axes: Any, labels: Labels, scenario: Scenario) -> None:
         labels.place(axes, text, place, color=ROUTE, fontweight="bold")
 
 
-def label_zones(axes: Any, labels: Labels, scenario: Scenario, span_s: tuple[float, float]) -> None:
+def label_zones(axes: Axes, labels: Labels, scenario: Scenario, span_s: tuple[float, float]) -> None:
     """Write beside a moving zone when it is where."""
     for zone in scenario.no_fly:
         places = outlines(zone, span_s)
@@ -152,9 +152,9 @@ def zone_entry(scenario: Scenario) -> list[Polygon]:
     return [zone] * bool(scenario.no_fly) + [area] * bool(scenario.keep_in)
 
 
-def layer_entries(axes: Any, scenario: Scenario) -> list[Any]:
+def layer_entries(axes: Axes, scenario: Scenario) -> list[Artist]:
     """Return zones, limits and wind for the legend of a map that has them."""
-    named = [patch for patch in axes.patches if patch.get_label() and not patch.get_label().startswith("_")]
+    named = [patch for patch in axes.patches if (label := str(patch.get_label())) and not label.startswith("_")]
     return [*zone_entry(scenario), *named, wind_entry(scenario)]
 
 

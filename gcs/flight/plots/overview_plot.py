@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gcs.flight.plots import map_layers
 from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
-from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, colours, head, head_figure, save, settle
+from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
@@ -37,7 +39,7 @@ def save_overview(scenario: Scenario, plan: Plan | None, path: Path) -> None:
     save(draw_scenario(scenario) if plan is None else draw_plan(plan), path)
 
 
-def draw_scenario(scenario: Scenario) -> Any:
+def draw_scenario(scenario: Scenario) -> Figure:
     """Return the map of what is not planned: start and end, and no tracks."""
     start, end = (np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end))
     offsets, ids = offsets_ned_m(scenario), sysids(scenario)
@@ -62,7 +64,7 @@ def draw_scenario(scenario: Scenario) -> Any:
         at = (offsets + start)[leader_index(scenario), 1::-1]
         axes.annotate("", at, xytext=tuple(tip), textcoords="offset points", arrowprops=arrow)
     axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
-    look: dict[str, Any] = {"ls": "", "color": "0.3"}
+    look: Look = {"ls": "", "color": "0.3"}
     handles = [
         *vehicle_entries(ids, marker="^", ls=""),
         Line2D([], [], marker="^", label="start", **look),
@@ -84,7 +86,7 @@ def draw_scenario(scenario: Scenario) -> Any:
     return figure
 
 
-def draw_plan(plan: Plan) -> Any:
+def draw_plan(plan: Plan) -> Figure:
     """Return the map of a plan, its curves, and its shapes where they change."""
     scenario, mission = plan.scenario, plan.phase("mission")
     several, zones = len(plan.sysids) > 1, bool(scenario.no_fly or scenario.keep_in)
@@ -114,9 +116,9 @@ def draw_plan(plan: Plan) -> Any:
         axes.set(xlim=(t_s[0], t_s[-1]))
         axes.grid(alpha=0.3)
     panels[-1].set_xlabel("plan time, s (shaded: the mission)")
-    beneath: Any = []
+    beneath: list[Axes] = []
     if shapes:
-        beneath = rows[1].subgridspec(1, len(shapes)).subplots(squeeze=False)[0]
+        beneath = rows[1].subgridspec(1, len(shapes)).subplots(squeeze=False)[0].tolist()
         draw_shapes(beneath, plan.sysids, shapes, sum(sides) / len(shapes))
     head_figure(figure, f"{scenario.name}: planned")
     settle(figure)
@@ -170,7 +172,7 @@ def row_height_in(shapes: tuple[ShownShape, ...], width_in: float) -> float:
     return min(width_in / len(shapes) - _BESIDE_IN + _AROUND_IN, _TALLEST_IN)
 
 
-def draw_shapes(panels: Any, sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], width_in: float) -> None:
+def draw_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], width_in: float) -> None:
     """Draw each shape in its panel; `width_in` is the width of one, for the titles."""
     reach_m = max(_ROOM * max(float(np.abs(shape.right_up_m).max()) for shape in shapes), _LEAST_ROOM_M)
     size_pt = _LARGE_PT if len(sysids) <= NAMED else _SMALL_PT
@@ -185,7 +187,7 @@ def draw_shapes(panels: Any, sysids: tuple[int, ...], shapes: tuple[ShownShape, 
         head(axes, f"{shape.name}\nt = {shape.t_s:.0f} s, {view}", width_in, 9.0)
 
 
-def label_shapes(panels: Any, sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], labels: Labels) -> None:
+def label_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], labels: Labels) -> None:
     """Write the numbers of vehicles where there is room. The layout is settled by then."""
     for axes, shape in zip(panels, shapes, strict=True):
         labels.avoid_points(axes, shape.right_up_m)

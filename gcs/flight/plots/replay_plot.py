@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import textwrap
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.plots.curves import draw_separation, draw_speeds, draw_zone_margin
@@ -35,7 +36,7 @@ def save_picture(recording: Recording, from_s: float, to_s: float, path: Path) -
     save(draw_recording(recording, from_s, to_s), path)
 
 
-def draw_recording(recording: Recording, from_s: float, to_s: float) -> Any:
+def draw_recording(recording: Recording, from_s: float, to_s: float) -> Figure:
     """Return the map of a section of a flight, its curves and its events."""
     t_s = np.linspace(from_s, to_s, int(np.clip((to_s - from_s) / _STEP_S, 2, _INSTANTS)))
     places, rates = recording.at(t_s)
@@ -53,7 +54,7 @@ def draw_recording(recording: Recording, from_s: float, to_s: float) -> Any:
     sides = (width_in, _CURVES_IN)
     figure = plt.figure(figsize=(sum(sides), sum(heights)), layout="constrained")
     grid = figure.add_gridspec(len(heights), 2, width_ratios=sides, height_ratios=heights)
-    panels: list[Any] = list(grid[0, 1].subgridspec(count, 1).subplots(sharex=True, squeeze=False)[:, 0])
+    panels: list[Axes] = list(grid[0, 1].subgridspec(count, 1).subplots(sharex=True, squeeze=False)[:, 0])
     above = figure.add_subplot(grid[0, 0])
     chart.draw(above)
     left = iter(panels)
@@ -83,7 +84,7 @@ def draw_recording(recording: Recording, from_s: float, to_s: float) -> Any:
     return figure
 
 
-def _mark_places(axes: Any, labels: Labels, recording: Recording, events: list[Event]) -> None:
+def _mark_places(axes: Axes, labels: Labels, recording: Recording, events: list[Event]) -> None:
     """Mark where each vehicle was at its first event."""
     seen: set[int] = set()
     for number, event in enumerate(events, start=1):
@@ -96,7 +97,7 @@ def _mark_places(axes: Any, labels: Labels, recording: Recording, events: list[E
             labels.place(axes, f"{number}: vehicle {event.sysid}", (float(place[1]), float(place[0])))
 
 
-def _heights(axes: Any, recording: Recording, t_s: Array, places: Array, planned: tuple[Array, Array] | None) -> None:
+def _heights(axes: Axes, recording: Recording, t_s: Array, places: Array, planned: tuple[Array, Array] | None) -> None:
     if recording.plan is not None:
         terrain = recording.plan.scenario.terrain
         under = ground_height_m(terrain, places[..., 0], places[..., 1])  # (V, N)
@@ -114,7 +115,7 @@ def _heights(axes: Any, recording: Recording, t_s: Array, places: Array, planned
         axes.legend(fontsize=8, loc="upper right")
 
 
-def _errors(axes: Any, recording: Recording, t_s: Array, off_m: Array) -> None:
+def _errors(axes: Axes, recording: Recording, t_s: Array, off_m: Array) -> None:
     for colour, off in zip(colours(recording.sysids), off_m, strict=True):
         axes.plot(t_s, np.linalg.norm(off, axis=1), color=colour, lw=1.0)
     axes.set(ylabel="position error, m")
@@ -133,7 +134,7 @@ def _worth_marking(events: tuple[Event, ...], from_s: float, to_s: float) -> lis
     return list(seen.values())
 
 
-def _mark(panels: list[Any], events: list[Event], span_s: float) -> None:
+def _mark(panels: list[Axes], events: list[Event], span_s: float) -> None:
     """Draw a dotted line for each event in every panel, and their numbers above the first."""
     groups: list[list[int]] = []
     for n, event in enumerate(events):

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.colors import LightSource, Normalize
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
+from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
+from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from gcs.flight.plots import map_layers
-from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, settle
+from gcs.flight.plots.figure_file import NAMED, Labels, Look, colours, head, settle
 from gcs.flight.plots.flight_map import FlightMap, vehicle_entries
 from gcs.flight.recording.recording import nearest_m
 from gcs.plan.formation.timeline import Move
@@ -37,17 +40,18 @@ MOST = 3
 _LEVEL_M = 1.0  # a lower relief is level ground
 _AROUND_S = 3.0  # to either side of an instant
 _ROOM, _LEAST_ROOM_M = 0.15, 1.0
+Instants = NDArray[np.intp]  # (N,): rows of times
 
 
 def draw_tracks(
     scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, moves: tuple[Move, ...] = ()
-) -> Any:
+) -> Figure:
     """Return a 3D view of tracks (V, N, 3) at plan times (N,), heights exaggerated, with close-ups beside it."""
     stretches = close_ups(scenario, sysids, t_s, tracks_ned_m, moves)
     rows = max(len(stretches), 2)
     figure = plt.figure(figsize=(13.0, rows * (_PANEL_IN[1] + _BETWEEN_IN)), layout="constrained")
     grid = figure.add_gridspec(rows, 2, width_ratios=(1.7, 1))
-    axes: Any = figure.add_subplot(grid[:, 0], projection="3d", computed_zorder=False)
+    axes: Axes3D = figure.add_subplot(grid[:, 0], projection="3d", computed_zorder=False)
     chart = FlightMap(scenario, sysids, t_s, tracks_ned_m)
     _draw_in_space(axes, chart, scenario)
     panels = [figure.add_subplot(grid[row, 1]) for row in range(len(stretches))]
@@ -63,7 +67,7 @@ def draw_tracks(
     return figure
 
 
-def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
+def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
     sysids, tracks_ned_m, span_s = chart.sysids, chart.tracks_ned_m, (float(chart.t_s[0]), float(chart.t_s[-1]))
     low, high = area = chart.area
     lowest_m, top_m = _draw_ground(axes, scenario, area), float(np.nanmax(-tracks_ned_m[..., 2]))
@@ -76,7 +80,7 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
         axes.plot(track[:, 1], track[:, 0], under_m, color="black", lw=0.5, alpha=0.35, zorder=8)
         axes.plot(track[:, 1], track[:, 0], -track[:, 2], color=colour, lw=1.4, zorder=9)
     _, places = chart.marks()
-    look = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white", "mec": "black", "mew": 0.6, "zorder": 10}
+    look: Look = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white", "mec": "black", "mew": 0.6, "zorder": 10}
     axes.plot(places[:, 1], places[:, 0], -places[:, 2], **look)
     _draw_wind(axes, scenario, area, tracks_ned_m[..., :2], top_m)
     sides_m = (high - low)[::-1] / float(np.max(high - low))
@@ -99,7 +103,7 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
     head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
 
 
-def _draw_wind(axes: Any, scenario: Scenario, area: map_layers.Area, flat_ned_m: Array, top_m: float) -> None:
+def _draw_wind(axes: Axes3D, scenario: Scenario, area: map_layers.Area, flat_ned_m: Array, top_m: float) -> None:
     """Draw an arrow along the wind, as high as the highest track, over the corner that is farthest from all tracks."""
     if scenario.wind is None or scenario.wind.speed_mps == 0.0:
         return
@@ -115,15 +119,13 @@ def _draw_wind(axes: Any, scenario: Scenario, area: map_layers.Area, flat_ned_m:
     axes.add_collection3d(Poly3DCollection([outline], facecolor=map_layers.WIND, edgecolor="none", zorder=11))
 
 
-def _draw_ground(axes: Any, scenario: Scenario, area: map_layers.Area) -> float:
+def _draw_ground(axes: Axes3D, scenario: Scenario, area: map_layers.Area) -> float:
     """Draw the ground as it is, in bands of height; return its lowest height."""
     north, east, height = map_layers.ground_grid(scenario, area, _CELLS)
     levels = map_layers.levels_m(height)
     if len(levels):
         range_m = Normalize(float(height.min()), float(height.max()))
-        shade: Any = LightSource(315, 45).shade(
-            height, plt.get_cmap("YlOrBr"), norm=range_m, vert_exag=4, blend_mode="soft"
-        )
+        shade = LightSource(315, 45).shade(height, plt.get_cmap("YlOrBr"), norm=range_m, vert_exag=4, blend_mode="soft")
         band = np.searchsorted(levels, height)
         shade[..., :3] *= np.where((band - band.min()) % 2, _BAND, 1.0)[..., None]
         axes.plot_surface(east, north, height, facecolors=shade, rstride=1, cstride=1, linewidth=0, antialiased=False)
@@ -134,7 +136,7 @@ def _draw_ground(axes: Any, scenario: Scenario, area: map_layers.Area) -> float:
     return float(height.min())
 
 
-def _draw_zone(axes: Any, scenario: Scenario, corners: Array, top_m: float, colour: str) -> None:
+def _draw_zone(axes: Axes3D, scenario: Scenario, corners: Array, top_m: float, colour: str) -> None:
     """Draw a wall around a zone, from the ground to the highest track."""
     corners = corners[np.linspace(0, len(corners) - 1, min(len(corners), _CORNERS)).astype(int)]
     north, east = corners.T
@@ -195,7 +197,9 @@ def close_ups(
     return found or [CloseUp.around("the middle of the flight", 0.5 * scenario.time.flight_s)]
 
 
-def _lowest(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Any) -> list[CloseUp]:
+def _lowest(
+    scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Instants
+) -> list[CloseUp]:
     """Where a vehicle passes lowest above ground that is not level."""
     north, east, down = np.moveaxis(tracks_ned_m[:, during], -1, 0)
     ground_m = ground_height_m(scenario.terrain, north, east)
@@ -207,7 +211,7 @@ def _lowest(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_
     return [CloseUp.around(title, float(t_s[during[n]]))]
 
 
-def _nearest_call(sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Any) -> CloseUp:
+def _nearest_call(sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Instants) -> CloseUp:
     n = int(np.nanargmin(nearest_m(tracks_ned_m[:, during])))
     gaps = pdist(tracks_ned_m[:, during[n]])
     pair = int(np.nanargmin(gaps))
@@ -218,7 +222,7 @@ def _nearest_call(sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, duri
 
 
 def draw_close_up(
-    axes: Any,
+    axes: Axes,
     scenario: Scenario,
     sysids: tuple[int, ...],
     t_s: Array,
@@ -259,7 +263,7 @@ def _frame(tracks: Array, size_in: tuple[float, float]) -> tuple[Array, Array]:
 
 
 def label_close_up(
-    axes: Any, labels: Labels, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, what: CloseUp
+    axes: Axes, labels: Labels, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, what: CloseUp
 ) -> None:
     """Write the number of every vehicle beside it."""
     instant_s = what.end_s if what.at_s is None else what.at_s

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -15,6 +14,7 @@ from pydantic import TypeAdapter
 from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
+from gcs.types import JsonObject
 from gcs.util.bounded_file import EVENT_FILE, read_file, read_json
 
 
@@ -64,8 +64,8 @@ def read_events(path: Path) -> tuple[Event, ...]:
 
 
 def report_data(
-    mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict | None, extra: dict[str, Any]
-) -> dict[str, Any]:
+    mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict | None, extra: JsonObject
+) -> JsonObject:
     """Return the report as plain values, for `report.json` and `--json`."""
     return {
         "ok": verdict is not None and verdict.ok,
@@ -78,7 +78,7 @@ def report_data(
     }
 
 
-def criteria_data(verdict: Verdict) -> dict[str, Any]:
+def criteria_data(verdict: Verdict) -> JsonObject:
     """Return the criteria and errors of a verdict as plain values."""
     return {
         # A vehicle that never arrives is infinitely late, which JSON has no number for.
@@ -94,7 +94,7 @@ def criteria_data(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> dict[str, Any]:
+def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> JsonObject:
     """Return the least separations that vehicles reported, by the part of the flight, as plain values."""
     rows = (
         {

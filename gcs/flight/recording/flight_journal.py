@@ -32,7 +32,8 @@ class FlightJournal:
     ) -> None:
         self.state = state
         self.say = spared(say, "the screen")
-        self.record = FlightRecord(folder, spared(warn, "the screen"), self._now_s, telemetry)
+        self._warn = spared(warn, "the screen")
+        self.record = FlightRecord(folder, self._warn, self._now_s, telemetry)
         self.on_frame: Callable[[FrameDirection, bytes], None] = spared(self.record.write_frame, telemetry, self.say)
         self.on_notice: Callable[[LinkNotice], None] = spared(self._notice, "the report of events")
         self._time: FleetTime | None = None
@@ -42,9 +43,9 @@ class FlightJournal:
         self._time = time
 
     def on_event(self, event: Event) -> None:
-        """Record an event, and say it."""
+        """Record an event, and say it; an alarm is a warning."""
         self.record.write_event(event)
-        self.say(str(event))
+        (self._warn if event.alarm else self.say)(str(event))
 
     def on_step(self, step: Step, t0_unix_s: float | None) -> None:
         """Record that a step began; T0 stays the last known one."""

@@ -11,17 +11,17 @@ import shlex
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import GRID_S, Verdict
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode, TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.recording.flight_folder import OUTCOMES, PLAN, TRUE_STATES, limit_text
-from gcs.flight.setup.build_loads import TimeKeeping
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.physics.wind import GUSTS_MPS
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import autopilots
+from gcs.types import JsonObject
 from gcs.util.atomic_write import atomic_write
 
 # Criterion: what is measured, and when. Positions are true ones, times are plan times.
@@ -58,7 +58,7 @@ FORMATION_ERROR = (
 SKEW = "difference of the delays of two vehicles behind the plan, from telemetry"
 
 
-def emulation_data(scenario: Scenario, emulated: Emulated) -> dict[str, Any]:
+def emulation_data(scenario: Scenario, emulated: Emulated) -> JsonObject:
     """Return the conditions of an emulated flight as plain values, for `report.json`."""
     return {
         "skein": version("skein-gcs"),
@@ -71,7 +71,7 @@ def emulation_data(scenario: Scenario, emulated: Emulated) -> dict[str, Any]:
     }
 
 
-def repeat_command(keeping: TimeKeeping, options: FlightOptions, emulation: dict[str, Any]) -> str:
+def repeat_command(keeping: TimeKeeping, options: FlightOptions, emulation: JsonObject) -> str:
     """Return the command that flies the plan of this folder again, under the same conditions."""
     words = ["gcs", "fly", PLAN, "--sim", "--mode", keeping.mode.value, "--seed", str(emulation["seed"])]
     if keeping.mode is FlightMode.MISSION:
@@ -90,7 +90,7 @@ def repeat_command(keeping: TimeKeeping, options: FlightOptions, emulation: dict
     return shlex.join([*words, "--speedup", emulation["speedup"]])
 
 
-def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
+def write_report(folder: Path, data: JsonObject, verdict: Verdict) -> None:
     """Write `report.json` for programs and `report.md` for readers."""
     atomic_write(folder / "report.json", json.dumps(data, indent=2) + "\n")
     navigator = f" with the {data['navigator']} navigator" if data.get("navigator") else ""
@@ -134,7 +134,7 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
     atomic_write(folder / "report.md", "\n".join(lines))
 
 
-def _conditions(data: dict[str, Any]) -> list[str]:
+def _conditions(data: JsonObject) -> list[str]:
     found = data.get("emulation")
     if found is None:
         return []
@@ -159,7 +159,7 @@ def _conditions(data: dict[str, Any]) -> list[str]:
     ]
 
 
-def _wind_in_words(found: dict[str, Any]) -> str:
+def _wind_in_words(found: JsonObject) -> str:
     planned = found["planned_wind"]
     expected = "none" if planned is None else f"{planned['speed_mps']:g} m/s from {planned['from_deg']:g} degrees"
     if found["wind"] is None:
@@ -168,7 +168,7 @@ def _wind_in_words(found: dict[str, Any]) -> str:
     return f"{speed} m/s from {origin} degrees (the plan assumes: {expected})"
 
 
-def _gusts_in_words(found: dict[str, Any]) -> str:
+def _gusts_in_words(found: JsonObject) -> str:
     deviation_mps = found["gusts_mps"]
     if not deviation_mps:
         return "none"

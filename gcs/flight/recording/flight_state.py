@@ -14,7 +14,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import FileFormatError, GcsError, UsageError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.monitoring.progress import Step
 from gcs.flight.recording.record_gaps import RecordGap
 from gcs.util.atomic_write import atomic_write

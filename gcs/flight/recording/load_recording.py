@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -29,7 +28,7 @@ from gcs.link.wire.local_motion import is_local_place, local_motion
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.plan.plan_file import read_plan
-from gcs.types import Array
+from gcs.types import Array, JsonObject
 
 _FORMS = ("{}_m", "v_{}_mps")
 _ELSEWHERE_S = 1.0
@@ -88,7 +87,7 @@ def recording_from_telemetry(
     return tracks, tuple(events), tuple(remarks), notes
 
 
-def _beat(one: _Heard, fields: dict[str, Any]) -> list[str]:
+def _beat(one: _Heard, fields: JsonObject) -> list[str]:
     """Take in a HEARTBEAT; return what has changed, in words."""
     if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
         return []
@@ -121,7 +120,7 @@ def _take(one: _Heard, message: Message, t_s: float) -> None:
         _note(one, False, t_s, fields, local)
 
 
-def _note(one: _Heard, is_global: bool, t_s: float, fields: dict[str, Any], motion: tuple[float, ...]) -> None:
+def _note(one: _Heard, is_global: bool, t_s: float, fields: JsonObject, motion: tuple[float, ...]) -> None:
     one.is_global.append(is_global)
     one.stamps.append((t_s, fields["time_boot_ms"] / 1e3))
     one.motion.append(motion)

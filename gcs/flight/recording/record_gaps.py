@@ -13,10 +13,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import FlightError, GcsError, UsageError
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import JsonObject
 
 try:
     import resource
@@ -96,7 +96,7 @@ class RecordGaps:
         """The gaps until now."""
         return tuple(self._gaps.values())
 
-    def data(self) -> tuple[dict[str, Any], ...]:
+    def data(self) -> tuple[JsonObject, ...]:
         """Return the gaps as plain values, for the report and `--json`."""
         return tuple(asdict(gap) for gap in self.found)
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
 from gcs.errors import GcsError, PeerError, UsageError
-from gcs.flight.contingency.options import FlightMode
+from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.export import export
@@ -17,6 +16,7 @@ from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.formats.registry import DEFAULT, select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
+from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.returns.fence_rally import Safety, build_safety
 from gcs.mission.returns.rtl_altitudes import return_warnings
@@ -24,8 +24,6 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from gcs.scenario.values.si import names_autopilots
 
-IDEAL, OWN, AUTO = "ideal", "own", "auto"
-NAVIGATORS = (AUTO, OWN, IDEAL)
 _SHARE = 0.5  # of a limit that the autopilot may use; sensors and wind take the rest
 
 
@@ -43,15 +41,16 @@ def build_loads(
     Missions are those of an export, with its checks. `timed` ones have speeds corrected for the autopilot; the others
     have the plan's own speeds, which autopilots do not keep. What `exported` has for these autopilots is not built
     again. With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings
-    about returns. Raises `PeerError` as `fleet_autopilots`, `ScenarioError` for missions that an autopilot does not
-    store, and `VerificationError` for missions that failed verification.
+    about returns; it is told too by how much arrival times may spread. Raises `PeerError` as `fleet_autopilots`,
+    `ScenarioError` for missions that an autopilot does not store, and `VerificationError` for missions that failed
+    verification.
     """
     each = fleet_autopilots(plan, autopilots)
     if exported is not None and exported.autopilots == each and not exported.refused:
         safe, missions = exported.safety, exported.missions
     else:
         safe = build_safety(plan, each)
-        missions = _missions(plan, MissionOrder(each, timed=timed), safe)
+        missions = _missions(plan, MissionOrder(each, timed=timed), safe, warn)
     if not safety:
         return missions_only(missions)
     for text in return_warnings(plan, safe.returns, each):
@@ -138,10 +137,11 @@ def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]
     return tuple(VehicleLoad(mission) for mission in missions)
 
 
-def _missions(plan: Plan, order: MissionOrder, safe: Safety) -> tuple[VehicleMission, ...]:
+def _missions(plan: Plan, order: MissionOrder, safe: Safety, warn: Callable[[str], None]) -> tuple[VehicleMission, ...]:
     made = make_missions(plan, order, safe, select_formats(["plan"]))
     if made.refusal is not None:
         raise made.refusal
+    _say_spread(made.timing, made.legs, warn)
     return made.missions
 
 
@@ -155,36 +155,34 @@ def _firmware(sysid: int, autopilot: int) -> Autopilot:
         ) from None
 
 
-@dataclass(frozen=True)
-class TimeKeeping:
-    """How a flight's missions keep time. `navigator` is that of emulated vehicles."""
-
-    mode: FlightMode
-    emulated: bool
-    navigator: str = AUTO
-    gates: int = 0
-
-
 def export_for_flight(
     plan: Plan, report: Report, folder: Path, keeping: TimeKeeping, say: Callable[[str], None]
-) -> tuple[ExportIndex, str]:
+) -> tuple[ExportIndex, NavigatorChoice]:
     """Export what is uploaded; return the index and the navigator of emulated vehicles.
 
     `report` is that of the plan's verification. A setpoint stream needs no corrected speeds, and the ideal navigator
     keeps the plan's own. Raises `VerificationError` if vehicles that fly their missions may come too close to each
     other.
     """
-    if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator == IDEAL):
-        return export(plan, folder, timed=False, report=report), IDEAL
+    if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL):
+        return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
-    if not keeping.emulated or keeping.navigator == OWN:
-        return export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report), OWN
+    if not keeping.emulated or keeping.navigator is NavigatorChoice.OWN:
+        index = export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report)
+        _say_spread(index.timing, index.autopilots, say)
+        return index, NavigatorChoice.OWN
     index = export(plan, folder, gates=keeping.gates, start_s=start_s, report=report)
     reason = index.refused or (_predicted_failure(plan, index.timing) if index.timing else "")
     if not reason or keeping.gates:
-        return index, OWN
+        _say_spread(index.timing, index.autopilots, say)
+        return index, NavigatorChoice.OWN
     say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {reason}")
-    return export(plan, folder, timed=False, report=report), IDEAL
+    return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
+
+
+def _say_spread(timing: Timing | None, autopilots: Iterable[Autopilot], say: Callable[[str], None]) -> None:
+    if timing is not None and timing.may_differ_s > 0.0:
+        say(spread_in_words(timing.may_differ_s, autopilots))
 
 
 def _predicted_failure(plan: Plan, timing: Timing) -> str:

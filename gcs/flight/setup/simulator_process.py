@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs.errors import LinkError, UsageError
+from gcs.flight.contingency.choices import NavigatorChoice
 from gcs.scenario.schema.scenario import Scenario
 
 _START_TIMEOUT_S = 60.0  # a busy machine takes half of it; a process that fails ends at once
@@ -43,7 +44,7 @@ class SimulatorOptions:
     emulated: Emulated
     log: Path = Path(os.devnull)  # its stderr
     truth: Path | None = None
-    navigator: str = "ideal"  # ideal: keeps arrival times; own: the autopilot's
+    navigator: NavigatorChoice = NavigatorChoice.IDEAL
 
 
 def refuse_wrong_options(scenario: Scenario, emulated: Emulated) -> None:

@@ -85,7 +85,7 @@ def parse_link_spec(text: str) -> LinkSpec:
 
 
 def _own_name(text: str) -> str:
-    """The name here of a link as MAVProxy, pymavlink (`udp:`, `/dev/x,57600`) or MAVSDK (`udp://:14540`) write it."""
+    """Translate a link name of MAVProxy, pymavlink (`udp:`, `/dev/x,57600`) or MAVSDK (`udp://:14540`) to ours."""
     device = _DEVICE_COMMA_BAUD.fullmatch(text)
     if device:
         return f"serial:{device[1]}:{device[2]}"

@@ -58,7 +58,7 @@ class UdpPort:
         return plain_address(self._socket.getsockname())
 
     def read(self) -> Iterator[tuple[bytes, Address]]:
-        """Return the datagrams that wait, and their senders, up to so many that others get their turn."""
+        """Return waiting datagrams and their senders, a limited number so that other links get their turn."""
         left = _LARGEST
         for _ in range(_PER_TURN):
             try:
@@ -106,7 +106,7 @@ class ByteStream:
         self._queue_bytes = queue_bytes
 
     def read(self) -> bytes | None:
-        """Return what has arrived, up to 64 KiB, so that others get their turn; None if the other end is gone."""
+        """Return what has arrived, at most 64 KiB so that others get their turn; None if the other end is gone."""
         try:
             return os.read(self.file, _LARGEST) or None
         except BlockingIOError:

@@ -29,7 +29,7 @@ _REPORTS = 3  # of a held clock: their median counts, so one wrong report change
 _REBOOT_S, _AHEAD_S = 5.0, 5.0  # a boot time that is further back, or ahead of what its rate explains, is odd
 _RATES = 3.0  # a vehicle may become so much faster between two messages
 _CONFIRM = 3  # odd boot times in a row are a clock that began anew
-# After a standstill of this program, messages wait to be read: until one is so near its predicted time, or so long.
+# After a pause of this program, messages are unread until one is this near its predicted time, or for this long.
 _NEAR_S, _UNREAD_S = 0.25, 1.0
 
 
@@ -53,7 +53,7 @@ class VehicleClock:
 
     def _forget_samples(self) -> None:
         self._samples: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (now_s, boot_s)
-        self._rate_kept: float | None = None  # of before the last standstill
+        self._rate_kept: float | None = None  # before the last pause of this program
         self._resumed: tuple[float, float] | None = None  # now_s and boot_s at its end, predicted
         self._newest_boot_s = float("-inf")
         self._newest_s = float("-inf")  # local time of the newest sample
@@ -69,7 +69,7 @@ class VehicleClock:
 
     @property
     def rate(self) -> float:
-        """Vehicle seconds per local second; 1, or that of before a standstill, until the window is a quarter full."""
+        """Vehicle seconds per local second; until the window is a quarter full 1, or the rate before a pause."""
         known = 1.0 if self._rate_kept is None else self._rate_kept
         if not self._samples:
             return known
@@ -78,7 +78,7 @@ class VehicleClock:
         return (boot_1 - boot_0) / span_s if span_s >= self._window_s / 4 else known
 
     def stood_still(self, now_s: float) -> None:
-        """This program stood still until `now_s`: messages that it reads now have waited, and measure no clock."""
+        """Start a new window after a pause of this program: messages read now have waited, and measure no rate."""
         if not self._samples:
             return
         rate = self._rate_kept = self.rate
@@ -86,7 +86,7 @@ class VehicleClock:
         self._samples.clear()
 
     def is_behind(self, now_s: float) -> bool:
-        """Whether messages may be unread that have waited in a standstill of this program."""
+        """Whether messages that arrived in a pause of this program may still be unread."""
         if self._resumed is None:
             return False
         then_s, boot_s = self._resumed
@@ -105,7 +105,7 @@ class VehicleClock:
 
     @property
     def jumped(self) -> bool:
-        """Whether GNSS time has jumped since the clock is held, and is not back."""
+        """Whether GNSS time has jumped while the clock is held, and has not come back."""
         return self._jumped
 
     def hold(self) -> None:
@@ -165,13 +165,13 @@ class VehicleClock:
     def now_unix_s(self, now_s: float) -> float | None:
         """Return the predicted unix time on board at `now_s`; None until `ready`.
 
-        It never runs back but for corrections of the offset.
+        It runs back only when the offset is corrected.
         """
         reading = self.reading(now_s)
         return None if reading is None else reading[0]
 
     def reading(self, now_s: float) -> tuple[float, bool] | None:
-        """Return the unix time at `now_s`, and whether it stands because the vehicle has not reported for so long."""
+        """Return the unix time at `now_s`, and whether the clock has stopped because the vehicle does not report."""
         if self._offset_s is None or not math.isfinite(self._newest_boot_s):
             return None
         known = bool(self._samples) or (self._rate_kept is not None and not self.is_behind(now_s))

@@ -1,15 +1,6 @@
 """The MAVLink command protocol (https://mavlink.io/en/services/command.html), for the sender and for the receiver.
 
-CommandSender sends one COMMAND_LONG or COMMAND_INT and waits for its COMMAND_ACK:
-
-    state      event                                next       sends
-    IDLE       start                                WAITING    the command, confirmation 0
-    WAITING    reply_s passed, retries left         WAITING    the command, confirmation + 1
-    WAITING    COMMAND_ACK IN_PROGRESS              RUNNING
-    RUNNING    COMMAND_ACK IN_PROGRESS              RUNNING    (extends the timeout by progress_s, up to limit_s)
-    any        COMMAND_ACK ACCEPTED                 DONE
-    any        COMMAND_ACK of refusal               FAILED
-    any        retries used up, progress_s, limit_s FAILED
+CommandSender sends one COMMAND_LONG or COMMAND_INT and waits for its COMMAND_ACK, by the table after it.
 
 An acknowledgement counts if it comes from the commanded vehicle, names the command, and is addressed to us or to no
 station. The protocol cannot distinguish two equal commands: send the second one after the first has ended.
@@ -20,11 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum, auto
 
-from gcs.autopilots.protocol_timers import STANDARD, CommandTimers
-from gcs.errors import GcsError, PeerRefusal, PeerTimeout, ProtocolMisuse
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.autopilots.protocol_timers import CommandTimers
+from gcs.errors import PeerRefusal, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, TableMachine
+from gcs.link.protocols.machine import Transition as Row
+from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MavResult
 from gcs.mavlink_names import command_name, result_words
 
@@ -54,114 +47,84 @@ class CommandRefused(PeerRefusal):
         return CommandRefused(self.peer, self.command, self.result, reason=reason)
 
 
-class CommandState(Enum):
-    """See the table above."""
-
-    IDLE = auto()
-    WAITING = auto()
-    RUNNING = auto()
-    DONE = auto()
-    FAILED = auto()
-
-
-class CommandSender:
-    """One command to `peer`. `params` are up to seven numbers, or up to four with a `position`."""
+class CommandSender(TableMachine):
+    """One command to the peer. `params` are up to seven numbers, or up to four with a `position`."""
 
     def __init__(
         self,
         command: int,
         params: Sequence[float],
-        peer: Station,
+        exchange: Exchange,
         *,
         position: Position | None = None,
-        me: Station = GROUND,
-        timers: CommandTimers = STANDARD.command,
+        timers: CommandTimers | None = None,
     ) -> None:
+        super().__init__(COMMAND, exchange)
         most = 7 if position is None else 4
         if len(params) > most:
             raise ProtocolMisuse(f"{command_name(command)} takes {most} parameters, not {len(params)}.")
         self.command = command
-        self.peer = peer
-        self.me = me
-        self.state = CommandState.IDLE
-        self.error: GcsError | None = None
         self.ack: Message | None = None  # the last acknowledgement
         self._params = (*params, *(0.0,) * (most - len(params)))
         self._position = position
-        self._timers = timers
+        self._timers = timers or exchange.timers.command
         self._confirmation = 0
         self._next_s = 0.0
         self._end_s = 0.0
 
     @property
-    def done(self) -> bool:
-        """Whether the command has ended: with success if `error` is None."""
-        return self.state in (CommandState.DONE, CommandState.FAILED)
-
-    @property
     def deadline_s(self) -> float | None:
         """The time of the next `tick`; None if no timer runs."""
-        return None if self.done or self.state is CommandState.IDLE else min(self._next_s, self._end_s)
+        return min(self._next_s, self._end_s) if self.state in _OPEN else None
 
-    def start(self, now_s: float) -> list[Message]:
-        """Return the command to send. Raises `ProtocolMisuse` if called twice."""
-        if self.state is not CommandState.IDLE:
-            raise ProtocolMisuse("a CommandSender was started twice; make a new one for a new command.")
-        self.state = CommandState.WAITING
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """Process the acknowledgement of this command; ignore all other messages."""
+        if message.name != "COMMAND_ACK" or message.fields["command"] != self.command:
+            return []
+        return self._follow(_E.COMMAND_ACK, message, now_s) if self.exchange.hears(message) else []
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Repeat the command, or end with a timeout."""
+        if now_s >= self._end_s:
+            return self._follow(_E.LIMIT, TIMER, now_s)
+        return self._follow(_E.WAIT, TIMER, now_s) if now_s >= self._next_s else []
+
+    def _send(self, _: Message, now_s: float) -> list[Message]:
         self._next_s = now_s + self._timers.reply_s
         self._end_s = now_s + self._timers.limit_s
         return [self._message()]
 
-    def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Process the acknowledgement of this command; ignore all other messages."""
-        if (
-            message.name != "COMMAND_ACK"
-            or self.done
-            or self.state is CommandState.IDLE
-            or message.fields["command"] != self.command
-            or not message.comes_from(self.peer)
-            or not message.is_for(self.me)
-        ):
-            return []
-        self.ack = message
-        result = message.fields["result"]
-        if result == MavResult.ACCEPTED:
-            self.state = CommandState.DONE
-        elif result == MavResult.IN_PROGRESS:
-            self.state = CommandState.RUNNING
-            self._next_s = now_s + self._timers.progress_s
-        else:
-            self._fail(CommandRefused(self.peer, self.command, result))
-        return []
-
-    def tick(self, now_s: float) -> list[Message]:
-        """Repeat the command, or end with a timeout."""
-        deadline_s = self.deadline_s
-        if deadline_s is None or now_s < deadline_s:
-            return []
-        name = command_name(self.command)
-        if self.state is CommandState.RUNNING or now_s >= self._end_s:
-            self._fail(PeerTimeout(f"{self.peer} did not report the end of {name} in time."))
-            return []
-        if self._confirmation >= self._timers.retries:
-            tries = self._confirmation + 1
-            self._fail(PeerTimeout(f"{self.peer} did not acknowledge {name}, sent {tries} times."))
-            return []
+    def _send_again(self, _: Message, now_s: float) -> list[Message]:
         self._confirmation += 1
         self._next_s = now_s + self._timers.reply_s
         return [self._message()]
 
-    def cancel(self) -> list[Message]:
-        """Stop waiting. The vehicle may have executed the command; no message is sent."""
-        if not self.done:
-            self._fail(
-                PeerTimeout(f"the wait for {self.peer} to acknowledge {command_name(self.command)} was cancelled.")
-            )
+    def _accepted(self, ack: Message, _: float) -> list[Message]:
+        self.ack = ack
         return []
 
-    def _fail(self, error: GcsError) -> None:
-        self.error = error
-        self.state = CommandState.FAILED
+    def _in_progress(self, ack: Message, now_s: float) -> list[Message]:
+        self.ack = ack
+        self._next_s = now_s + self._timers.progress_s
+        return []
+
+    def _refused(self, ack: Message, _: float) -> list[Message]:
+        self.ack = ack
+        return self._fail(CommandRefused(self.peer, self.command, ack.fields["result"]))
+
+    def _unacknowledged(self, _message: Message, _now_s: float) -> list[Message]:
+        tries = self._confirmation + 1
+        return self._fail(
+            PeerTimeout(f"{self.peer} did not acknowledge {command_name(self.command)}, sent {tries} times.")
+        )
+
+    def _unfinished(self, _message: Message, _now_s: float) -> list[Message]:
+        return self._fail(PeerTimeout(f"{self.peer} did not report the end of {command_name(self.command)} in time."))
+
+    def _cancelled(self, _message: Message, _now_s: float) -> list[Message]:
+        """Stop waiting. The vehicle may have executed the command; no message is sent."""
+        name = command_name(self.command)
+        return self._fail(PeerTimeout(f"the wait for {self.peer} to acknowledge {name} was cancelled."))
 
     def _message(self) -> Message:
         fields: dict[str, float | int] = {
@@ -184,6 +147,27 @@ class CommandSender:
                 "z": position.alt_m,
             },
         )
+
+
+_E, _S = MachineEvent, MachineState
+_M = CommandSender
+_OPEN = (_S.WAITING, _S.RUNNING)
+_If = Guard[_M]
+_RETRIES = _If("`retries` are left", lambda m, _: m._confirmation < m._timers.retries)
+_ACCEPTED = _If("ACCEPTED", lambda _, ack: ack.fields["result"] == MavResult.ACCEPTED)
+_IN_PROGRESS = _If("IN_PROGRESS", lambda _, ack: ack.fields["result"] == MavResult.IN_PROGRESS)
+
+COMMAND: Table[CommandSender] = Table(
+    Row((_S.IDLE,), _E.START, None, _S.WAITING, _M._send, "the command, confirmation 0"),
+    Row((_S.WAITING,), _E.WAIT, _RETRIES, None, _M._send_again, "the command, confirmation + 1"),
+    Row((_S.WAITING,), _E.WAIT, None, _S.FAILED, _M._unacknowledged),
+    Row((_S.RUNNING,), _E.WAIT, None, _S.FAILED, _M._unfinished),
+    Row(_OPEN, _E.COMMAND_ACK, _ACCEPTED, _S.DONE, _M._accepted),
+    Row(_OPEN, _E.COMMAND_ACK, _IN_PROGRESS, _S.RUNNING, _M._in_progress),
+    Row(_OPEN, _E.COMMAND_ACK, None, _S.FAILED, _M._refused),
+    Row(_OPEN, _E.LIMIT, None, _S.FAILED, _M._unfinished),
+    Row((_S.IDLE, *_OPEN), _E.CANCEL, None, _S.FAILED, _M._cancelled),
+)
 
 
 class CommandMemory:

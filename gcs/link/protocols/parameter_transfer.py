@@ -21,12 +21,10 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from gcs.autopilots.parameter_names import spellings
-from gcs.autopilots.protocol_timers import ParameterTimers
-from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.parameter import Parameter, as_kind, decode, read_request, set_request
-from gcs.link.protocols.rtt import RttEstimator
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.wire.message import Message
 
 _WINDOW = 6
 
@@ -46,24 +44,18 @@ class ParameterMachine:
     def __init__(
         self,
         names: Sequence[str],
-        peer: Station,
-        autopilot: int,
+        exchange: Exchange,
         *,
         version: int | None = None,
-        me: Station = GROUND,
-        timers: ParameterTimers | None = None,
-        round_trip: RttEstimator | None = None,
     ) -> None:
-        self.peer = peer
-        self.me = me
+        self.peer = exchange.peer
         self.state = ParameterState.IDLE
         self.error: GcsError | None = None
         self.values: dict[str, Parameter] = {}
-        self._autopilot, self._version = autopilot, version
-        link = link_behaviour(autopilot)
-        self._in_bytes = link.integers_in_bytes
-        self._timers = timers or link.timers.parameter
-        self._round_trip = round_trip or RttEstimator()
+        self._autopilot, self._version = exchange.autopilot, version
+        self._in_bytes = exchange.link.integers_in_bytes
+        self._timers = exchange.timers.parameter
+        self._round_trip = exchange.round_trip
         self._waiting = list(dict.fromkeys(names))
         self._requested: dict[str, tuple[int, float]] = {}  # number of requests, time of the next
         self._seen: dict[str, Parameter] = {}
@@ -184,17 +176,8 @@ class ParameterWriter(ParameterMachine):
     Raises `UsageError` for values that the type cannot store.
     """
 
-    def __init__(
-        self,
-        parameters: Sequence[Parameter],
-        peer: Station,
-        autopilot: int,
-        *,
-        me: Station = GROUND,
-        timers: ParameterTimers | None = None,
-        round_trip: RttEstimator | None = None,
-    ) -> None:
-        super().__init__([p.name for p in parameters], peer, autopilot, me=me, timers=timers, round_trip=round_trip)
+    def __init__(self, parameters: Sequence[Parameter], exchange: Exchange) -> None:
+        super().__init__([p.name for p in parameters], exchange)
         self._wanted = {p.name: Parameter(p.name, as_kind(p.name, p.value, p.kind), p.kind) for p in parameters}
 
     def _request(self, name: str) -> Message:

@@ -47,7 +47,7 @@ class Connection:
             raise UsageError(
                 "MAVSDK cannot sign, and a signing key is given.", hint="remove the key, or use --backend skein"
             )
-        if self.transfer == "file":
+        if self.transfer == Transfer.FILE:
             raise UsageError(
                 "MAVSDK sends missions item by item, and --transfer file is given.",
                 hint="remove --transfer, or use --backend skein",

@@ -3,48 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Generic, Protocol, TypedDict, TypeVar
+from typing import Protocol
 
-from gcs.autopilots.protocol_timers import ProtocolTimers
-from gcs.autopilots.traits import autopilot_name, link_behaviour
+from gcs.autopilots.traits import autopilot_name
 from gcs.errors import PeerError
-from gcs.link.protocols.ftp.requests import FtpNumbers
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import Machine
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.strategy import Preferred, SentAs, Transfer, planned
 from gcs.link.protocols.mission.verified_upload import VerifiedUpload
-from gcs.link.protocols.rtt import RttEstimator
-from gcs.link.wire.message import Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
-
-T = TypeVar("T")
-
-
-class Talk(TypedDict, Generic[T]):
-    """What all machines of one session have in common, but for their timers."""
-
-    me: Station
-    timers: T
-    round_trip: RttEstimator
 
 
 class Uploading(Protocol):
     """What an upload needs of the session with a vehicle."""
 
     sysid: int
-    station: Station
-
-    @property
-    def autopilot(self) -> int:
-        """MAV_AUTOPILOT."""
-
-    @property
-    def timers(self) -> ProtocolTimers:
-        """The timers of its autopilot, or of the link."""
-
-    def talk(self, timers: T) -> Talk[T]:
-        """What every machine of the session has."""
+    exchange: Exchange
 
     async def run(self, machine: Machine) -> None:
         """Run a machine until it is done. Raises its error."""
@@ -54,29 +30,28 @@ class Uploading(Protocol):
 
 
 async def upload(
-    session: Uploading, items: Sequence[MissionItem], mission_type: int, transfer: Transfer, numbers: FtpNumbers
+    session: Uploading, items: Sequence[MissionItem], mission_type: int, transfer: Transfer
 ) -> tuple[VerifiedUpload | FileUpload, SentAs]:
-    """Return the finished machine that put the items on board, and which way they went.
+    """Return the finished machine that put the items on board, and how they were sent.
 
-    `numbers` are those of the session's MAVLink FTP. Raises the errors of both machines, and `PeerError` where a file
-    is required and the autopilot takes none.
+    Raises the errors of both machines, and `PeerError` where a file is required and the autopilot takes none.
     """
-    autopilot = session.autopilot
+    exchange = session.exchange
+    autopilot = exchange.autopilot
     file_required = transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
-    if file_required and not link_behaviour(autopilot).mission_files:
+    if file_required and not exchange.link.mission_files:
         raise PeerError(
             f"vehicle {session.sysid} takes no missions as files: {autopilot_name(autopilot)} cannot.",
             hint="use --transfer auto or items",
         )
-    talk = session.talk(session.timers.mission)
-    by_items = VerifiedUpload(items, session.station, autopilot, mission_type=mission_type, **talk)
+    by_items = VerifiedUpload(items, exchange, mission_type=mission_type)
     way = planned(transfer, autopilot, mission_type, len(items))
     if way.transfer is Transfer.FILE and not file_required:
         way = await _as_offered(session, way)
     if way.transfer is Transfer.ITEMS:
         await session.run(by_items)
         return by_items, way
-    as_file = FileUpload(items, session.station, autopilot, numbers=numbers, **session.talk(session.timers.ftp))
+    as_file = FileUpload(items, exchange)
     either = Preferred(as_file, by_items)
     await session.run(as_file if file_required else either)
     if either.failed is None:
@@ -85,8 +60,8 @@ async def upload(
 
 
 async def _as_offered(session: Uploading, way: SentAs) -> SentAs:
-    """The way that a vehicle allows by its AUTOPILOT_VERSION, which must be known for a file."""
+    """Items instead of a file unless the vehicle reports MAVLink FTP in AUTOPILOT_VERSION."""
     offers = await session.offers_files()
     if offers is None:
-        return SentAs(Transfer.ITEMS, "AUTOPILOT_VERSION, which tells whether it takes files, did not come")
+        return SentAs(Transfer.ITEMS, "AUTOPILOT_VERSION did not arrive, so it may take no files")
     return way if offers else SentAs(Transfer.ITEMS, "no MAVLink FTP in AUTOPILOT_VERSION")

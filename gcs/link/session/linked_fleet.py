@@ -22,7 +22,7 @@ from gcs.link.endpoints.ip_address import Address
 from gcs.link.protocols.command import CommandSender
 from gcs.link.protocols.mission.strategy import Transfer
 from gcs.link.session.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words
-from gcs.link.session.unknown_systems import LinkNotice, Strangers
+from gcs.link.session.unknown_systems import LinkNotice, UnknownSystems
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
@@ -65,7 +65,6 @@ class LinkedFleet:
         self,
         links: str | Sequence[str | Endpoint],
         *,
-        me: Station = GROUND,
         on_frame: FrameHook | None = None,
         timers: ProtocolTimers | None = None,
         signing: Signing | None = None,
@@ -80,13 +79,12 @@ class LinkedFleet:
         and unsigned ones are refused. `only` are the systems of a flight: no other gets a session. `on_notice` gets
         texts for the operator. Raises `UsageError`.
         """
-        self.me = me
         self.sessions: dict[int, VehicleSession] = {}  # by MAVLink system id
         self.refused_frames = 0  # without a valid signature
-        self.strangers = Strangers()
+        self.unknown = UnknownSystems()
         named = [links] if isinstance(links, str) else links
         self._endpoints = tuple(make_endpoint(link) if isinstance(link, str) else link for link in named)
-        self._codec = Codec(*me)
+        self._codec = Codec(*GROUND)
         self._routing = RoutingTable()
         self._only = None if only is None else frozenset(only)
         self._frozen = False
@@ -115,7 +113,7 @@ class LinkedFleet:
                 heartbeats.cancel()
                 with suppress(asyncio.CancelledError):
                     await heartbeats
-            self._tell_of_strangers(math.inf)
+            self._report_unknown(math.inf)
             for endpoint in self._endpoints:
                 endpoint.close()
 
@@ -149,7 +147,7 @@ class LinkedFleet:
             if now_s >= end_s and missing:
                 raise PeerTimeout(
                     f"no heartbeat from {vehicle_words(missing, system_of)} within {timeout_s:g} s"
-                    f" (heard: {', '.join(map(str, sorted({*self.sessions, *self.strangers.systems}))) or 'none'}).",
+                    f" (heard: {', '.join(map(str, sorted({*self.sessions, *self.unknown.systems}))) or 'none'}).",
                     hint="start them, or check the address and port that they send to",
                 )
             with suppress(TimeoutError):
@@ -164,7 +162,7 @@ class LinkedFleet:
         settle_s: float,
         systems: Mapping[int, int] | None = None,
     ) -> dict[int, VehicleSession]:
-        """Return the sessions of vehicles that another process left, also of those that are not heard.
+        """Return the sessions of vehicles that an earlier process left, silent ones included.
 
         `autopilots` has the MAV_AUTOPILOT of each vehicle. The first one must be heard within `timeout_s`, the others
         `settle_s` later; one that is heard later still is then `VehicleSession.heard`. Raises `PeerTimeout` if none is.
@@ -188,7 +186,7 @@ class LinkedFleet:
         return self._hand_out(system_of)
 
     def _time_to_identify_s(self, systems: Collection[int]) -> float:
-        """The time that the vehicles of a flight get to report their ids, with which they can prove a move later."""
+        """How long the vehicles of a flight may take to report their ids, which prove a move to another address."""
         all_told = self._only is None or all(self._routing.is_identified(system) for system in systems)
         return 0.0 if all_told else IDENTIFY_S
 
@@ -233,7 +231,7 @@ class LinkedFleet:
         now_s = self._loop.time()
         source = LinkAddress(link, address)
         known = self._routing.knows(source)
-        if not known and not self.strangers.admits(len(data), source, now_s):
+        if not known and not self.unknown.admits(len(data), source, now_s):
             return
         for message in self._codec.decode(data, source, joins=known or not self._frozen):
             try:
@@ -249,7 +247,7 @@ class LinkedFleet:
         is_vehicle = is_new and _is_vehicle(message)
         if self._only is not None and system not in self._only:
             if is_vehicle:
-                self.strangers.note(system, source, now_s)
+                self.unknown.note(system, source, now_s)
             self._log_foreign(message, now_s)
             return
         if (is_new and not is_vehicle) or (session is not None and message.compid != session.station.compid):
@@ -271,7 +269,7 @@ class LinkedFleet:
                 self._add_vehicle(message)
             return
         session.quality.receive(message.raw)
-        if message.is_for(self.me):
+        if message.is_for(GROUND):
             session.receive(message, now_s)
 
     def _after_moves(self, session: VehicleSession | None) -> VehicleSession | None:
@@ -288,7 +286,7 @@ class LinkedFleet:
     def _add_vehicle(self, heartbeat: Message) -> None:
         system = heartbeat.sysid
         self.sessions[system] = VehicleSession(
-            heartbeat, lambda m: self.send(m, system), me=self.me, timers=self._timers, transfer=self._transfer
+            heartbeat, lambda m: self.send(m, system), timers=self._timers, transfer=self._transfer
         )
         self._found.set()
 
@@ -297,13 +295,9 @@ class LinkedFleet:
             if self._routing.address(system) is not None:
                 self.send(message, system)
 
+        station = Station(system, _AUTOPILOT_COMPONENT)
         self.sessions[system] = VehicleSession.not_heard(
-            Station(system, _AUTOPILOT_COMPONENT),
-            autopilot,
-            send,
-            me=self.me,
-            timers=self._timers,
-            transfer=self._transfer,
+            station, autopilot, send, timers=self._timers, transfer=self._transfer
         )
 
     def _send(self, message: Message, link: int, address: Address | None) -> None:
@@ -312,7 +306,7 @@ class LinkedFleet:
         self._endpoints[link].send(frame, address)
 
     def _log(self, direction: FrameDirection, frame: bytes) -> None:
-        """Pass a frame to the log, whose failure does not concern the link."""
+        """Log a frame. A log that fails does not stop the link."""
         if self._on_frame is not None:
             try:
                 self._on_frame(direction, frame)
@@ -320,17 +314,17 @@ class LinkedFleet:
                 self._loop.call_exception_handler({"message": "the log of frames failed", "exception": error})
 
     def _log_foreign(self, message: Message, now_s: float) -> None:
-        if self.strangers.logs(len(message.raw), now_s):
+        if self.unknown.logs(len(message.raw), now_s):
             self._log(FrameDirection.IN, message.raw)
 
     def _tell(self, system: int, text: str) -> None:
         if self._on_notice is not None:
             self._on_notice(LinkNotice(system, text))
 
-    def _tell_of_strangers(self, now_s: float) -> None:
+    def _report_unknown(self, now_s: float) -> None:
         if self._only is None:
             return
-        for text in self.strangers.notices(now_s):
+        for text in self.unknown.notices(now_s):
             self._tell(0, text)
         for system, address in self._routing.claims(now_s).items() if self._frozen else ():
             if system not in self._claims_told:
@@ -347,7 +341,7 @@ class LinkedFleet:
             await asyncio.sleep(_LOOK_S if soon and not self._frozen else _HEARTBEAT_S)
 
     def _beat(self, now_s: float) -> bool:
-        """Send a heartbeat to all, and ask those for their id whose address is in doubt. Return whether there are."""
+        """Send a heartbeat to all; request the id where an address is in doubt. Return whether any is."""
         known = self._routing.addresses()
         for target in known:
             self._send(_HEARTBEAT, target.link, target.address)
@@ -357,9 +351,9 @@ class LinkedFleet:
         asked = self._routing.unidentified(now_s)
         for system, targets in asked.items():
             for target in targets:
-                self._send(_identity_request(self.sessions[system].station), target.link, target.address)
+                self._send(_identity_request(self.sessions[system]), target.link, target.address)
         self._request_identities(asked)
-        self._tell_of_strangers(now_s)
+        self._report_unknown(now_s)
         for session in self.sessions.values():
             session.tick(now_s)
         return bool(asked)
@@ -371,13 +365,13 @@ class LinkedFleet:
         self._identity_requests += 1
         for system, session in self.sessions.items():
             if system not in asked and not self._routing.is_identified(system):
-                session.send(_identity_request(session.station))
+                session.send(_identity_request(session))
 
 
-def _identity_request(station: Station) -> Message:
+def _identity_request(session: VehicleSession) -> Message:
     """Return the request of AUTOPILOT_VERSION, which has the id of a vehicle."""
-    (message,) = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), station).start(0.0)
-    return message
+    request = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), session.exchange)
+    return request.start(0.0)[0]
 
 
 def _is_vehicle(message: Message) -> bool:

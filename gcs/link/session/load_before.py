@@ -19,6 +19,7 @@ from gcs.link.session.vehicle_api import Loadable
 from gcs.link.session.vehicle_load import VehicleLoad, packed
 from gcs.mavlink import MissionType
 from gcs.mission.model import Home, MissionItem, VehicleMission
+from gcs.types import JsonObject
 from gcs.util.atomic_write import atomic_write
 from gcs.util.bounded_file import UPLOAD_RECORD, read_file, read_json
 
@@ -68,7 +69,7 @@ class LoadBefore:
         parts += [f"{kind.name.lower()} not read: {reason}" for kind, reason in self.unread.items()]
         return ", ".join(parts) + ("" if self.fence is None else f", {self.fence.name} {self.fence.value:g}")
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> JsonObject:
         """Return what was there as plain values, for `--json`: the number of items by type."""
         return {
             "vehicle": self.sysid,
@@ -209,7 +210,7 @@ def given_words(before: Sequence[LoadBefore]) -> str:
     return f"{counted(changes, 'parameter')} restored, and the items on board of {counted(replaced, 'vehicle')}"
 
 
-def change_data(change: ParameterChange) -> dict[str, Any]:
+def change_data(change: ParameterChange) -> JsonObject:
     """Return a change as plain values."""
     before, after = change.before, change.after
     values = {"before": before.value, "after": after.value, "type": before.kind}

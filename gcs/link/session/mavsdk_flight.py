@@ -10,8 +10,9 @@ import math
 import time
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any, TypeVar
+from typing import Protocol, TypeVar
 
+import mavsdk
 from mavsdk.plugins import action, info, offboard, telemetry
 
 from gcs.autopilots.traits import TRAITS, autopilot_name
@@ -21,7 +22,6 @@ from gcs.link.session.vehicle_api import Setpoint
 from gcs.mission.model import Home
 
 T = TypeVar("T")
-Call = Callable[[str, Callable[[], T]], Awaitable[T]]  # the purpose, and the blocking call
 _TIMEOUT_S = 10.0
 _REPORT_S, _RATE_HZ = 3.0, 5.0
 _STREAM_FIRST_S = max(row.flight.stream_first_s for row in TRAITS.values())
@@ -29,10 +29,17 @@ _LOOK_S = 0.05
 _VERSION_TYPES = ("?", "-dev", "-alpha", "-beta", "-rc", "")
 
 
+class Call(Protocol):
+    """Runs a blocking call of MAVSDK; `what` is its purpose."""
+
+    def __call__(self, what: str, blocking: Callable[[], T], /) -> Awaitable[T]:
+        """Return the result of the call."""
+
+
 class MavsdkControl:
     """`Flyable` by MAVSDK."""
 
-    def __init__(self, sysid: int, system: Any, call: Call[Any]) -> None:
+    def __init__(self, sysid: int, system: mavsdk.System, call: Call) -> None:
         self._sysid, self._call = sysid, call
         self._action = action.Action(system)
         self._offboard = offboard.Offboard(system)
@@ -85,7 +92,7 @@ class MavsdkControl:
         for plugin in (self._action, self._offboard, self._telemetry):
             plugin.destroy()
 
-    async def _mode(self, mode: Any) -> None:
+    async def _mode(self, mode: telemetry.FlightMode) -> None:
         self._following = False
         await self._until(lambda: self._telemetry.flight_mode() == mode, f"in {mode.name}")
 
@@ -97,7 +104,7 @@ class MavsdkControl:
             await asyncio.sleep(_LOOK_S)
 
 
-async def report(sysid: int, system: Any, autopilot: int, call: Call[Any]) -> VehicleReport:
+async def report(sysid: int, system: mavsdk.System, autopilot: int, call: Call) -> VehicleReport:
     """Return the report of a vehicle by MAVSDK, which does not report lost frames, round trips and most sensors.
 
     ArduPilot sends no telemetry unless requested. The requested rates stay set on this link.
@@ -149,20 +156,20 @@ async def report(sysid: int, system: Any, autopilot: int, call: Call[Any]) -> Ve
         versions.destroy()
 
 
-def _is_complete(state: Any) -> bool:
+def _is_complete(state: telemetry.Telemetry) -> bool:
     position, home, battery = state.position(), state.home(), state.battery()
     known = (position.latitude_deg, home.latitude_deg, battery.remaining_percent)
     return bool(state.health().is_armable and all(math.isfinite(number) for number in known))
 
 
-async def _or_none(call: Call[T], what: str, blocking: Callable[[], T]) -> T | None:
+async def _or_none(call: Call, what: str, blocking: Callable[[], T]) -> T | None:
     try:
         return await call(what, blocking)
     except PeerError:
         return None
 
 
-def _version(found: Any) -> str:
+def _version(found: info.Version) -> str:
     numbers = f"{found.flight_sw_major}.{found.flight_sw_minor}.{found.flight_sw_patch}"
     return numbers + _VERSION_TYPES[int(found.flight_sw_version_type)]
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import mavsdk
 from mavsdk.plugins import mission_raw, param, telemetry
@@ -42,7 +42,7 @@ _AUTOPILOTS = {theirs: Autopilot[theirs.name] for theirs in mavsdk.Autopilot if 
 class MavsdkVehicle:
     """One system of MAVSDK with the interface `gcs.link.session.vehicle_api.Loadable`."""
 
-    def __init__(self, system: Any) -> None:
+    def __init__(self, system: mavsdk.System) -> None:
         self.sysid = int(system.get_system_id())
         self._system = system
         self._missions = mission_raw.MissionRaw(system)
@@ -52,7 +52,7 @@ class MavsdkVehicle:
         self._telemetry.subscribe_armed(self._note_heartbeat)
         self._lock = asyncio.Lock()
 
-    def _note_heartbeat(self, *_: Any) -> None:
+    def _note_heartbeat(self, *_: object) -> None:
         self._heard = True
 
     @property
@@ -204,7 +204,7 @@ class MavsdkVehicle:
 class MavsdkFleet:
     """All vehicles on the links of MAVSDK, with the interface of `gcs.link.session.linked_fleet.LinkedFleet`."""
 
-    def __init__(self, sdk: Any) -> None:
+    def __init__(self, sdk: mavsdk.Mavsdk) -> None:
         self._sdk = sdk
         self._known: dict[int, MavsdkVehicle] = {}
 
@@ -289,13 +289,13 @@ def mavsdk_url(spec: str) -> str:
     return f"{_SCHEMES[link.mode]}://{link.host}:{link.port}"
 
 
-def _raw(seq: int, item: MissionItem, mission_type: int) -> Any:
+def _raw(seq: int, item: MissionItem, mission_type: int) -> mission_raw.MissionItem:
     params = (float(p) for p in item.params)
     position = (item.lat_degE7, item.lon_degE7, item.alt_m)
     auto = int(item.autocontinue)
     return mission_raw.MissionItem(seq, item.frame, item.command, int(seq == 0), auto, *params, *position, mission_type)
 
 
-def _item(raw: Any) -> MissionItem:
+def _item(raw: mission_raw.MissionItem) -> MissionItem:
     params = (raw.param1, raw.param2, raw.param3, raw.param4)
     return MissionItem(raw.command, file_frame(raw.frame), params, raw.x, raw.y, raw.z, bool(raw.autocontinue))

@@ -1,4 +1,4 @@
-"""Unknown systems on a link: counted, reported once, and bounded in what they cost. Time is an argument.
+"""Unknown systems on a link: counted, reported once, and limited in their cost. Time is an argument.
 
 The budget is for addresses where no vehicle of the flight is. What exceeds it is dropped unread, so that a flood from
 there costs the price of receiving it.
@@ -32,7 +32,7 @@ class ByteBudget:
         self._at_s = 0.0
 
     def take(self, size: int, now_s: float) -> bool:
-        """Whether `size` bytes may be spent now. The last of them may exceed the budget: they are missing later."""
+        """Whether `size` bytes may be spent now. What exceeds the budget is missing later."""
         self._left = min(self._left + self._rate_Bps * max(now_s - self._at_s, 0.0), self._burst)
         self._at_s = now_s
         if self._left <= 0.0:
@@ -41,7 +41,7 @@ class ByteBudget:
         return True
 
 
-class Strangers:
+class UnknownSystems:
     """The systems that are not in the flight, and the addresses that no vehicle is at."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class Strangers:
         self._logged = ByteBudget(_LOGGED_BPS, _LOGGED_BURST)
         self._first: tuple[int, LinkAddress, float] | None = None  # system, its address, when
         self._first_dropped: tuple[LinkAddress, float] | None = None
-        self._told: set[str] = set()
+        self._systems_told = self._flood_told = False
 
     def admits(self, size: int, address: LinkAddress, now_s: float) -> bool:
         """Whether to read `size` bytes of an address where no vehicle is."""
@@ -75,21 +75,17 @@ class Strangers:
     def notices(self, now_s: float) -> list[str]:
         """Return the texts for the operator that are due, each once."""
         found = []
-        if self._first is not None and now_s - self._first[2] > _TELL_AFTER_S and self._once("systems"):
+        if self._first is not None and now_s - self._first[2] > _TELL_AFTER_S and not self._systems_told:
+            self._systems_told = True
             system, address, _ = self._first
             count = len(self.systems)
             heard = f"{count} systems that are" if count > 1 else f"system {system}, which is"
             first = f"first system {system} at {address}" if count > 1 else f"at {address}"
             found.append(f"heard {heard} not in the plan, {first}: ignored")
-        if self._first_dropped is not None and now_s - self._first_dropped[1] > _TELL_AFTER_S and self._once("flood"):
+        if self._first_dropped is not None and now_s - self._first_dropped[1] > _TELL_AFTER_S and not self._flood_told:
+            self._flood_told = True
             found.append(
                 f"{self.dropped} datagrams from addresses without a vehicle were dropped unread, the first from "
                 f"{self._first_dropped[0]}: more arrives than vehicles send"
             )
         return found
-
-    def _once(self, what: str) -> bool:
-        if what in self._told:
-            return False
-        self._told.add(what)
-        return True

@@ -1,4 +1,4 @@
-"""The session with one vehicle: feeds protocol machines with its messages and event loop time, and waits for answers.
+"""The session with one vehicle: runs protocol machines on its messages and the time of the event loop.
 
 Every wait ends with an answer, or with a `PeerTimeout` that names the vehicle and what was awaited.
 """
@@ -10,19 +10,18 @@ import math
 import random
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from typing import Any
 
 from gcs.autopilots.protocol_timers import CommandTimers, ProtocolTimers
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.protocols.command import CommandRefused, CommandSender, Position
-from gcs.link.protocols.ftp.requests import FtpNumbers
+from gcs.link.protocols.exchange import Exchange, FtpNumbers
 from gcs.link.protocols.machine import Machine
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.item_messages import with_home
 from gcs.link.protocols.mission.item_rewrite import ItemRewrite
-from gcs.link.protocols.mission.receiver import reader
+from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.strategy import SentAs, Transfer
 from gcs.link.protocols.mission.verified_upload import VerifiedUpload
 from gcs.link.protocols.parameter import Parameter
@@ -30,9 +29,9 @@ from gcs.link.protocols.parameter_transfer import ParameterReader, ParameterWrit
 from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.protocols.statustext import VehicleTexts
 from gcs.link.protocols.timesync import ping_answers
-from gcs.link.session.items_upload import T, Talk, upload
+from gcs.link.session.items_upload import upload
 from gcs.link.wire.frame_scanner import LinkQuality
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.wire.message import Message, Station
 from gcs.mavlink import Capability, MavCommand, MavType, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.util.steady_loop import stalls_of
@@ -46,27 +45,24 @@ class VehicleSession:
         heartbeat: Message,
         send: Callable[[Message], None],
         *,
-        me: Station = GROUND,
         timers: ProtocolTimers | None = None,
         transfer: Transfer = Transfer.AUTO,
     ) -> None:
         self.station = heartbeat.source
         self.sysid = heartbeat.sysid  # the vehicle's number in the plan: its system id unless mapped
-        self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
         self.autopilot = int(heartbeat.fields["autopilot"])  # MAV_AUTOPILOT: no later heartbeat changes it
         behaviour = link_behaviour(self.autopilot)
         self.estimator = behaviour.estimator
         self.ready_since_s: float | None = None  # event loop time since which its estimate is ready for flight
-        self.round_trip = RttEstimator((timers or behaviour.timers).round_trip)
+        numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
+        self.exchange = Exchange(self.station, self.autopilot, timers=timers, numbers=numbers)
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and its arrival, event loop time
         self.texts = VehicleTexts(behaviour.startup_texts)
         self._send = send
-        self._own_timers = timers
         self._transfer = transfer
-        self._numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
         self._offers_files: bool | None = None
         self.sent_as: SentAs | None = None  # of the last mission
         self._loop = asyncio.get_running_loop()
@@ -81,11 +77,17 @@ class VehicleSession:
 
     @classmethod
     def not_heard(
-        cls, station: Station, autopilot: int, send: Callable[[Message], None], **options: Any
+        cls,
+        station: Station,
+        autopilot: int,
+        send: Callable[[Message], None],
+        *,
+        timers: ProtocolTimers | None = None,
+        transfer: Transfer = Transfer.AUTO,
     ) -> VehicleSession:
         """Return the session of a vehicle that was not heard yet. Until then it counts as disarmed, and as silent."""
         fields = {"type": int(MavType.QUADROTOR), "autopilot": autopilot, "base_mode": 0, "custom_mode": 0}
-        session = cls(Message("HEARTBEAT", fields, *station), send, **options)
+        session = cls(Message("HEARTBEAT", fields, *station), send, timers=timers, transfer=transfer)
         session.heard = False
         session.latest_s["HEARTBEAT"] = -math.inf
         return session
@@ -103,16 +105,17 @@ class VehicleSession:
     @property
     def home_is_item_0(self) -> bool:
         """Whether item 0 of its missions is home."""
-        return link_behaviour(self.autopilot).home_is_item_0
+        return self.exchange.link.home_is_item_0
 
     @property
     def timers(self) -> ProtocolTimers:
         """The timers of its autopilot, unless the session was given others."""
-        return self._own_timers or link_behaviour(self.autopilot).timers
+        return self.exchange.timers
 
-    def talk(self, timers: T) -> Talk[T]:
-        """Return what every machine of this session gets: our station, these timers, and the round trip so far."""
-        return {"me": self.me, "timers": timers, "round_trip": self.round_trip}
+    @property
+    def round_trip(self) -> RttEstimator:
+        """The round trips measured so far."""
+        return self.exchange.round_trip
 
     def heartbeat_age_s(self) -> float:
         """Return the local time since its last heartbeat, s."""
@@ -123,7 +126,7 @@ class VehicleSession:
         return self._loop.time() - max(self.latest_s.values())
 
     def fresh(self, name: str, at_most_s: float) -> Message | None:
-        """Return the last message of this name if it is at most so old, local time."""
+        """Return the last message of this name if it is at most `at_most_s` old, local time."""
         arrived_s = self.latest_s.get(name)
         return self.latest[name] if arrived_s is not None and self._loop.time() - arrived_s <= at_most_s else None
 
@@ -202,7 +205,7 @@ class VehicleSession:
         """
         async with self._command_locks.setdefault(command, asyncio.Lock()):
             timers = timers or self.timers.command
-            machine = CommandSender(command, params, self.station, position=position, me=self.me, timers=timers)
+            machine = CommandSender(command, params, self.exchange, position=position, timers=timers)
             began_s = self._loop.time()
             try:
                 await self.run(machine)
@@ -243,7 +246,7 @@ class VehicleSession:
         `PeerTimeout`.
         """
         async with self._mission_lock:
-            machine, way = await upload(self, items, mission_type, self._transfer, self._numbers)
+            machine, way = await upload(self, items, mission_type, self._transfer)
         if mission_type == MissionType.MISSION:
             self.sent_as = way
         return machine
@@ -263,9 +266,7 @@ class VehicleSession:
         """Return the items on board, including home if it is item 0. Raises as `upload_items` does."""
         async with self._mission_lock:
             for last in (False, True):
-                machine = reader(
-                    self.station, self.autopilot, mission_type=mission_type, **self.talk(self.timers.mission)
-                )
+                machine = MissionReceiver(self.exchange, mission_type=mission_type)
                 try:
                     await self.run(machine)
                 except PeerTimeout:
@@ -282,15 +283,13 @@ class VehicleSession:
         """
         version = self.latest.get("AUTOPILOT_VERSION")
         known = None if version is None else int(version.fields["flight_sw_version"])
-        talk = self.talk(self.timers.parameter)
-        reader = ParameterReader(names, self.station, self.autopilot, version=known, **talk)
+        reader = ParameterReader(names, self.exchange, version=known)
         await self.run(reader)
         return reader.values
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
         """Set parameters in the vehicle's own types. Raises `PeerError`, `UsageError`."""
-        talk = self.talk(self.timers.parameter)
-        await self.run(ParameterWriter(parameters, self.station, self.autopilot, **talk))
+        await self.run(ParameterWriter(parameters, self.exchange))
 
     async def home(self) -> Home | None:
         """Return its home position; None if it does not report one."""
@@ -313,8 +312,7 @@ class VehicleSession:
         first = int(self.home_is_item_0)
         shifted = {first + index: item for index, item in items.items()}
         async with self._mission_lock:
-            talk = self.talk(self.timers.mission)
-            await self.run(ItemRewrite(shifted, self.station, self.autopilot, look_first=look_first, **talk))
+            await self.run(ItemRewrite(shifted, self.exchange, look_first=look_first))
 
     def as_sent(self, items: Sequence[MissionItem], home: Home) -> tuple[MissionItem, ...]:
         """Return the items of a mission as this autopilot requires them."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Hashable
-from typing import Any
 
 os.environ["MAVLINK20"] = "1"  # read once, when the dialect is imported
 
@@ -21,13 +20,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
 from gcs.link.wire.frame_scanner import V2, FrameKind, FrameScanner, message_id
-from gcs.link.wire.message import Message, Station
+from gcs.link.wire.message import Fields, Message, Station
 from gcs.link.wire.signing import Signature
 
 _MARKER = b"\xfd"
 _HEADER, _CHECKSUM = 10, 2
 _CRC_START = 0xFFFF
-_CLASSES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
+_CLASSES = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
 _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
     name: tuple(f for f, kind in zip(cls.fieldnames, cls.fieldtypes, strict=True) if kind == "char")
     for name, cls in _CLASSES.items()
@@ -65,7 +64,7 @@ class FrameLayout:
         self._fields = [(field, wire_order.index(field)) for field in fields]
         self._texts = [wire_order.index(field) for field in texts]
 
-    def pack(self, fields: dict[str, Any], station: tuple[int, int], seq: int) -> bytes | None:
+    def pack(self, fields: Fields, station: tuple[int, int], seq: int) -> bytes | None:
         """Return the frame from a station (system, component); None unless `fields` are exactly those of the message.
 
         Raises struct.error, TypeError or ValueError for a value that does not fit.
@@ -84,7 +83,7 @@ class FrameLayout:
         body = bytes((len(payload), 0, 0, seq, *station)) + self._id + payload
         return _MARKER + body + mcrf4xx(body + self._crc_extra, _CRC_START).to_bytes(_CHECKSUM, "little")
 
-    def read(self, frame: bytes) -> dict[str, Any]:
+    def read(self, frame: bytes) -> Fields:
         """Return the fields of a whole frame whose checksum is right."""
         size, length = self._packer.size, frame[1]
         if length < size:  # without the zeros at its end

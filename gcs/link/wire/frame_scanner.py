@@ -1,4 +1,4 @@
-"""Finds the frames in bytes, at a cost that is linear in their number whatever they are.
+"""Finds frames in received bytes, in linear time for any input.
 
 A header must be plausible before anything is computed, and checksums have a budget. Bytes that exhaust it are no
 link with errors, but an attack or another protocol: the rest of the chunk is dropped whole.

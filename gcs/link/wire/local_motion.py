@@ -1,4 +1,4 @@
-"""Position and velocity in a vehicle's local frame. Numbers that no vehicle can have are no report."""
+"""Position and velocity in a vehicle's local frame. Implausible numbers count as no report."""
 
 from __future__ import annotations
 

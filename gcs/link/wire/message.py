@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+Fields = dict[str, Any]  # int, float, str or lists of them, by the name of the field
 _GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of ground stations
 
 
@@ -36,7 +37,7 @@ class Message:
     """
 
     name: str
-    fields: dict[str, Any]
+    fields: Fields
     sysid: int = 0
     compid: int = 0
     raw: bytes = field(default=b"", compare=False, repr=False)

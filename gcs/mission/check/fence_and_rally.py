@@ -56,12 +56,12 @@ def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surround
         return
     allowed = _allowed(sound, support.inside_every_inclusion)
     ends = [flight.ned_m[0]]  # no autopilot returns to a rally point outside the fence
-    for name, point in (("home", flight.ned_m[0]), *((name, point) for name, point, _ in rally)):
+    rules = ((Rule.FENCE, "home", flight.ned_m[0]), *((Rule.RALLY, name, point) for name, point, _ in rally))
+    for rule, name, point in rules:
         out_m = allowed.distance(shapely.Point(point[1], point[0]))
         if out_m > _TOUCH_M:
-            rule = Rule.FENCE if name == "home" else Rule.RALLY
             yield found(mission, rule, Level.ERROR, f"{name} is {out_m:.1f} m outside the fence")
-        elif name != "home":
+        elif rule is Rule.RALLY:
             ends.append(point)
     yield from _flight_inside(mission, flight, allowed)
     yield from _return_tracks(mission, flight, allowed, ends)

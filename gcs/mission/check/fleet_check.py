@@ -25,6 +25,7 @@ from gcs.mission.check.item_checks import check_items, check_places, found
 from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
+from gcs.mission.predicted.arrival_spread import ArrivalSpread, arrival_spread
 from gcs.mission.predicted.closest_approach import Closest
 from gcs.mission.predicted.planned_flight import PredictedFlight, fly, together
 from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE
@@ -128,11 +129,17 @@ class FleetReport:
     duration_s: float
     flights: tuple[PredictedFlight, ...] = field(default=(), repr=False, compare=False)  # together, by mission
     zones: tuple[ZoneDistance | None, ...] = ()  # by mission
+    spreads: tuple[ArrivalSpread, ...] = field(default=(), repr=False, compare=False)  # by mission
 
     @property
     def ok(self) -> bool:
         """Whether there is neither an error nor a warning."""
         return worst(self.findings) in (None, Level.NOTE)
+
+    @property
+    def spread_s(self) -> float:
+        """By so much may a vehicle be early or late by what its autopilot may do."""
+        return max((spread.widest_s for spread in self.spreads), default=0.0)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -151,9 +158,17 @@ class FleetReport:
 
 
 def check_fleet(
-    missions: Sequence[MissionFile], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
+    missions: Sequence[MissionFile],
+    around: Surroundings,
+    limits: FlightLimits,
+    fly_one: Fly = fly,
+    others: Sequence[Fly] = (),
 ) -> FleetReport:
-    """The report on missions that start together, one per vehicle, rounded as vehicles store them."""
+    """The report on missions that start together, one per vehicle, rounded as vehicles store them.
+
+    The rules of flights hold for the `others` too, the ends of what autopilots may do: for any two vehicles, whatever
+    either of them does.
+    """
     missions = [as_on_the_wire(mission) for mission in missions]
     placed = [check_places(mission) for mission in missions]
     missions = [mission for mission, _ in placed]
@@ -181,9 +196,40 @@ def check_fleet(
     closest, near = check_separation(missions, flights, limits)
     findings += near
     findings += check_rally_apart(missions, around, limits.separation_m)
-    return FleetReport(
-        tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)), flights, tuple(zones)
-    )
+    ends = [together([each(mission, around) for mission in missions]) for each in others]
+    spreads = tuple(arrival_spread(flight, [end[row] for end in ends]) for row, flight in enumerate(flights))
+    if any(spread.widest_s > 0.0 for spread in spreads):
+        known = {(finding.rule, finding.source) for finding in findings}
+        findings += [each for each in _of_ends(missions, ends, around, limits) if (each.rule, each.source) not in known]
+    ends_s = float(max(flight.t_s[-1] for flight in flights))
+    return FleetReport(tuple(findings), closest, tuple(lowest), ends_s, flights, tuple(zones), spreads)
+
+
+def _of_ends(
+    missions: Sequence[MissionFile],
+    ends: Sequence[Sequence[PredictedFlight]],
+    around: Surroundings,
+    limits: FlightLimits,
+) -> Iterator[Finding]:
+    """Errors of the flights at the ends of what autopilots may do: those of each, and of any two of them together."""
+    findings: list[Finding] = []
+    for flights in ends:
+        for mission, flight in zip(missions, flights, strict=True):
+            findings += check_ground(mission, flight, around, limits)[1]
+            findings += check_limits(mission, flight, limits)
+            findings += check_zones(mission, flight, limits)[1]
+    # Two rows differ in a bit of their numbers: one of these fleets has each of the two at either end.
+    choices = {(0,) * len(missions), (1,) * len(missions)}
+    for bit in range(len(missions).bit_length()):
+        ones = tuple(row >> bit & 1 for row in range(len(missions)))
+        choices |= {ones, tuple(1 - one for one in ones)}
+    for choice in sorted(choices):
+        findings += check_separation(missions, [ends[end][row] for row, end in enumerate(choice)], limits)[1]
+    told = set()
+    for finding in findings:
+        if finding.level is Level.ERROR and (finding.rule, finding.source) not in told:
+            told.add((finding.rule, finding.source))
+            yield replace(finding, message=f"{finding.message}, by what its autopilot may do")
 
 
 def as_on_the_wire(mission: MissionFile) -> MissionFile:

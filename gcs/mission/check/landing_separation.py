@@ -18,6 +18,7 @@ from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import VerificationError
 from gcs.mission.predicted.closest_approach import Closest
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.types import Array
 
@@ -50,7 +51,7 @@ def planned_descents(
     plan: Plan, autopilots: Sequence[Autopilot], parameters: Sequence[Mapping[str, float]]
 ) -> tuple[LandingDescent, ...]:
     """Return the descents of a plan's vehicles with these autopilots and parameters, in the plan's order."""
-    over = plan.states(np.array([plan.phase("landing").start_s]))[:, 0, POSITION]
+    over = plan.states(np.array([plan.phase(PhaseKind.LANDING).start_s]))[:, 0, POSITION]
     ground, pads = plan.landing_points_ned_m, plan.pads_ned_m
     return tuple(
         LandingDescent.of(
@@ -99,7 +100,7 @@ def refuse_close_landing(
     if closest is None or closest.distance_m >= required_m:
         return
     first, second = closest.pair
-    landing_s = plan.phase("landing").start_s
+    landing_s = plan.phase(PhaseKind.LANDING).start_s
     points = plan.landing_points_ned_m[[first, second], :2]
     beside_m = float(np.hypot(*(points[1] - points[0])))
     flown = titles((autopilots[first], autopilots[second]))

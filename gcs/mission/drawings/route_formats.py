@@ -119,5 +119,4 @@ def drawing_in(data: bytes, source: str, formats: Sequence[RouteFormat] = ROUTE_
 
 
 def _hint(formats: Sequence[RouteFormat]) -> str:
-    *most, last = (suffix for row in formats for suffix in row.suffixes)
-    return f"give a drawing: {', '.join(most)} or {last}"
+    return f"give a drawing: {', '.join(suffix for row in formats for suffix in row.suffixes)}"

@@ -25,6 +25,8 @@ from gcs.mission.machine_independent import on_grid
 from gcs.physics.quadrotor import thrust_and_tilt
 from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.ocp import margins
+from gcs.plan.trajectory.constraint_id import STATES
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.taylor import Taylor, stacked
 from gcs.scenario.environment.ground_bounds import highest_ground
@@ -107,7 +109,7 @@ def _motion(plan: Plan, leader: PPoly, begin_s: Array, end_s: Array, order: int)
 
 
 def _box(plan: Plan, place: Taylor, begin_s: Array) -> list[str]:
-    limits, mission = plan.scenario.limits, plan.phase("mission")
+    limits, mission = plan.scenario.limits, plan.phase(PhaseKind.MISSION)
     flies = (begin_s >= mission.start_s) & (begin_s < mission.end_s)
     low, high = place.range()
     found = [("height", _outside(-high[2], -low[2], limits.height_m))]
@@ -163,7 +165,7 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
     """
     if not tolerance_m > 0:
         raise UsageError(f"the smoothing tolerance is {tolerance_m:g} m", hint="give --smooth a positive number")
-    start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
+    start_s, end_s = plan.airborne_s, plan.phase(PhaseKind.LANDING).start_s
     t_s = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / _GRID_S)) + 1)
     planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]
     knots_s = LONGEST_KNOT_S
@@ -225,6 +227,6 @@ def _violated_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
     violated = [
         f"{m.name} violated by {-m.value.min():.3g} {m.unit}"
         for m in sampled
-        if m.value.min() < -LIMIT_TOLERANCE * m.scale and "speed" not in m.name
+        if m.value.min() < -LIMIT_TOLERANCE * m.scale and m.constraint.kind not in STATES[VELOCITY]
     ]
     return [*bounds.violated, *violated], bounds.clearance_m

@@ -60,7 +60,7 @@ def check_written(
         limits = replace(limits, overspeed=OVERSPEED)
         climbs_s = {known: climb_s(plan, known) for known in set(autopilots)}
         modelled = AutopilotFlight(ability_of(plan.quadrotor, scenario.limits), climbs_s)
-        report = check_fleet(first, surroundings_of(scenario), limits, modelled)
+        report = check_fleet(first, surroundings_of(scenario), limits, modelled, modelled.others)
     else:
         report = check_fleet(first, surroundings_of(scenario), limits)
     for fleet in others:
@@ -114,7 +114,7 @@ def refuse_untimely(plan: Plan, autopilots: Sequence[Autopilot], timing: Timing)
         raise VerificationError(
             f"not fit for mission mode: vehicles {first} and {second} may come within {near.distance_m:.2f} m at "
             f"{near.t_s:.1f} s ({required_m:g} m required). Two vehicles under {pair} may be "
-            f"{near.apart_s:g} s apart in time.",
+            f"{near.apart_s:.3g} s apart in time.",
             hint=f"{STREAM_INSTEAD}; --untimed writes missions with the plan's own speeds, without this check",
         )
     for number, early_s in enumerate(timing.gates_early_s, start=1):
@@ -207,7 +207,7 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
         files |= written
     leaves_s = None if order.start_s is None else legs[autopilots[0]].left_s
     report = check_written(plan, autopilots, read, timed=corrected, leaves_s=leaves_s)
-    timing = predicted(plan, autopilots, legs, missions, report.flights) if corrected else None
+    timing = predicted(plan, autopilots, legs, missions, report.flights, report.spreads) if corrected else None
     try:
         refuse_broken(report)
         verify_box(plan, missions, altitude)

@@ -9,6 +9,7 @@ import numpy as np
 from gcs.mission.model import SetpointStream
 from gcs.physics.quadrotor import derivative
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.types import Array
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def build_stream(
     """
     if not 0 < rate_hz <= _MS:
         raise ValueError(f"a setpoint rate of {rate_hz} Hz is not between 0 and {_MS} Hz")
-    start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
+    start_s, end_s = plan.airborne_s, plan.phase(PhaseKind.LANDING).start_s
     ticks = np.arange(np.ceil(start_s * rate_hz - 1e-6), np.floor(end_s * rate_hz + 1e-6) + 1)
     t_ms = np.rint(ticks * _MS / rate_hz)
     last_ms = np.floor(end_s * _MS + 1e-6)

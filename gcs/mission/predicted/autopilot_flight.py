@@ -52,11 +52,25 @@ class _Segment:
 class AutopilotFlight:
     """Predicts missions by the models of their autopilots. Legs that vehicles have in common are flown once."""
 
-    def __init__(self, ability: Ability = UNLIMITED, climb_s: Mapping[Autopilot, float] | None = None) -> None:
-        """For vehicles with this ability, which leave the ground `climb_s` before the hover, all of one autopilot."""
+    def __init__(
+        self,
+        ability: Ability = UNLIMITED,
+        climb_s: Mapping[Autopilot, float] | None = None,
+        reaction: int | None = None,
+    ) -> None:
+        """For vehicles with this ability, which leave the ground `climb_s` before the hover, all of one autopilot.
+
+        With a `reaction`, autopilots react as that one of `Navigator.reactions`.
+        """
         self._ability = ability
+        self._reaction = reaction
         self.climb_s = climb_s or {}
         self._flown: list[tuple[Autopilot, NavigatorOrders, _Segment]] = []
+
+    @property
+    def others(self) -> tuple[AutopilotFlight, ...]:
+        """The same with both ends of what the autopilots may do."""
+        return tuple(AutopilotFlight(self._ability, self.climb_s, reaction) for reaction in (0, -1))
 
     def __call__(self, mission: MissionFile, around: Surroundings) -> PredictedFlight:
         """The predicted flight, which starts at time 0."""
@@ -67,7 +81,10 @@ class AutopilotFlight:
         for known, others, segment in self._flown:
             if known is firmware and _alike(orders, others):
                 return replace(segment, bends_m=segment.bends_m + _apart_m(orders, others))
-        flown = predict(firmware.navigator.within(self._ability), orders)
+        navigator = firmware.navigator.within(self._ability)
+        if self._reaction is not None and navigator.reactions:
+            navigator = navigator.reactions[self._reaction]
+        flown = predict(navigator, orders)
         last = len(flown.t_s) - 1
         rows = np.unique([0, *np.flatnonzero(np.diff(np.floor(flown.t_s / _STEP_S)) > 0) + 1, last])
         stop = np.minimum(np.searchsorted(flown.completed_s, flown.t_s[rows]), orders.count - 1)

@@ -1,8 +1,8 @@
 """The predicted timing of missions: lateness at waypoints, distance from the plan, least distance of vehicles.
 
 An error of an autopilot's model is the same for all vehicles, and a formation keeps its shape. Two vehicles with the
-same orders differ by at most `AutopilotTraits.apart_s`. The least distance is therefore taken with any two vehicles
-shifted against each other by up to that time.
+same orders differ by at most `AutopilotTraits.apart_s`, and each by what its autopilot may do where its reaction is
+open. The least distance is therefore taken with any two vehicles shifted against each other by up to these times.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import Autopilot
@@ -21,9 +22,11 @@ from gcs.autopilots.waypoint_models.predict import NEAR_M
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.model import Altitude, Command, VehicleMission
+from gcs.mission.predicted.arrival_spread import ArrivalSpread, arrival_spread
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
 
 _GRID_S = 0.2
 _SAMPLES = 9  # of every piece of a flight
-_SHIFTS = 21
+_SHIFTS, _SHIFT_S = 21, 0.05  # at least so many shifts of a pair, and no more apart where reactions are open
 _BATCH = 20  # vehicles sampled at once
 _ALL_PAIRS, _PAIRS_MAX, _TREE_EVERY = 20, 2000, 25
 MARGIN_S = 1.0  # before a gate opens: a vehicle that arrives later than that may miss it
@@ -69,7 +72,8 @@ class Timing:
     spread_s: float  # the largest difference of two vehicles' lateness at the same waypoint
     nearest: NearMiss | None  # None for a single vehicle
     arrival_late_s: float  # of the last waypoint, the worst of all vehicles
-    gates_early_s: tuple[float, ...]  # time from the arrival of the last vehicle to the opening of each gate
+    gates_early_s: tuple[float, ...]  # time from the latest arrival of the last vehicle to the opening of each gate
+    may_differ_s: float = 0.0  # earlier or later than predicted, by what an autopilot may do
 
     @property
     def late_s(self) -> float:
@@ -88,19 +92,26 @@ def predicted(
     legs: Mapping[Autopilot, TimedLegs],
     missions: Sequence[VehicleMission],
     flights: Sequence[PredictedFlight],
+    spreads: Sequence[ArrivalSpread] = (),
 ) -> Timing:
     """The timing of all missions, from flights that leave the end of their take-off together.
 
-    `autopilots` are those of the vehicles, `legs` those of each autopilot.
+    `autopilots` are those of the vehicles, `legs` those of each autopilot. `spreads` say how early and late each
+    vehicle may be; without them no reaction is open.
     """
-    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase("landing").start_s, _GRID_S)
+    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase(PhaseKind.LANDING).start_s, _GRID_S)
     flown = np.empty((len(missions), len(t_s), 3))
     late, early = [], []
+    windows_s = np.zeros((len(missions), 2, len(t_s)))
     for row, (mission, flight) in enumerate(zip(missions, flights, strict=True)):
-        knots_s = flight.t_s - _leaving_s(mission, flight) + mission.leaves_s
+        begins_s = mission.leaves_s - _leaving_s(mission, flight)
+        knots_s = flight.t_s + begins_s
+        spread = spreads[row] if spreads else arrival_spread(flight, [])
+        windows_s[row] = spread.at(t_s, begins_s)
         flown[row] = np.stack([np.interp(t_s, knots_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
         waypoints, passed_s = _passages(plan, row, mission, flight, knots_s)
-        early.append([leaves_s - passed_s[waypoints.index(delay - 1)] for delay, leaves_s in mission.gates])
+        due = [(leaves_s, passed_s[waypoints.index(delay - 1)]) for delay, leaves_s in mission.gates]
+        early.append([leaves_s - at_s - spread.at(at_s, begins_s)[1] for leaves_s, at_s in due])
         gates, holds = {delay - 1 for delay, _ in mission.gates}, _holds(mission)
         due_s = [math.nan if item in gates else float(mission.arrival_s[item] or 0.0) for item in waypoints]
         for number in (*(waypoints.index(item) for item in holds), -1):
@@ -117,9 +128,10 @@ def predicted(
     return Timing(
         tuple(vehicles),
         _spread_s(autopilots, late),
-        _nearest(plan, t_s, flown, [known.traits.apart_s for known in autopilots]),
+        _nearest(plan, t_s, flown, [known.traits.apart_s for known in autopilots], windows_s),
         float(max((one[-1] for one in late), key=abs)),
         tuple(np.min(early, axis=0).round(3).tolist()) if any(each.gates for each in legs.values()) else (),
+        float(np.abs(windows_s).max()),
     )
 
 
@@ -206,23 +218,31 @@ def _spread_s(autopilots: Sequence[Autopilot], late: Sequence[Array]) -> float:
     return max(spreads)
 
 
-def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: Sequence[float]) -> NearMiss | None:
+def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: Sequence[float], windows_s: Array) -> NearMiss | None:
     """The least distance of one vehicle to the positions of another within their `apart_s`; rows of flown (V, N, 3).
 
-    Of two autopilots the larger time counts.
+    Of two autopilots the larger time counts. Besides, each may be early (negative) or late by windows_s (V, 2, N).
     """
     if len(flown) < 2:
         return None
+    widest_s = float(np.abs(windows_s).max())
+    near = 2 * math.ceil((2.0 * widest_s + max(apart_s)) / _GRID_S) + 1  # steps in which the other one may be
+    others_s = np.stack([minimum_filter1d(windows_s[:, 0], near), maximum_filter1d(windows_s[:, 1], near)], axis=1)
     best = NearMiss(math.inf, math.nan, (0, 0), max(apart_s))
-    for first, second in _near_pairs(plan, t_s, flown, max(apart_s)):
+    for first, second in _near_pairs(plan, t_s, flown, max(apart_s) + 2.0 * widest_s):
         pair_s = max(apart_s[first], apart_s[second])
-        for shift_s in np.unique(np.linspace(-pair_s, pair_s, _SHIFTS)).tolist():
-            other = np.stack([np.interp(t_s + shift_s, t_s, flown[second, :, axis]) for axis in range(3)], axis=-1)
+        ahead_s = pair_s + windows_s[first, 1] - others_s[second, 0]
+        behind_s = pair_s + others_s[second, 1] - windows_s[first, 0]
+        shifts = max(_SHIFTS, 1 + math.ceil(float((ahead_s + behind_s).max() - 2.0 * pair_s) / _SHIFT_S))
+        for share in np.linspace(-1.0, 1.0, shifts).tolist() if pair_s or widest_s else [0.0]:
+            there_s = t_s + share * (ahead_s if share > 0.0 else behind_s)
+            other = np.stack([np.interp(there_s, t_s, flown[second, :, axis]) for axis in range(3)], axis=-1)
             distance_m = np.linalg.norm(flown[first] - other, axis=-1)
             at = first_least(distance_m)
             if distance_m[at] < best.distance_m - EQUAL:
                 pair = (plan.sysids[first], plan.sysids[second])
-                best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, pair_s)
+                apart = float(max(ahead_s[at], behind_s[at]))
+                best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, apart)
     return best
 
 

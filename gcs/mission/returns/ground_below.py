@@ -131,7 +131,7 @@ class _GroundBelow:
 
 
 def _highest_m(plan: Plan, tracks: Cells, rectangles: Callable[[Cells], _Rectangles], given_m: float) -> float:
-    depth = _Depth("ground below", "m", 0.0, GAP_M, given_m)
+    depth = _Depth(0.0, GAP_M, given_m)
     proof = Proof.begun((1, 1), tracks.who.shape[1])
     whole = replace(tracks, patch=np.tile([0.0, 1.0], (len(tracks), 1)))
     settle(_GroundBelow((depth,), highest_ground(plan.scenario.terrain), rectangles), whole, proof, Looks(_PARTS_MAX))

@@ -191,7 +191,7 @@ class StraightReturns:
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         """One."""
-        return (ReturnDistance("separation", "m", 0.0, RESOLUTION_M, self.required_m),)
+        return (ReturnDistance(0.0, RESOLUTION_M, self.required_m),)
 
     def cells(self, pairs: Cells) -> Cells:
         """Cells of pairs of vehicles (first, second)."""

@@ -25,6 +25,7 @@ from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation,
 from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correct, leg_profile
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.scenario.environment.no_fly import outside_m, zones
 from gcs.scenario.values.si import ability_of
 from gcs.types import Array
@@ -175,7 +176,7 @@ class _Samples:
 
     @classmethod
     def of(cls, plan: Plan, rows: slice) -> _Samples:
-        begin = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
+        begin = next(p for p in plan.phases if p.name in (PhaseKind.RUN_UP, PhaseKind.MISSION)).start_s
         # Whole tenths, so that there is a sample at every second after the start.
         samples = math.ceil((plan.flight_s - begin) / _SAMPLE_S) + 1
         t_s = np.asarray(begin + _SAMPLE_S * np.arange(samples), dtype=np.float64)
@@ -207,7 +208,7 @@ def _attempt(
     waits: list[Array] = []
     raises_m = np.zeros(1)
     gates: list[Gate] = []
-    takeoff = plan.phase("takeoff")
+    takeoff = plan.phase(PhaseKind.TAKEOFF)
     hover_s = float(t_s[0]) - takeoff.end_s
     lead_s = (_GATE_LEAD_S,) * 2 if len(stops) > 2 else (0.0, min(LEAD_MAX_S, hover_s))
     leaves_s = math.nan
@@ -260,7 +261,7 @@ def _profile(
     plan: Plan, firmware: Autopilot, sampled: _Samples, row: int, kept: list[int], early_s: float
 ) -> tuple[LegProfile, list[int]]:
     """Legs of one vehicle between two stops. The latter half is flown faster if the second stop is due early."""
-    limits, takeoff = plan.scenario.limits, plan.phase("takeoff")
+    limits, takeoff = plan.scenario.limits, plan.phase(PhaseKind.TAKEOFF)
     begin_s = float(sampled.t_s[kept[0]])
     half_s = 0.5 * (float(sampled.t_s[kept[-1]]) - begin_s)
     profile, legs = leg_profile(

@@ -23,6 +23,7 @@ from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, Vehic
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs, deviation, waypoint_indices
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
@@ -64,7 +65,7 @@ def timed_legs(plan: Plan) -> TimedLegs:
     kept: list[Array] = []
     errors: list[Deviation] = []
     for phase in plan.phases:
-        if phase.name not in ("run-up", "mission"):
+        if phase.name not in (PhaseKind.RUN_UP, PhaseKind.MISSION):
             continue
         t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
         t_s, drawn = with_drawn_points(t_s, plan)
@@ -114,7 +115,7 @@ def build_missions(
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:
     """The mission of the vehicle in this row."""
-    landing, up_s = plan.phase("landing"), plan.airborne_s
+    landing, up_s = plan.phase(PhaseKind.LANDING), plan.airborne_s
     t_s = legs.t_s
     origin = local_origin(plan.scenario)
     states = plan.motion(t_s, slice(row, row + 1))[0][0]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from gcs.autopilots.waypoint_models.navigator import Navigator, NavigatorOrders
@@ -30,13 +31,21 @@ _BEFORE, _AFTER = 1, 2  # legs before and after its own that a speed acts on
 _TRIAL = 0.05  # variation of the logarithm of a speed
 _STEP_MAX = 0.6  # of the logarithm of a speed, per round
 _COARSE = 2.0  # factor on the navigator's step
+_BET = 5.0  # cost of a cruise faster than commanded by a factor of e, in s of lateness
+_SPARE = 0.8  # share of OBEYED_WITHIN from which it costs
 _PULL = 0.1  # cost of a speed off by a factor of e, in s of lateness
 _ROUNDS, _TRIES = 8, 4
+_TIMES, _AGAIN, _DEARER = (
+    4,
+    3,
+    3.0,
+)  # corrections and their rounds while legs are still faster, at so many times the cost
 _GOOD_S = 0.2
 _STALE = 0.1  # least relative gain of a round
 _SLOW_COUNTS = 0.3  # weight of a second between waypoints on the slowest legs, against 1 on the fastest
 SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of a leg, at which lateness is measured
 _STILL_M = 0.01
+OBEYED_WITHIN = 0.1  # share of a commanded speed by which the cruise of its leg may be faster
 
 
 @dataclass(frozen=True)
@@ -186,12 +195,26 @@ class Corrected:
 def correct(navigator: Navigator, profile: LegProfile, lead_s: tuple[float, float] = (0.0, 0.0)) -> Corrected:
     """The best speeds found, and the best lead between the two given.
 
+    No speed counts on an autopilot's not obeying it: no cruise is, or may be, faster than commanded by more than
+    `OBEYED_WITHIN`.
+
     Raises `VerificationError` if the model does not complete the legs at the planned speeds.
     """
     problem = _Problem(navigator, profile, lead_s)
-    now = problem.at(problem.planned)
+    now = _solved(problem, problem.at(problem.planned), _ROUNDS)
+    for _ in range(_TIMES):
+        if not now.bets.any():
+            break
+        problem.bet *= _DEARER
+        now = _solved(problem, problem.at(now.x), _AGAIN)
+    now = problem.without_bets(now)
+    return Corrected(_speeds_mps(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
+
+
+def _solved(problem: _Problem, now: _Trial, rounds: int) -> _Trial:
+    """The best trial that so many damped steps lead to."""
     damping = 0.3
-    for number in range(_ROUNDS):
+    for number in range(rounds):
         slopes = problem.slopes(now.x)
         better = None
         for _ in range(_TRIES):
@@ -205,7 +228,7 @@ def correct(navigator: Navigator, profile: LegProfile, lead_s: tuple[float, floa
         damping = max(damping / 3.0, 0.01)
         if np.abs(now.late_s).max() < _GOOD_S or (number > 1 and gained < _STALE * now.cost):
             break
-    return Corrected(_speeds_mps(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
+    return now
 
 
 @dataclass(frozen=True)
@@ -215,7 +238,18 @@ class _Trial:
     x: Array
     flown: Prediction
     late_s: Array
+    obeyed: Array  # (N,) cruise of each leg over its commanded speed, at most
     cost: float
+
+    @property
+    def bets(self) -> NDArray[np.bool_]:
+        """The legs (N,) that are, or may be, flown faster than commanded."""
+        return self.obeyed > 1.0 + OBEYED_WITHIN
+
+    @property
+    def faster(self) -> Array:
+        """By how much (N,) they are, as a logarithm, with a little to spare."""
+        return np.maximum(np.log(self.obeyed / (1.0 + _SPARE * OBEYED_WITHIN)), 0.0)
 
 
 class _Problem:
@@ -232,24 +266,48 @@ class _Problem:
         parts = np.repeat(counts[:, None], len(SHARES), axis=1)
         parts[:, -1] = 1.0
         self._counts = parts.ravel()
+        self.bet = _BET
+        self._least = (navigator, *navigator.reactions)[-1]
+
+    def inside(self, x: Array) -> Array:
+        """The nearest unknowns within their bounds."""
+        return np.clip(x, self._low, self._high)
+
+    def without_bets(self, now: _Trial) -> _Trial:
+        """The trial in which legs that are flown faster than commanded are commanded what they are flown at.
+
+        They are flown as before. The legs after them may change.
+        """
+        for _ in range(len(now.faster)):
+            bets = now.bets
+            if not bets.any():
+                break
+            x = now.x.copy()
+            x[:-1][bets] = np.ceil((x[:-1] + np.log(now.obeyed))[bets] / _LOGARITHM_GRID) * _LOGARITHM_GRID
+            now = self.at(self.inside(x))
+        return now
 
     def at(self, x: Array) -> _Trial:
         """The trial of x."""
-        flown = predict(self._navigator, self._profile.orders(_speeds_mps(x[:-1])))
+        orders = self._profile.orders(_speeds_mps(x[:-1]))
+        flown = predict(self._navigator, orders)
+        least = flown if self._least is self._navigator else predict(self._least, orders)
         late = (self._profile.passed_s(flown) - x[-1] - self._profile.due_s).ravel()
         weighed, pulled = self._counts * late * np.sqrt(1.0 + late**2), _PULL * (x - self.planned)
-        return _Trial(x, flown, late, float(weighed @ weighed / len(SHARES) + pulled @ pulled))
+        trial = _Trial(x, flown, late, np.maximum(flown.obeyed, least.obeyed), 0.0)
+        bets = self.bet * trial.faster
+        return replace(trial, cost=float(weighed @ weighed / len(SHARES) + pulled @ pulled + bets @ bets))
 
     def slopes(self, x: Array) -> Array:
         """The Jacobian: lateness (N * shares) by each unknown (N + 1)."""
         legs, parts = len(x) - 1, len(SHARES)
-        before = self._durations(x[:-1])
+        before = self._durations(x)
         slopes = np.zeros((legs * parts, legs + 1))
         for first in range(min(_EVERY, legs)):
             tried = np.arange(first, legs, _EVERY)
-            step = np.zeros(legs)
+            step = np.zeros(legs + 1)
             step[tried] = np.where(x[tried] + _TRIAL > self._high[tried], -_TRIAL, _TRIAL)
-            gained = self._durations(x[:-1] + step) - before
+            gained = self._durations(x + step) - before
             for leg in tried.tolist():
                 acts = slice(max(leg - _BEFORE, 0) * parts, (leg + _AFTER + 1) * parts)
                 slopes[acts, leg] = gained[acts] / step[leg]
@@ -262,23 +320,26 @@ class _Problem:
         late, stretch = now.late_s, np.sqrt(1.0 + now.late_s**2)
         counts = weight * self._counts
         steeper = counts * (1.0 + 2.0 * late**2) / stretch
-        matrix = np.vstack([slopes * steeper[:, None], _PULL * unit, damping * unit])
+        # The cruise of a leg that is faster than commanded has the speed of the leg before.
+        bets = np.flatnonzero(now.faster)
+        fairer = self.bet * (unit[bets - 1] - unit[bets])
+        matrix = np.vstack([slopes * steeper[:, None], fairer, _PULL * unit, damping * unit])
         pulled = _PULL * (self.planned - now.x)
-        target = np.concatenate([-counts * late * stretch, pulled, np.zeros(len(now.x))])
+        target = np.concatenate([-counts * late * stretch, -self.bet * now.faster[bets], pulled, np.zeros(len(now.x))])
         bounds = (
             np.maximum(self._low - now.x, -_STEP_MAX) - 1e-9,
             np.minimum(self._high - now.x, _STEP_MAX) + 1e-9,
         )
         step = lsq_linear(matrix, target, bounds).x
         try:
-            trial = self.at(np.clip(on_grid(now.x + step, _LOGARITHM_GRID), self._low, self._high))
+            trial = self.at(self.inside(on_grid(now.x + step, _LOGARITHM_GRID)))
         except VerificationError:
             return None
         return trial if trial.cost < now.cost else None
 
-    def _durations(self, logarithms: Array) -> Array:
+    def _durations(self, x: Array) -> Array:
         """Durations of every share of every leg, in coarse steps."""
-        flown = predict(self._coarse, self._profile.orders(_speeds_mps(logarithms)))
+        flown = predict(self._coarse, self._profile.orders(_speeds_mps(x[:-1])))
         return np.diff(self._profile.passed_s(flown).ravel(), prepend=0.0)
 
 

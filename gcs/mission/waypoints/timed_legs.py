@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.mission.waypoints.placement import Deviation
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.types import Array
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def rows_with_own_legs(plan: Plan) -> slice:
 
     In a rigid formation the others fly the leader's legs, translated.
     """
-    begin_s = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
+    begin_s = next(p for p in plan.phases if p.name in (PhaseKind.RUN_UP, PhaseKind.MISSION)).start_s
     moving = any(start < plan.flight_s and end > begin_s for start, end in plan.shape.moving_s)
     return slice(None) if moving else slice(plan.leader, plan.leader + 1)
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,21 @@ from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.values.si import leader_index, offsets_ned_m, shape_offsets_ned_m
 from gcs.types import Array
 
-Name = Literal["scale", "heading", "blend"]
+
+class CoordinateName(StrEnum):
+    """What a coordinate does to the shape."""
+
+    SCALE = "scale"
+    HEADING = "heading"
+    BLEND = "blend"
+
+
 ORDER = 4  # integrators from the control (a snap) to the coordinate
-_KIND: dict[str, Name] = {"shrink": "scale", "rotate": "heading", "reshape": "blend"}
-_REST: dict[Name, float] = {"scale": 1.0, "heading": 0.0, "blend": 0.0}
+COORDINATE_OF_CHANGE = {
+    "shrink": CoordinateName.SCALE,
+    "rotate": CoordinateName.HEADING,
+    "reshape": CoordinateName.BLEND,
+}
 _DEFAULT_WEIGHT = 0.3
 # An interior-point method never reaches a bound: rest lies this far inside, in units, so that it is reached exactly.
 _BEYOND = 0.05
@@ -41,7 +53,7 @@ _PIECE_S, _TERMS = 2.0, 22
 class Coordinate:
     """One degree of freedom of the shape."""
 
-    name: Name
+    name: CoordinateName
     low: float
     high: float
     most: tuple[float, float, float, float]  # largest rate, acceleration, jerk and snap, either way
@@ -52,7 +64,7 @@ class Coordinate:
     @property
     def rest(self) -> float:
         """The value that leaves the base shape unchanged."""
-        return _REST[self.name]
+        return 1.0 if self.name is CoordinateName.SCALE else 0.0
 
 
 def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
@@ -62,7 +74,8 @@ def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
     limit, size_m = budget_of_each(scenario), _extent_m(scenario)
     made = [_automatic(scenario, change, limit, size_m) for change in autos]
     if follows_course:
-        made.append(Coordinate("heading", -_FREE_RAD, _FREE_RAD, _most(limit, size_m), 1.0, 0.0, free_end=True))
+        most = _most(limit, size_m)
+        made.append(Coordinate(CoordinateName.HEADING, -_FREE_RAD, _FREE_RAD, most, 1.0, 0.0, free_end=True))
     return tuple(made)
 
 
@@ -103,27 +116,27 @@ def target_ned_m(scenario: Scenario) -> Array:
     return base
 
 
-def bent(values: Mapping[Name, Any], base: Sequence[Any], target: Sequence[Any], xp: Any = np) -> tuple[Any, Any, Any]:
+def bent(
+    values: Mapping[CoordinateName, Any], base: Sequence[Any], target: Sequence[Any], xp: Any = np
+) -> tuple[Any, Any, Any]:
     """Offset (north, east, down) of one vehicle, on arrays or symbols; `values` holds the existing coordinates."""
     n, e, d = base
-    if "blend" in values:
-        blend = values["blend"]
+    if (blend := values.get(CoordinateName.BLEND)) is not None:
         n, e, d = (b + blend * (t - b) for b, t in zip(base, target, strict=True))
-    if "heading" in values:
-        c, s = xp.cos(values["heading"]), xp.sin(values["heading"])
+    if (heading := values.get(CoordinateName.HEADING)) is not None:
+        c, s = xp.cos(heading), xp.sin(heading)
         n, e = c * n - s * e, s * n + c * e
-    if "scale" in values:
-        scale = values["scale"]
+    if (scale := values.get(CoordinateName.SCALE)) is not None:
         n, e, d = scale * n, scale * e, scale * d
     return n, e, d
 
 
-def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -> Shape:
+def composed(base: Shape, target: Array, names: Sequence[CoordinateName], values: PPoly) -> Shape:
     """The shape over time (C3) from a base shape and coordinates `values` (coefficients (C+1, P, A)).
 
     Three tables for every table of the base: the cosine part, the sine part, and the vertical part.
     """
-    blending = "blend" in names
+    blending = CoordinateName.BLEND in names
     joints = _fine(np.union1d(values.x, base.joints_s))
     flat = np.array([1.0, 1.0, 0.0])
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
@@ -132,11 +145,11 @@ def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -
     q = {name: series[..., i] for i, name in enumerate(names)}
     own = _taylor(base.functions, joints[:-1])
     if blending:
-        blend = q["blend"][..., None]
+        blend = q[CoordinateName.BLEND][..., None]
         own = np.concatenate([own - _product(blend, own), blend], axis=2)
-    if "scale" in q:
-        own = _product(q["scale"][..., None], own)
-    turn = _turn(q.get("heading", np.zeros(own.shape[:2])))[..., None]
+    if CoordinateName.SCALE in q:
+        own = _product(q[CoordinateName.SCALE][..., None], own)
+    turn = _turn(q.get(CoordinateName.HEADING, np.zeros(own.shape[:2])))[..., None]
     turned = _product(turn, own)
     basis = np.concatenate([tables * flat, tables @ quarter, tables * (1.0 - flat)])
     functions = np.concatenate([turned.real, turned.imag, own], axis=2)
@@ -144,13 +157,13 @@ def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -
 
 
 def _automatic(scenario: Scenario, change: ChangeTable, limit: Budget, size_m: float) -> Coordinate:
-    name = _KIND[change.kind]
+    name = COORDINATE_OF_CHANGE[change.kind]
     weight = change.weight if change.weight is not None else _DEFAULT_WEIGHT
-    if name == "scale":
+    if name is CoordinateName.SCALE:
         assert change.scale is not None
         unit = 1.0 - change.scale
         return Coordinate(name, change.scale, 1.0 + _BEYOND * unit, _most(limit, size_m), unit, weight, False)
-    if name == "heading":
+    if name is CoordinateName.HEADING:
         assert change.angle_deg is not None
         angle = abs(float(np.radians(change.angle_deg)))
         return Coordinate(name, -angle, angle, _most(limit, size_m), angle, weight, False)

@@ -197,12 +197,14 @@ def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeCha
     # NEU and NED name the same axis; a right-handed rotation about it is the same.
     axis = _DOWN if change.axis is None else np.array(change.axis) * NED_FROM_UP
     about = "" if change.axis is None else " about ({:g}, {:g}, {:g})".format(*change.axis)
-    return _timed(
-        scenario,
+    legs, limited_by = _timed(scenario, (rotation(offsets, axis, angle_rad),))
+    return MadeChange(
         change,
         name=f"rotate {change.angle_deg:g} deg{about}",
-        stops=(offsets, rotated(offsets, axis, angle_rad)),
-        legs=(rotation(offsets, axis, angle_rad),),
+        before_ned_m=offsets,
+        after_ned_m=rotated(offsets, axis, angle_rad),
+        legs=legs,
+        limited_by=limited_by,
         paper_time_s=paper_rotation_time_s(offsets, axis, angle_rad, scenario.formation.change_speed_mps),
         way="as one rigid body",
         least_gap_m=least_gap(offsets)[0],
@@ -222,12 +224,14 @@ def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeChan
             f"separation_min_m is {least_m:g} m",
             hint=f"set scale to {smallest:g} or more, or start with a larger spacing",
         )
-    return _timed(
-        scenario,
+    legs, limited_by = _timed(scenario, (shrinking(offsets, change.scale),))
+    return MadeChange(
         change,
         name=name,
-        stops=(offsets, change.scale * offsets),
-        legs=(shrinking(offsets, change.scale),),
+        before_ned_m=offsets,
+        after_ned_m=change.scale * offsets,
+        legs=legs,
+        limited_by=limited_by,
         paper_time_s=paper_shrink_time_s(offsets, change.scale, scenario.formation.change_speed_mps),
         way="in proportion",
         least_gap_m=gap_m * min(1.0, change.scale),
@@ -249,35 +253,26 @@ def _reshaped(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeCh
     except Infeasible as error:
         raise Infeasible(f"{name}: {error.message}", hint=error.hint) from error
     after = made.offsets_after_ned_m
-    return _timed(
-        scenario,
+    legs, limited_by = _timed(scenario, made.legs)
+    return MadeChange(
         change,
         name=name,
-        stops=(offsets, after),
-        legs=made.legs,
+        before_ned_m=offsets,
+        after_ned_m=after,
+        legs=legs,
+        limited_by=limited_by,
         paper_time_s=paper_reshape_time_s(offsets, after, scenario.formation.change_speed_mps),
         way=made.way,
         least_gap_m=made.least_distance_m,
     )
 
 
-def _timed(
-    scenario: Scenario,
-    change: ChangeTable,
-    *,
-    name: str,
-    stops: tuple[Array, Array],
-    legs: tuple[Shape, ...],
-    paper_time_s: float,
-    way: str,
-    least_gap_m: float,
-) -> MadeChange:
-    """The change with the shortest duration for each leg; `limited_by` is that of the longest."""
+def _timed(scenario: Scenario, legs: tuple[Shape, ...]) -> tuple[tuple[tuple[Shape, float], ...], str]:
+    """The legs with their shortest durations, without those of no length; what limits the longest."""
     limit = budget_of_each(scenario)
     durations = [least_duration(leg, limit) for leg in legs]
     _, limited_by = max(durations, default=(0.0, NOTHING))
-    timed = tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0)
-    return MadeChange(change, name, *stops, timed, paper_time_s, limited_by, way, least_gap_m)
+    return tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0), limited_by
 
 
 def trigger_words(change: ChangeTable) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -103,7 +102,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.extra else ca.DM(0, 1)
 
     path_count = parts.path.size1_out(0)
-    path_rows: Any = slice(None) if k.path_rows is None else k.path_rows
+    path_rows: slice | list[int] = slice(None) if k.path_rows is None else k.path_rows
     path_size = path_count * points if k.path_rows is None else len(k.path_rows)
 
     f = ca.sum2(parts.cost.map(nodes)(zn, shares))

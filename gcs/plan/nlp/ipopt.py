@@ -6,22 +6,25 @@ import os
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import Any, TextIO, cast
+from typing import TextIO, cast
 
 import casadi as ca
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.nlp.transcription import Program
+from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.types import Array
 
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
 # would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-OPTIONS = {
+Options = dict[str, str | float]
+OPTIONS: Options = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -43,7 +46,7 @@ _TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
 # Over several legs most of the time is spent on solving with the same factors again to refine each step. Steps that
 # are not refined are good enough.
 _LEG_OPTIONS = {"ipopt.fast_step_computation": "yes"}
-WARM_OPTIONS = {
+WARM_OPTIONS: Options = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,
     "ipopt.warm_start_bound_frac": 1e-6,
@@ -71,7 +74,7 @@ class Solution:
 
     y: Array
     y_multipliers: Array  # of the bounds of y
-    g_multipliers: dict[tuple[str, float], float]  # of the rows of g, by their names
+    g_multipliers: dict[tuple[ConstraintId, float], float]  # of the rows of g, by constraint and time
     objective: float
     iterations: int
     seconds: float
@@ -86,7 +89,7 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
     KeyboardInterrupt at Ctrl-C.
     """
     began = time.perf_counter()
-    options: dict[str, Any] = {**OPTIONS}
+    options: Options = {**OPTIONS}
     if program.layout.coordinates:
         options |= _SHAPE_OPTIONS
     elif program.moving_shape:
@@ -97,24 +100,24 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
         options |= _LEG_OPTIONS
     if near:
         options |= _NEAR_OPTIONS
-    guess: dict[str, Any] = {"x0": start}
+    guess: dict[str, Array | list[float]] = {"x0": start}
     if before is not None:
         options |= WARM_OPTIONS
         # To a microsecond: a row that moved with its leg has the same time but for the last bits.
-        known = {(name, round(t_s, 6)): price for (name, t_s), price in before.g_multipliers.items()}
-        guess["lam_g0"] = [known.get((name, round(t_s, 6)), 0.0) for name, t_s in program.g_names]
+        known = {(one, round(t_s, 6)): price for (one, t_s), price in before.g_multipliers.items()}
+        guess["lam_g0"] = [known.get((one, round(t_s, 6)), 0.0) for one, t_s in program.g_ids]
         if len(before.y) == len(start):
             guess["lam_x0"] = before.y_multipliers
     found = run(solver(program.nlp, program.derivatives, options), program, guess)
     return replace(found, seconds=time.perf_counter() - began)
 
 
-def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: dict[str, Any]) -> ca.Function:
+def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: Options) -> ca.Function:
     """IPOPT for one program, for any parameters and bounds."""
     return ca.nlpsol("solver", "ipopt", nlp, {**derivatives, **options})
 
 
-def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solution:
+def run(solver: ca.Function, program: Program, guess: Mapping[str, Array | list[float]]) -> Solution:
     """The solution from a guess (x0, and where known lam_x0, lam_g0). Raises as `solve` does."""
     began = time.perf_counter()
     bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
@@ -129,7 +132,7 @@ def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solutio
     return Solution(
         y,
         y_multipliers,
-        dict(zip(program.g_names, g_multipliers.tolist(), strict=True)),
+        dict(zip(program.g_ids, g_multipliers.tolist(), strict=True)),
         float(result["f"]),
         int(stats["iter_count"]),
         time.perf_counter() - began,
@@ -143,7 +146,7 @@ class _WithoutInterrupts:
         self._stream = stream
         self._line = ""
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
@@ -162,13 +165,13 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
     g = np.asarray(program.nlp(y, program.parameters)[1]).ravel()
     excess = np.nan_to_num(np.maximum(g - program.g_high, program.g_low - g), nan=np.inf)
     worst = int(np.argmax(excess))
-    name, t_s = program.g_names[worst]
+    constraint, t_s = program.g_ids[worst]
     reason = _IN_WORDS.get(status, "the solver stopped without a solution")
     kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
     leg = program.leg_at(t_s)
     against = _opposing(program, y_multipliers, g_multipliers)
     return kind(
-        f"no plan: {reason} (IPOPT: {status}); the largest violation is of {name} at t = {t_s:.1f} s"
+        f"no plan: {reason} (IPOPT: {status}); the largest violation is of {constraint} at t = {t_s:.1f} s"
         + (f" in {leg}" if leg else "")
         + (f", against the {against}" if against else ""),
         hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m), "
@@ -178,13 +181,13 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
 
 def _opposing(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
     """The limit and the obstacle with the largest multipliers, summed over the flight."""
-    limits: dict[str, float] = defaultdict(float)
-    obstacles: dict[str, float] = defaultdict(float)
+    limits: dict[ConstraintId, float] = defaultdict(float)
+    obstacles: dict[ConstraintId, float] = defaultdict(float)
     for i in np.flatnonzero(program.y_low < program.y_high):
-        limits[program.y_names[i]] += abs(y_multipliers[i])
+        limits[program.y_ids[i]] += abs(y_multipliers[i])
     for i in np.flatnonzero(program.g_low < program.g_high):
-        name, _ = program.g_names[i]
-        (limits if name in limits else obstacles)[name] += abs(g_multipliers[i])
+        one, _ = program.g_ids[i]
+        (limits if one in limits else obstacles)[one] += abs(g_multipliers[i])
     most = [max(push.items(), key=itemgetter(1)) for push in (limits, obstacles) if push]
     least = 0.01 * max(push for _, push in most)
-    return " and the ".join(name for name, push in most if np.isfinite(push) and push > least)
+    return " and the ".join(str(one) for one, push in most if np.isfinite(push) and push > least)

@@ -20,9 +20,9 @@ from gcs.plan.formation.followers import formation_motion, rounded_thrust_polyno
 from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.formation.timeline import Move, in_turn, lay, starts_at_points
 from gcs.plan.nlp.ipopt import Solution, solve
-from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.multipliers import moved
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
 from gcs.plan.ocp.problem import Problem

@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from gcs.physics.quadrotor import Quadrotor, hover_trim, level_flight_thrust_N
-from gcs.physics.states import NX, POSITION, RATES, VELOCITY
+from gcs.physics.quadrotor import level_flight_thrust_N
+from gcs.physics.states import RATES
 from gcs.plan.nlp.assembly import dm
+from gcs.plan.nlp.route_phases import fix_at_point
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.ocp.route_points import PassPoint
 from gcs.types import Array
 
 # Unit of each state in the program: its typical size in flight, so that IPOPT works with values near one.
@@ -42,7 +42,7 @@ def bounds(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
     state_low[first] = state_high[first] = start
     state_low[last], state_high[last] = end_low, end_high
     for point, joint in zip(problem.points, layout.mesh.arrivals.tolist(), strict=True):
-        _pass(point, joint, problem.quadrotor, (state_low, state_high), (control_low, control_high))
+        fix_at_point(point, joint, problem.quadrotor, (state_low, state_high), (control_low, control_high))
     if (problem.winds_differ or problem.jerk_left_mps3 is not None) and layout.control_form is ControlForm.LINEAR:
         # Thrust must not jump where phases join: a vehicle with more tilt than the leader would have to tilt at once.
         for end, state in ((first, start), (last, end_low)):
@@ -58,30 +58,6 @@ def bounds(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
         np.concatenate([state_low.ravel(), control_low.ravel()]),
         np.concatenate([state_high.ravel(), control_high.ravel()]),
     )
-
-
-def _pass(
-    point: PassPoint, joint: int, quadrotor: Quadrotor, states: tuple[Array, Array], controls: tuple[Array, Array]
-) -> None:
-    """Equal bounds, low and high, of the state and control at a joint, for what a point of the route fixes there."""
-    for bound in states:
-        if not point.radius_m:
-            bound[joint, POSITION] = point.place_ned_m
-        if point.hover_state is not None:
-            bound[joint, VELOCITY] = 0.0
-            bound[joint, 6:8] = point.hover_state[6:8]
-            bound[joint, RATES] = 0.0
-            for derivative in (1, 2, 3):  # of each coordinate of the shape; its value stays free
-                bound[joint, NX + derivative :: 4] = 0.0
-        if point.yaw_ned_rad is not None:
-            bound[joint, 8] = point.yaw_ned_rad
-    if point.hover_state is None:
-        return
-    thrust, *_ = hover_trim(-float(point.place_ned_m[2]), float(point.hover_state[8]), quadrotor)
-    for bound in controls:
-        for end in (joint, joint + 1):
-            bound[end] = 0.0
-            bound[end, 0] = thrust
 
 
 def thrust_steps(problem: Problem, layout: VariableLayout, unit: Array) -> ca.DM | None:

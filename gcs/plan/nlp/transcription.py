@@ -13,7 +13,7 @@ Eq. 41 is available for comparison.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
-from gcs.plan.nlp.assembly import Constants, LegConstants, assemble, dm
+from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.gauss import gauss_rule
-from gcs.plan.nlp.leg_rows import LegTimes, leg_times
 from gcs.plan.nlp.mesh import HOLD, Mesh
-from gcs.plan.nlp.point_rows import point_rows
 from gcs.plan.nlp.program_bounds import bounds, scales, thrust_steps
+from gcs.plan.nlp.route_phases import leg_constants, leg_times, point_rows
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import ActiveVehicles, active_vehicles
 from gcs.plan.ocp.bounds import leader_state_bounds
-from gcs.plan.ocp.objective_sum import cost_shares, duration_cost
+from gcs.plan.ocp.objective_sum import cost_shares
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.types import Array
 
@@ -49,8 +49,8 @@ class Program:
     y_high: Array
     g_low: Array
     g_high: Array
-    y_names: tuple[str, ...]  # name of each unknown's limit
-    g_names: tuple[tuple[str, float], ...]  # name and time of each row of g; unique
+    y_ids: tuple[ConstraintId, ...]  # the limit of each unknown
+    g_ids: tuple[tuple[ConstraintId, float], ...]  # constraint and time of each row of g; unique
     nlp: ca.Function
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
     parameters: Array  # (p,) second argument of nlp and derivatives
@@ -148,7 +148,7 @@ def transcribe(
             state_unit=state_unit,
             thrust_steps=(steps := thrust_steps(problem, layout, unit)),
             interval_s=None if steps is None else np.diff(mesh.joints_s),
-            legs=None if times_of_legs is None else _leg_constants(problem, mesh, times_of_legs),
+            legs=None if times_of_legs is None else leg_constants(problem, mesh, times_of_legs),
             points=None if near is None else near.functions,
             path_rows=None if used is None else np.flatnonzero(used).tolist(),
         ),
@@ -166,7 +166,7 @@ def bounded_program(
     unused: NDArray[np.bool_] | None = None,
     used: NDArray[np.bool_] | None = None,
 ) -> Program:
-    """The program made of `functions` (nlp, derivatives), the bounds of this problem and the names of all rows.
+    """The program made of `functions` (nlp, derivatives), the bounds of this problem and the constraints of all rows.
 
     `unused` (T, P): mask of rows of the path without effect. `used` (T, P): mask of those in the program; else all.
     """
@@ -180,28 +180,29 @@ def bounded_program(
     if unused is not None:
         free = free | unused
     used = np.ones_like(free) if used is None else used
-    words = layout.state_words
     times = np.concatenate([layout.node_times_s(), mesh.extra_s])
-    names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in words]
-    names += [
-        (name, float(t))
-        for t, row, kept in zip(times, stage_functions.path_names(problem, chosen), used, strict=True)
-        for name in itertools.compress(row, kept)
+    motion, limits = ([replace(one, form=form) for one in layout.state_ids] for form in (Form.MOTION, Form.BOUND))
+    g_ids = [(one, float(t)) for t in layout.collocation_times_s() for one in motion]
+    g_ids += [
+        (one, float(t))
+        for t, row, kept in zip(times, stage_functions.path_ids(problem, chosen), used, strict=True)
+        for one in itertools.compress(row, kept)
     ]
-    names += [(f"limit of {name}", float(t)) for t in mesh.extra_s for name in words]
+    g_ids += [(one, float(t)) for t in mesh.extra_s for one in limits]
     steps = layout.mesh.intervals if layout.control_form is ControlForm.LINEAR else 0
     steps *= problem.jerk_left_mps3 is not None
-    y_low, y_high, y_names = (y_low - shift) / unit, (y_high - shift) / unit, layout.names()
+    y_low, y_high, y_ids = (y_low - shift) / unit, (y_high - shift) / unit, layout.limits()
     rows_low, rows_high = np.zeros(0), np.zeros(0)
     if (near := point_rows(problem, layout, unit, shift)) is not None:
         rows_low, rows_high = near.low, near.high
-        names += near.names
+        g_ids += near.ids
     if (legs := leg_times(problem, mesh)) is not None:
         y_low, y_high = np.append(y_low, legs.low), np.append(y_high, legs.high)
-        y_names = (*y_names, *legs.words)
+        y_ids = (*y_ids, *legs.ids)
         rows_low, rows_high = np.append(rows_low, legs.rows_low), np.append(rows_high, legs.rows_high)
-        names += legs.row_names
-    names += [(f"rate of the {way} thrust", float(t)) for way in ("growing", "falling") for t in mesh.joints_s[:steps]]
+        g_ids += legs.row_ids
+    ways = map(ConstraintId, (Kind.THRUST_GROWTH, Kind.THRUST_FALL))
+    g_ids += [(way, float(t)) for way in ways for t in mesh.joints_s[:steps]]
     return Program(
         layout,
         unit,
@@ -220,8 +221,8 @@ def bounded_program(
         np.concatenate(
             [dynamics, np.full(used.sum(), np.inf), (box_high / state_unit).ravel(), rows_high, np.zeros(2 * steps)]
         ),
-        y_names,
-        tuple(names),
+        y_ids,
+        tuple(g_ids),
         nlp,
         derivatives,
         np.zeros(0) if parameters is None else parameters,
@@ -231,9 +232,3 @@ def bounded_program(
         problem.free_time is not None,
         tuple(problem.leg_words(leg) for leg in range(mesh.leg_count)) if problem.points else (),
     )
-
-
-def _leg_constants(problem: Problem, mesh: Mesh, times: LegTimes) -> LegConstants:
-    cost = 0.0 if problem.free_time is None else duration_cost(problem)
-    shares = mesh.leg_lengths_s / problem.duration_s if problem.points else np.ones(1)
-    return LegConstants(cost * shares, mesh.leg_of_node, mesh.leg_of_interval, times.rows)

@@ -6,21 +6,22 @@ States and controls at any instant are linear in the unknowns.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gcs.physics.states import CONTROL_WORDS, NU, NX, STATE_WORDS
+from gcs.physics.states import NU, NX
+from gcs.plan.formation.coordinates import CoordinateName
 from gcs.plan.nlp.gauss import barycentric_weights, gauss_rule, lagrange_matrix
 from gcs.plan.nlp.mesh import Mesh
+from gcs.plan.trajectory.constraint_id import CONTROLS, STATES, ConstraintId, Form, Kind
 from gcs.types import Array
 
-CHAIN_WORDS = ("", "'s rate", "'s acceleration", "'s jerk")
+_CHAIN = 4  # integrators of each coordinate; its control is the next derivative
 
 
 class ControlForm(Enum):
@@ -36,7 +37,7 @@ class VariableLayout:
 
     mesh: Mesh
     control_form: ControlForm = ControlForm.LINEAR
-    coordinates: tuple[str, ...] = ()  # of the shape: each adds a chain of four integrators to state and control
+    coordinates: tuple[CoordinateName, ...] = ()  # each adds a chain of four integrators to state and control
 
     @property
     def nx(self) -> int:
@@ -54,14 +55,16 @@ class VariableLayout:
         return self.nx + self.nu
 
     @cached_property
-    def state_words(self) -> tuple[str, ...]:
-        """Name of each state component."""
-        return (*STATE_WORDS, *(f"{name}{word}" for name in self.coordinates for word in CHAIN_WORDS))
+    def state_ids(self) -> tuple[ConstraintId, ...]:
+        """What each state component is constrained as."""
+        chains = [ConstraintId(Kind.COORDINATE, of=name, part=n) for name in self.coordinates for n in range(_CHAIN)]
+        return (*map(ConstraintId, STATES), *chains)
 
     @cached_property
-    def control_words(self) -> tuple[str, ...]:
-        """Name of each control component."""
-        return (*CONTROL_WORDS, *(f"{name}'s snap" for name in self.coordinates))
+    def control_ids(self) -> tuple[ConstraintId, ...]:
+        """What each control component is constrained as."""
+        snaps = [ConstraintId(Kind.COORDINATE, of=name, part=_CHAIN) for name in self.coordinates]
+        return (*map(ConstraintId, CONTROLS), *snaps)
 
     @cached_property
     def first_node(self) -> list[int]:
@@ -110,10 +113,10 @@ class VariableLayout:
         """Instants of all control points."""
         return self.node_times_s() if self.control_form is ControlForm.LAGRANGE else self.mesh.joints_s
 
-    def names(self) -> tuple[str, ...]:
-        """Name of each unknown's limit."""
+    def limits(self) -> tuple[ConstraintId, ...]:
+        """The limit of each unknown."""
         states, controls = (
-            tuple(f"limit of {name}" for name in words) for words in (self.state_words, self.control_words)
+            tuple(replace(one, form=Form.BOUND) for one in ids) for ids in (self.state_ids, self.control_ids)
         )
         return (*states * self.state_points, *controls * self.control_points)
 
@@ -194,9 +197,9 @@ class _Triplets:
 
     def __init__(self, width: int) -> None:
         self.width = width
-        self.rows: list[NDArray[Any]] = []
-        self.cols: list[NDArray[Any]] = []
-        self.values: list[NDArray[Any]] = []
+        self.rows: list[NDArray[np.intp]] = []
+        self.cols: list[NDArray[np.intp]] = []
+        self.values: list[Array] = []
 
     def add(self, row: int, col: int, value: float) -> None:
         self.rows.append(row + np.arange(self.width))
@@ -208,7 +211,7 @@ class _Triplets:
 
 
 def _matrix(
-    rows: list[NDArray[Any]], cols: list[NDArray[Any]], values: list[NDArray[Any]], shape: tuple[int, int]
+    rows: list[NDArray[np.intp]], cols: list[NDArray[np.intp]], values: list[Array], shape: tuple[int, int]
 ) -> sparse.csc_matrix:
     triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
     return sparse.csc_matrix(triplets, shape=shape)

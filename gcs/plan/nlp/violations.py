@@ -19,6 +19,7 @@ from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.ocp import margins
 from gcs.plan.ocp.margins import Margin
 from gcs.plan.ocp.problem import Problem, Tightening, control_bounds
+from gcs.plan.trajectory.constraint_id import ANGLES, COLUMNS, ConstraintId, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.types import Array
 
@@ -30,12 +31,9 @@ LENGTH_TOLERANCE_M = 0.4e-3
 LIMIT_TOLERANCE = 0.5e-3
 COURSE_TOLERANCE = 0.5e-2
 _BLOCK_S = 10.0
-# Unknowns of the leader behind the limits of all vehicles, and how much tighter and longer than the violation a bound
-# becomes.
-_COLUMNS = {
-    **{"roll": 6, "pitch": 7, "roll rate": 9, "pitch rate": 10},
-    **{"thrust U1": 12, "control U2": 13, "control U3": 14, "control U4": 15},
-}
+# Limits of all vehicles behind which there is an unknown of the leader, and how much tighter and longer than the
+# violation its bound becomes.
+_LEADING = (Kind.ROLL, Kind.PITCH, Kind.ROLL_RATE, Kind.PITCH_RATE, Kind.U1, Kind.U2, Kind.U3, Kind.U4)
 _EXCESS, _BESIDE_S = 1.2, 1.0
 # Near a minimum that may violate a limit between two instants, intervals are divided so often, into so many parts.
 _LEVELS, _PARTS = 4, 8
@@ -51,7 +49,7 @@ _HEIGHTS = 9  # of a large fleet, in a wind that differs with height
 class Violation:
     """One period in which a constraint is violated: by how much where it is worst, and when."""
 
-    name: str
+    constraint: ConstraintId
     unit: str
     t_s: float
     by: float
@@ -63,10 +61,10 @@ class Violation:
     @property
     def by_si(self) -> float:
         """By how much; angles in radians."""
-        return float(np.radians(self.by)) if self.unit.startswith("deg") else self.by
+        return float(np.radians(self.by)) if self.constraint.kind in ANGLES else self.by
 
     def __str__(self) -> str:
-        return f"{self.name} violated by {self.by:.3g} {self.unit} at t = {self.t_s:.1f} s"
+        return f"{self.constraint} violated by {self.by:.3g} {self.unit} at t = {self.t_s:.1f} s"
 
 
 def check_between_nodes(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
@@ -77,10 +75,10 @@ def check_between_nodes(problem: Problem, trajectory: Trajectory, shape: Shape) 
 
 def complaints(found: tuple[Violation, ...]) -> tuple[str, ...]:
     """A description of the worst violation of each constraint."""
-    worst: dict[str, Violation] = {}
+    worst: dict[ConstraintId, Violation] = {}
     for miss in found:
-        if miss.tolerated > 1.0 and (miss.name not in worst or miss.tolerated > worst[miss.name].tolerated):
-            worst[miss.name] = miss
+        if miss.tolerated > (worst[miss.constraint].tolerated if miss.constraint in worst else 1.0):
+            worst[miss.constraint] = miss
     return tuple(map(str, worst.values()))
 
 
@@ -96,7 +94,9 @@ def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> t
             for a, b in _periods(lowest < 0.0):
                 at = a + int(np.argmin(lowest[a:b]))
                 by = float(-lowest[at])
-                known = Violation(margin.name, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance)
+                known = Violation(
+                    margin.constraint, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance
+                )
                 leader_by = max(float(-margin.value[0, at]), 0.0)
                 found.append(
                     replace(known, period_s=(float(times[a]), float(times[b - 1])), beyond_leader=by - leader_by)
@@ -110,14 +110,15 @@ def tightenings(problem: Problem, found: tuple[Violation, ...]) -> tuple[Tighten
     made = []
     for miss in found:
         start_s, end_s = miss.period_s[0] - _BESIDE_S, miss.period_s[1] + _BESIDE_S
-        if miss.name == "rotor speed":
+        kind = miss.constraint.kind
+        if kind is Kind.ROTOR_SPEED:
             for u, size in enumerate(sizes.tolist()):
                 made.append(Tightening(12 + u, start_s, end_s, _EXCESS * miss.by * size))
-        elif miss.name in _COLUMNS and miss.beyond_leader > 0.0:
-            if problem.winds_differ and miss.name in ("roll", "pitch", "thrust U1"):
+        elif kind in _LEADING and miss.beyond_leader > 0.0:
+            if problem.winds_differ and kind in (Kind.ROLL, Kind.PITCH, Kind.U1):
                 continue  # constraints at more instants prevent it
             by = replace(miss, by=miss.beyond_leader).by_si
-            made.append(Tightening(_COLUMNS[miss.name], start_s, end_s, _EXCESS * by))
+            made.append(Tightening(COLUMNS[kind], start_s, end_s, _EXCESS * by))
     return tuple(made)
 
 
@@ -126,13 +127,13 @@ def accel_reserve_mps2(found: tuple[Violation, ...]) -> float:
 
     The constraint of the program is about the leader, whose acceleration all have in a rigid shape.
     """
-    beyond = [miss.beyond_leader for miss in found if miss.name == "acceleration"]
+    beyond = [miss.beyond_leader for miss in found if miss.constraint.kind is Kind.ACCELERATION]
     return _EXCESS * max(beyond, default=0.0)
 
 
 def jerk_reserve_mps3(found: tuple[Violation, ...]) -> float:
     """By how much the jerk of some vehicle exceeds what the program's constraints leave for it."""
-    return _EXCESS * max((miss.by for miss in found if miss.name == "jerk"), default=0.0)
+    return _EXCESS * max((miss.by for miss in found if miss.constraint.kind is Kind.JERK), default=0.0)
 
 
 def _finely(times: Array, evaluate: Evaluate) -> tuple[Array, list[tuple[Margin, float]]]:
@@ -209,7 +210,8 @@ def _ranges(problem: Problem, trajectory: Trajectory, times: Array) -> list[tupl
     for coordinate, value in zip(problem.coordinates, trajectory.coordinates(times).T, strict=True):
         inside = np.minimum(value - coordinate.low, coordinate.high - value)
         size = coordinate.high
-        found.append((Margin(coordinate.name, "of its range", inside[None], size), LIMIT_TOLERANCE * size))
+        constraint = ConstraintId(Kind.COORDINATE, of=coordinate.name)
+        found.append((Margin(constraint, "of its range", inside[None], size), LIMIT_TOLERANCE * size))
     return found
 
 

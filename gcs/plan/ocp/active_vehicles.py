@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.scenario.environment.clearance_floor import FEET, coarse_floor_m, ground_feet_m, lift_m
 from gcs.scenario.environment.convex_pieces import Disk, Piece
 from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
@@ -70,15 +71,16 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
     return ActiveVehicles(ground, near, moving, used, leaning, parameters.reshape(len(times_s), -1))
 
 
-def zone_pieces(problem: Problem) -> list[tuple[str, Zone, Piece]]:
-    """The pieces of all zones that the flight can reach, each with its name and its zone."""
+def zone_pieces(problem: Problem) -> list[tuple[ConstraintId, Zone, Piece]]:
+    """The pieces of all zones that the flight can reach, each with its constraint and its zone."""
     region = ground_needed(problem.scenario)
     places = np.array(list(itertools.product(region.north_m, region.east_m)))
-    found: list[tuple[str, Zone, Piece]] = []
+    found: list[tuple[ConstraintId, Zone, Piece]] = []
     for name, zone in zip(zone_names(problem.scenario), zones(problem.scenario), strict=True):
         every = pieces(zone)
-        parts = [f"{name}, part {part}" if len(every) > 1 else str(name) for part in range(1, len(every) + 1)]
-        found += [(part, zone, piece) for part, piece in zip(parts, every, strict=True) if _is_reached(piece, places)]
+        for part, piece in enumerate(every, start=1):
+            if _is_reached(piece, places):
+                found.append((ConstraintId(Kind.ZONE, of=name, part=part if len(every) > 1 else 0), zone, piece))
     return found
 
 

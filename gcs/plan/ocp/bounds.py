@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.errors import Infeasible
-from gcs.physics.states import CONTROL_WORDS, POSITION, STATE_WORDS, VELOCITY
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import ANGLES, CONTROLS, STATES, Kind
 from gcs.types import Array
 
 _TILT = slice(6, 8)
@@ -39,7 +40,7 @@ def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]
         low[:, part] += taken
         high[:, part] -= taken
     _tighten(problem, times_s, low, high, low_column=0)
-    _refuse_crossed(times_s, low, high, STATE_WORDS)
+    _refuse_crossed(times_s, low, high, STATES)
     chains = [_chain(problem, c) for c in range(len(problem.coordinates))]
     return (
         np.hstack([low, *(np.tile(a, (len(times_s), 1)) for a, _ in chains)]),
@@ -59,7 +60,7 @@ def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Arra
     if problem.coordinates or problem.shape.moving_s:
         _leave_room(problem, times_s, low, high)
     _tighten(problem, times_s, low, high, low_column=12)
-    _refuse_crossed(times_s, low, high, CONTROL_WORDS)
+    _refuse_crossed(times_s, low, high, CONTROLS)
     return (np.hstack([low, np.tile(-snaps, (len(times_s), 1))]), np.hstack([high, np.tile(snaps, (len(times_s), 1))]))
 
 
@@ -73,28 +74,28 @@ def _tighten(problem: Problem, times_s: Array, low: Array, high: Array, low_colu
             high[during, column] -= tighter.by
 
 
-def _refuse_crossed(times_s: Array, low: Array, high: Array, words: tuple[str, ...]) -> None:
+def _refuse_crossed(times_s: Array, low: Array, high: Array, kinds: tuple[Kind, ...]) -> None:
     """Raises Infeasible where a lower bound (T, n) is above its upper bound."""
     crossed = np.argwhere(low > high)
     if not len(crossed):
         return
     t, number = crossed[0]
-    apart = words[number] in STATE_WORDS[POSITION]
+    kind, apart = kinds[number], kinds[number] in STATES[POSITION]
     raise Infeasible(
         f"no plan: at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
-        f"of {words[number]} allows{_excess(low[t, number] - high[t, number], words[number])}",
+        f"of {kind.value} allows{_excess(low[t, number] - high[t, number], kind)}",
         hint="widen [limits] height_m, north_m or east_m, or give the shapes less spacing"
         if apart
         else "make [formation] change_speed_mps or change_accel_mps2 smaller, or widen [limits]",
     )
 
 
-def _excess(by: float, word: str) -> str:
+def _excess(by: float, kind: Kind) -> str:
     """By how much a state's bounds cross, in words; nothing for a control."""
-    if word not in STATE_WORDS:
+    if kind not in STATES:
         return ""
-    unit = ("m", "m/s", "deg", "deg/s")[STATE_WORDS.index(word) // 3]
-    return f", by {np.degrees(by) if 'deg' in unit else by:.3g} {unit}"
+    unit = ("m", "m/s", "deg", "deg/s")[STATES.index(kind) // 3]
+    return f", by {np.degrees(by) if kind in ANGLES else by:.3g} {unit}"
 
 
 def _leave_room(problem: Problem, times_s: Array, low: Array, high: Array) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,7 @@ _TIMES = 2000  # instants of a free time of flight; between each two the objecti
 _SAMPLES = 8  # Gauss nodes on each interval of a trajectory
 
 
-def cost_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], shares: Any) -> Any:
+def cost_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], shares: ca.SX) -> ca.SX:
     """The integrand of Eq. 35, for the `shares` of this instant (see `cost_shares`)."""
     x = [*x, *ca.vertsplit(shares[2:])]
     total = {Share.MEAN: ca.SX(0), Share.TERMINAL: ca.SX(0)}

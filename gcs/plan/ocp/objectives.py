@@ -8,18 +8,19 @@ best route: tests/property/plan/test_objective_bounds.py tests every row.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 
 from gcs.physics.states import NX
-from gcs.plan.formation.coordinates import Coordinate
+from gcs.plan.formation.coordinates import Coordinate, CoordinateName
 from gcs.plan.ocp.problem import Flights, ObjectiveTerm, Problem, Share
 from gcs.plan.ocp.representatives import NUMBERS, motion
 from gcs.scenario.schema.scenario import TerminalWeight
 from gcs.types import Array
 
+_Value = TypeVar("_Value", ca.SX, float)
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),
     "t^2": lambda t, tf: t**2,
@@ -32,7 +33,7 @@ _CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer o
 _STILL = 1e-2  # of the reference speed: smooths |v| at rest, where |v|^3 has no second derivative
 
 
-def energy_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
+def energy_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], speed_ref_mps: float) -> ca.SX:
     """Eqs. 30-32: the power against drag of each vehicle, as a mean over all; it depends on the air's velocity.
 
     The mean keeps the unit: in a rigid formation, where all vehicles fly one velocity, it is the leader's power.
@@ -41,7 +42,7 @@ def energy_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], speed_ref_
     if sample is None:
         return drag_power(problem, x[3:6], x[2], speed_ref_mps)
     first = NX + 4 * len(problem.coordinates)
-    total: Any = 0.0
+    total = ca.SX(0)
     for i, (weight, target) in enumerate(zip(sample.weights.tolist(), sample.target_ned_m, strict=True)):
         numbers = x[first + NUMBERS * i : first + NUMBERS * (i + 1)]
         place, speed = motion(problem.coordinates, x[NX:first], numbers, target)
@@ -50,11 +51,11 @@ def energy_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], speed_ref_
     return total
 
 
-def drag_power(problem: Problem, velocity: Sequence[Any], down: Any, speed_ref_mps: float) -> Any:
+def drag_power(problem: Problem, velocity: Sequence[ca.SX], down: ca.SX, speed_ref_mps: float) -> ca.SX:
     """Eq. 32 for one vehicle, as a share of that at the reference speed."""
     wind_north, wind_east, _ = problem.quadrotor.wind.at(-down, ca)
     vx, vy, vz = velocity
-    speed = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (_STILL * speed_ref_mps) ** 2)
+    speed: ca.SX = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (_STILL * speed_ref_mps) ** 2)
     return (speed / speed_ref_mps) ** 3
 
 
@@ -76,7 +77,7 @@ def least_energy(problem: Problem, flights: Flights, speed_ref_mps: float) -> fl
     return np.maximum(centre, float(problem.representatives.weights[0]) * constant(flights.length_m))
 
 
-def heading_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_rad: float) -> Any:
+def heading_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], scale_rad: float) -> ca.SX:
     """Eq. 33: yaw off its reference, and sideslip.
 
     Yaw alone cannot turn a quadrotor's track: to arrive from a direction takes yaw and course. At reference speed the
@@ -90,14 +91,14 @@ def heading_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_rad
     return ((yaw - reference.heading_ref_rad) / scale_rad) ** 2 + slip
 
 
-def height_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_m: float) -> Any:
+def height_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], scale_m: float) -> ca.SX:
     """Eq. 34: height off its reference."""
     return ((-x[2] - problem.objective.height_ref_m) / scale_m) ** 2
 
 
-def shape_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale: float) -> Any:
+def shape_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], scale: float) -> ca.SX:
     """Scale, heading and blend of the shape off their rest values, and a little for their acceleration."""
-    total: Any = ca.SX(0)
+    total: ca.SX = ca.SX(0)
     for c, coordinate in enumerate(problem.coordinates):
         value, _, acceleration, _ = x[NX + 4 * c : NX + 4 * c + 4]
         total += departure_cost(coordinate, value)
@@ -105,18 +106,18 @@ def shape_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale: floa
     return total
 
 
-def departure_cost(coordinate: Coordinate, value: Any) -> Any:
+def departure_cost(coordinate: Coordinate, value: _Value) -> _Value:
     """The cost rate of one coordinate of the shape at `value`, with its weight."""
     return coordinate.weight * ((value - coordinate.rest) / coordinate.unit) ** 2
 
 
-def facing_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
+def facing_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], speed_ref_mps: float) -> ca.SX:
     """Speed across the direction in which the formation faces, where it turns with the leader's course."""
     across, _ = speed_across_and_along(problem, x)
     return (across / speed_ref_mps) ** 2
 
 
-def yaw_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_radps: float) -> Any:
+def yaw_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], scale_radps: float) -> ca.SX:
     """Turning of the leader's yaw, as a share of its limit.
 
     Q(t) of Eq. 33 is small until the end of a long flight, so that the yaw at a distant point costs nothing.
@@ -124,7 +125,7 @@ def yaw_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], scale_radps: 
     return (x[11] / scale_radps) ** 2
 
 
-def time_rate(problem: Problem, x: Sequence[Any], u: Sequence[Any], reference_s: float) -> float:
+def time_rate(problem: Problem, x: Sequence[ca.SX], u: Sequence[ca.SX], reference_s: float) -> float:
     """The same for every second of flight."""
     return 1.0
 
@@ -199,8 +200,9 @@ TERMS: tuple[ObjectiveTerm, ...] = (
 )
 
 
-def speed_across_and_along(problem: Problem, x: Sequence[Any]) -> tuple[Any, Any]:
+def speed_across_and_along(problem: Problem, x: Sequence[ca.SX]) -> tuple[ca.SX, ca.SX]:
     """The leader's speed across and along the direction in which the formation faces."""
-    heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
+    number = [c.name for c in problem.coordinates].index(CoordinateName.HEADING)
+    heading = x[NX + 4 * number] + problem.course_at_start_rad
     c, s = ca.cos(heading), ca.sin(heading)
     return c * x[4] - s * x[3], c * x[3] + s * x[4]

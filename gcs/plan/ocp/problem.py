@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, hover_trim
@@ -85,7 +85,7 @@ class Flights:
 # rate(problem, x, u, scale): from state x and control u of the leader at one instant (CasADi scalars; SI, NED).
 # Behind the 12 states stand value, rate, acceleration and jerk of each coordinate of the shape, and behind those the
 # scheduled offset (3) and its rate (3) of each representative.
-Rate = Callable[["Problem", Sequence[Any], Sequence[Any], float], Any]
+Rate = Callable[["Problem", Sequence[ca.SX], Sequence[ca.SX], float], "ca.SX | float"]
 # bound(problem, flights, scale): a number, or (N,) numbers, that the term's cost is never below.
 Bound = Callable[["Problem", Flights, float], "float | Array"]
 
@@ -160,7 +160,7 @@ class Problem:
 
     def leg_words(self, number: int) -> str:
         """Number (from 1) and ends of the leg with this index, for messages."""
-        stops = ["start", *(point.words for point in self.points), "end"]
+        stops = ["start", *(point.name for point in self.points), "end"]
         return f"leg {number + 1} ({stops[number]} to {stops[number + 1]})"
 
     def leg_at(self, t_s: float) -> str:

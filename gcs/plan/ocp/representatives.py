@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -61,8 +60,8 @@ def representatives(tables_ned_m: Array, target_ned_m: Array, leader: int) -> Re
 
 
 def motion(
-    coordinates: Sequence[Coordinate], chains: Sequence[Any], numbers: Sequence[Any], target_ned_m: Array
-) -> tuple[Any, Any]:
+    coordinates: Sequence[Coordinate], chains: Sequence[ca.SX], numbers: Sequence[ca.SX], target_ned_m: Array
+) -> tuple[ca.SX, ca.SX]:
     """Offset (3) and its rate (3) of a representative, from the chains of the coordinates and its numbers (symbols)."""
     base, rate = ca.vertcat(*numbers[:3]), ca.vertcat(*numbers[3:])
     if not coordinates:

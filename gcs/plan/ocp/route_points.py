@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import hover_trim
+from gcs.plan.trajectory.constraint_id import PointName
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
 from gcs.scenario.values.si import NED_FROM_UP, quadrotor, route_points
 from gcs.types import Array
@@ -16,8 +17,7 @@ from gcs.types import Array
 class PassPoint:
     """A point at the end of a leg, and what is required of the leader there."""
 
-    number: int  # in the route, from 1
-    name: str
+    name: PointName
     place_ned_m: Array  # (3,)
     radius_m: float  # 0: exactly through
     earliest_s: float  # may be -inf
@@ -26,11 +26,6 @@ class PassPoint:
     yaw_ned_rad: float | None
     hold_s: float  # 0: without a stop
     hover_state: Array | None  # (12,) with a hold: at rest, trimmed against the wind
-
-    @property
-    def words(self) -> str:
-        """Number and name, for messages."""
-        return f'point {self.number} ("{self.name}")' if self.name else f"point {self.number}"
 
 
 def pass_points(scenario: Scenario) -> tuple[PassPoint, ...]:
@@ -51,8 +46,7 @@ def _pass_point(scenario: Scenario, number: int, point: RoutePoint) -> PassPoint
         hover[8] = yaw_rad or 0.0
         _, hover[6], hover[7] = hover_trim(-float(place[2]), float(hover[8]), quadrotor(scenario))
     return PassPoint(
-        number=number,
-        name=point.name or "",
+        name=PointName(number, point.name or ""),
         place_ned_m=place,
         radius_m=point.radius_m or 0.0,
         earliest_s=_first(point.at_s, point.after_s, -np.inf),

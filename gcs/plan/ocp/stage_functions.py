@@ -7,15 +7,15 @@ Path constraints are those of the active vehicles in the leader's variables: tur
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import equations_of_motion
-from gcs.physics.states import NU, NX
+from gcs.physics.states import NU, NX, VELOCITY
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.formation.follower_equations import jerk
 from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
@@ -23,6 +23,7 @@ from gcs.plan.ocp.margins import REST_SPEED_MPS
 from gcs.plan.ocp.objective_sum import cost_rate, share_rows
 from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import STATES, ConstraintId, Form, Kind
 from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.convex_pieces import Disk, Piece
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -36,16 +37,18 @@ COURSE_FLOOR_MPS = 0.3
 # Edges of a polygon are moved outwards by this, so that its corners can be rounded.
 CORNER_M = 0.3
 # Limits that vehicles reach before the leader where the wind at their height is another.
-_LEAN = ("roll", "pitch", "least thrust", "largest thrust")
+_LEAN = (Kind.ROLL, Kind.PITCH, Kind.LEAST_THRUST, Kind.LARGEST_THRUST)
 _STEEPEST_DEG = 89.0
 _SPLINE_DEGREE = 3  # of the smooth envelope of an elevation model
 # Of the leader these are bounds of its state.
-_BOUNDED = ("north", "east", "north speed", "east speed", "vertical speed", "height")
+_BOUNDED = STATES[:6]
 # A row is left out of the program where a vehicle is farther from ground or zone, or its size is below 0.7 limits.
 _NEAR_GROUND_M, _NEAR_ZONE_M, _NEAR_LIMIT = 8.0, 25.0, 0.5
 # The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
 # take less than the whole limit.
 TURN_SHARE, THRUST_SHARE = 0.9, 0.3
+
+_Symbol = TypeVar("_Symbol", ca.SX, ca.MX)
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ def _path_functions(
     return _with_derivatives(at, active, with_ground(at, active, heights_m.T))
 
 
-def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
+def _with_derivatives(z: _Symbol, slots: _Symbol, path: _Symbol) -> tuple[ca.Function, ca.Function, ca.Function]:
     multipliers = type(path).sym("multipliers", path.size1())
     return (
         ca.Function("path", [z, slots], [path]),
@@ -126,31 +129,29 @@ def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Fu
     )
 
 
-def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
-    """Names (T, P) of the rows of the path at each instant."""
-    ids = problem.scenario.formation.sysids
+def path_ids(problem: Problem, chosen: ActiveVehicles) -> list[list[ConstraintId]]:
+    """The constraints (T, P) that the rows of the path are at each instant."""
+    ids, kinds, form = problem.scenario.formation.sysids, _moving_kinds(problem), Form.ROW
+    feet = [[ConstraintId(Kind.CLEARANCE, form, part=foot, vehicle=sysid) for sysid in ids] for foot in range(FEET)]
+    beside = [[replace(piece, form=form, vehicle=sysid) for sysid in ids] for piece, _, _ in zone_pieces(problem)]
+    moving = [[ConstraintId(kind, form, vehicle=sysid) for kind in kinds] for sysid in ids]
+    last = [ConstraintId(Kind.JERK, form)] * (problem.jerk_left_mps3 is not None)
+    last += [ConstraintId(Kind.COURSE, form), ConstraintId(Kind.FORWARDS)] * problem.follows_course
     rows = []
     for t in range(len(chosen.ground)):
-        names = [
-            f"clearance of vehicle {ids[v]}{', other side' if foot % FEET else ''}"
-            for foot, v in enumerate(chosen.ground[t])
-        ]
-        for (piece, _, _), near in zip(zone_pieces(problem), chosen.zones, strict=True):
-            names += [f"{piece} for vehicle {ids[v]}" for v in near[t]]
-        names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
-        if problem.jerk_left_mps3 is not None:
-            names.append("jerk of the formation")
-        if problem.follows_course:
-            names += ["heading of the formation along its course", "flight towards the formation's front"]
-        rows.append(names)
+        row = [feet[foot % FEET][v] for foot, v in enumerate(chosen.ground[t])]
+        for zone, near in zip(beside, chosen.zones, strict=True):
+            row += [zone[v] for v in near[t]]
+        for v in chosen.moving[t]:
+            row += moving[v]
+        rows.append([*row, *last])
     return rows
 
 
 def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     """Mask (T, P) of rows of the path without effect, because another row is the same constraint."""
     before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
-    names = _moving_names(problem)
-    masks = [~(chosen.leaning if name in _LEAN else chosen.moving_used) for name in names]
+    masks = [~(chosen.leaning if kind in _LEAN else chosen.moving_used) for kind in _moving_kinds(problem)]
     spare = np.stack(masks, axis=2).reshape(len(chosen.moving), -1)
     return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course + (problem.jerk_left_mps3 is not None))))
 
@@ -161,17 +162,17 @@ def path_may_bind(problem: Problem, chosen: ActiveVehicles, values: Array) -> ND
     Every row of a limit is 1 - (size / limit)^2. The leader's own place and speed are bounds. What is left out here is
     checked after each solve like all else (`violations`), and then has a value that brings it in.
     """
-    names, ground = _moving_names(problem), chosen.ground.shape[1]
+    kinds, ground = _moving_kinds(problem), chosen.ground.shape[1]
     near = sum(zone.shape[1] for zone in chosen.zones)
     used = np.ones(values.shape, dtype=bool)
     used[:, :ground] = values[:, :ground] < _NEAR_GROUND_M
     slots = chosen.parameters.reshape(len(values), -1, SLOT)[:, :ground, FOOT.start :]
     used[:, 1:ground:FEET] &= np.any(slots[:, 1::FEET] != slots[:, ::FEET], axis=2)  # both feet on flat ground
     used[:, ground : ground + near] = values[:, ground : ground + near] < _NEAR_ZONE_M
-    moving = slice(ground + near, ground + near + chosen.moving.shape[1] * len(names))
+    moving = slice(ground + near, ground + near + chosen.moving.shape[1] * len(kinds))
     leaders = chosen.moving == problem.leader
-    rows = (values[:, moving] < _NEAR_LIMIT).reshape(*leaders.shape, len(names))
-    bounded = np.array([name in _BOUNDED for name in names])
+    rows = (values[:, moving] < _NEAR_LIMIT).reshape(*leaders.shape, len(kinds))
+    bounded = np.array([kind in _BOUNDED for kind in kinds])
     used[:, moving] = np.where(leaders[..., None], ~bounded, rows).reshape(len(values), -1)
     return used
 
@@ -240,14 +241,14 @@ def _place(problem: Problem, x: list[ca.SX], slot: ca.SX) -> tuple[ca.SX, ca.SX,
     return bent(values, ca.vertsplit(slot[0:3]), ca.vertsplit(slot[9:12]), ca)
 
 
-def _moving_names(problem: Problem) -> tuple[str, ...]:
-    names: tuple[str, ...] = ("turning radius",)
+def _moving_kinds(problem: Problem) -> tuple[Kind, ...]:
+    kinds: tuple[Kind, ...] = (Kind.TURNING,)
     if problem.scenario.limits.accel_max_mps2 is not None:
-        names += ("acceleration",)
+        kinds += (Kind.ACCELERATION,)
     if problem.coordinates:
-        names += (*("north", "east")[: 2 * problem.has_box], "north speed", "east speed", "vertical speed")
-        names += ("height",) * problem.has_heights
-    return names + _LEAN * problem.winds_differ
+        kinds += (*STATES[: 2 * problem.has_box], *STATES[VELOCITY])
+        kinds += (Kind.HEIGHT,) * problem.has_heights
+    return kinds + _LEAN * problem.winds_differ
 
 
 def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[ca.SX]:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from gcs.plan.nlp.assembly import Constants, assemble, dm
-from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
+from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, Options, solver
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program_bounds import scales, thrust_steps
 from gcs.plan.nlp.transcription import Program, bounded_program
@@ -25,6 +25,7 @@ from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles
 from gcs.plan.ocp.objective_sum import cost_shares, share_rows
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.constraint_id import COLUMNS, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.types import Array
@@ -33,26 +34,16 @@ from gcs.types import Array
 NEW_RESERVE_M = 0.5
 # From a nearby solution: its multipliers show the active constraints. Where new ones become active, mu has to grow.
 _NEAR = 1e-5
-_AGAIN = {
+_AGAIN: Options = {
     **{key: _NEAR if isinstance(value, float) else value for key, value in WARM_OPTIONS.items()},
     "ipopt.mu_strategy": "adaptive",
     "ipopt.tol": 1e-5,  # of 100 m, or of the objective; violations are less than a tenth of that
     "ipopt.constr_viol_tol": 1e-6,
     "ipopt.max_iter": 40,
 }
-_AFRESH = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
+_AFRESH: Options = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
 _EXCESS = 1.25  # times the violation: the polynomial between two nodes changes less than the nodes do
-_STATES = {
-    **{"north position": 0, "east position": 1, "height": 2},
-    **{"north speed": 3, "east speed": 4, "vertical speed": 5},
-    **{"roll": 6, "pitch": 7, "yaw": 8, "roll rate": 9, "pitch rate": 10, "yaw rate": 11},
-}
-_PATHS = {
-    "clearance above ground": "clearance of",
-    "turning load factor": "turning radius",
-    "acceleration": "acceleration of",
-    "jerk": "jerk of",
-}
+_SCALED = (Kind.TURNING, Kind.ACCELERATION, Kind.JERK)  # whose rows are 1 - (size / limit)^2
 
 
 @dataclass(frozen=True)
@@ -79,7 +70,7 @@ class ParametricNlp:
         problem = replace(problem, scenario=with_zones(problem.scenario, zones), spare_disks=len(self.unused))
         chosen = active_vehicles(problem, times, last.state(times))
         slots = chosen.parameters.reshape(len(times), -1, SLOT)
-        free = np.zeros((len(times), len(stage_functions.path_names(problem, chosen)[0])), dtype=bool)
+        free = np.zeros((len(times), len(stage_functions.path_ids(problem, chosen)[0])), dtype=bool)
         first = chosen.ground.shape[1] + sum(rows.shape[1] for rows in chosen.zones[: -len(self.unused) or None])
         for number, zone in enumerate(zones[known:]):
             rows = slice(first, first + chosen.zones[-1].shape[1])
@@ -163,8 +154,9 @@ def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violat
     rows = layout.nx * (layout.nodes + layout.mesh.intervals)
     per_node = (len(g_low) - rows - program.step_rows) // len(nodes)
     for violation in violations:
-        if violation.name in _STATES:
-            component = _STATES[violation.name]
+        kind = violation.constraint.kind
+        component = COLUMNS.get(kind, layout.nx)
+        if component < layout.nx:
             above = bool(trajectory.state(violation.t_s)[component] > 0.0) if component != 2 else None
             for point in order[_beside(points[order], violation.t_s)]:
                 at = layout.nx * int(point) + component
@@ -174,17 +166,12 @@ def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violat
                 if above is not True:
                     y_low[at] += by
         else:
-            prefix = _PATHS.get(violation.name, f"{violation.name} for")
-            by = _EXCESS * (
-                violation.by_si
-                if violation.name not in ("turning load factor", "acceleration", "jerk")
-                else 2 * violation.share
-            )
+            by = _EXCESS * (2 * violation.share if kind in _SCALED else violation.by_si)
             for node in _beside(nodes, violation.t_s):
                 first = rows + per_node * int(node)
                 for at in range(first, first + per_node):
-                    name = program.g_names[at][0]
-                    if name.startswith((prefix, f"{violation.name}, part")) and np.isfinite(g_low[at]):
+                    row, _ = program.g_ids[at]
+                    if (row.kind, row.of) == (kind, violation.constraint.of) and np.isfinite(g_low[at]):
                         g_low[at] += by
     return replace(program, y_low=y_low, y_high=y_high, g_low=g_low)
 

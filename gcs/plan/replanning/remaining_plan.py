@@ -19,10 +19,9 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.search.routes import every_route
-from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.phases import Phase, PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.environment.no_fly import outside_m
@@ -73,13 +72,13 @@ def plan_from_flight(
     route_s: tuple[float, ...] = (),
 ) -> Plan:
     """The plan of a trajectory that solves `problem`, and of the old plan's hover and landing after it."""
-    end_s = plan.phase("mission").end_s
+    end_s = plan.phase(PhaseKind.MISSION).end_s
     after = trajectory_part(plan.leader_trajectory, end_s, plan.t_end_s)
     return Plan(
         with_times_of_changes(problem.scenario, plan),
         joined([trajectory, after]),
         joined_shapes([problem.shape, shape_part(plan.shape, end_s, plan.t_end_s)]),
-        (Phase("mission", problem.start_s, end_s), *(p for p in plan.phases if p.start_s >= end_s)),
+        (Phase(PhaseKind.MISSION, problem.start_s, end_s), *(p for p in plan.phases if p.start_s >= end_s)),
         objective,
         history,
         (),
@@ -143,7 +142,7 @@ def _refuse_covered(problem: Problem, zones: tuple[NoFlyZone, ...]) -> None:
             inside_m = -float(outside_m(zone, np.full(len(places), t_s), places[:, 0], places[:, 1]).min())
             if inside_m > point.radius_m:
                 raise Infeasible(
-                    f"no plan: {point.words} of the route cannot be passed: a vehicle would be {inside_m:.1f} m inside "
+                    f"no plan: {point.name} of the route cannot be passed: a vehicle would be {inside_m:.1f} m inside "
                     "a new no-fly zone",
                     hint="land, return or hold (`gcs attach`); the old plan has not changed",
                 )

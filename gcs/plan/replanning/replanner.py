@@ -37,9 +37,11 @@ from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route, find_routes, survey
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.trajectory.zone_margin import kept_room, new_zone, without_room
+from gcs.scenario.environment.no_fly import ZoneName
 from gcs.scenario.schema.scenario import NoFlyZone
 from gcs.types import Array
 
@@ -74,7 +76,7 @@ class Replanner:
         self._keeps_room = keeps_room and plan.scenario.limits.zone_margin_m is None
         self._second: Replanner | None = None
         roomy = kept_room(plan) if keeps_room else without_room(plan.scenario)
-        mission = plan.phase("mission")
+        mission = plan.phase(PhaseKind.MISSION)
         whole = replace(
             flight_problem(roomy, extra_objectives),
             start_s=mission.start_s,
@@ -221,7 +223,7 @@ class Replanner:
 
     def _check(self, t_s: float, zones: Sequence[NoFlyZone]) -> None:
         """Raises UsageError for a time outside the mission, and for zones that there is no room for."""
-        mission = self.plan.phase("mission")
+        mission = self.plan.phase(PhaseKind.MISSION)
         if not mission.start_s <= t_s <= mission.end_s - LEAST_S:
             raise UsageError(
                 f"t = {t_s:g} s is not within the mission: a re-plan may begin from {mission.start_s:g} s to "
@@ -235,7 +237,7 @@ class Replanner:
             )
 
     def _problem(self, leader: Array, t_s: float, zones: tuple[NoFlyZone, ...]) -> Problem:
-        mission, scenario = self.plan.phase("mission"), self._whole.scenario
+        mission, scenario = self.plan.phase(PhaseKind.MISSION), self._whole.scenario
         if self._keeps_room or scenario.limits.zone_margin_m is not None:
             places = leader[POSITION] + self._whole.shape.at(t_s)
             zones = tuple(new_zone(scenario, zone, t_s, places) for zone in zones)
@@ -316,8 +318,8 @@ def _with_reserves(program: Program) -> Program:
     rates = (np.arange(1, layout.state_points)[:, None] * layout.nx + np.arange(9, 12)).ravel()
     y_low[rates] *= 1.0 - RATE_RESERVE
     y_high[rates] *= 1.0 - RATE_RESERVE
-    for row, (name, _) in enumerate(program.g_names):
-        if name.startswith("no-fly"):
+    for row, (constraint, _) in enumerate(program.g_ids):
+        if isinstance(constraint.of, ZoneName) and not constraint.of.keep_in:
             g_low[row] += ZONE_RESERVE_M
     return replace(program, y_low=y_low, y_high=y_high, g_low=g_low)
 

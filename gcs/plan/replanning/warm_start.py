@@ -13,6 +13,7 @@ import numpy as np
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.ipopt import Solution
 from gcs.plan.nlp.transcription import Program
+from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.types import Array
 
 
@@ -23,7 +24,7 @@ class Multipliers:
     t_s: Array  # (N + M,) nodes and joints after the first
     costate: Array  # (N + M, nx)
     node_s: Array  # (N,)
-    path: dict[str, Array]  # (N,) of each row of the path, by name, per second
+    path: dict[ConstraintId, Array]  # (N,) of each row of the path, per second
     point_s: Array  # (S,) state points in order of time
     state: Array  # (S, nx), per second
     control_s: Array  # (C,)
@@ -40,10 +41,10 @@ class Multipliers:
             end = costate[first + degree]
             rows += [gauss_rule(degree).weights[:, None] * (costate[first : first + degree] - end), end[None]]
             first += degree + 1
-        times, names = layout.node_times_s(), path_names(program)
-        known = {name: np.interp(times, self.node_s, price) for name, price in self.path.items()}
+        times, ids = layout.node_times_s(), path_ids(program)
+        known = {one: np.interp(times, self.node_s, price) for one, price in self.path.items()}
         nothing = np.zeros(len(times))
-        path = np.array([[known.get(n, nothing)[t] for n in row] for t, row in enumerate(names)])
+        path = np.array([[known.get(one, nothing)[t] for one in row] for t, row in enumerate(ids)])
         path *= layout.quadrature()[:, None]
         state = _at(layout.point_times_s(), self.point_s, self.state) * _spans(layout.point_times_s())[:, None]
         control = _at(layout.control_times_s(), self.control_s, self.control)
@@ -64,10 +65,10 @@ def multipliers(program: Program, solution: Solution) -> Multipliers:
     count = nx * (layout.nodes + mesh.intervals)
     path = g[count : len(g) - program.step_rows].reshape(layout.nodes, -1) / layout.quadrature()[:, None]
     rows = g[:count].reshape(-1, nx)
-    by_name: dict[str, Array] = {}
-    for t, names in enumerate(path_names(program)):
-        for name, price in zip(names, path[t].tolist(), strict=True):
-            by_name.setdefault(name, np.zeros(layout.nodes))[t] = price
+    prices: dict[ConstraintId, Array] = {}
+    for t, ids in enumerate(path_ids(program)):
+        for one, price in zip(ids, path[t].tolist(), strict=True):
+            prices.setdefault(one, np.zeros(layout.nodes))[t] = price
     costate = rows.copy()
     first = 0
     for degree in mesh.degrees:
@@ -84,7 +85,7 @@ def multipliers(program: Program, solution: Solution) -> Multipliers:
         layout.collocation_times_s(),
         costate,
         layout.node_times_s(),
-        by_name,
+        prices,
         points[order],
         state[order],
         controls,
@@ -92,13 +93,13 @@ def multipliers(program: Program, solution: Solution) -> Multipliers:
     )
 
 
-def path_names(program: Program) -> list[list[str]]:
-    """Names (N, P) of the path's rows, without their times."""
+def path_ids(program: Program) -> list[list[ConstraintId]]:
+    """The constraints (N, P) of the path's rows, without their times."""
     layout = program.layout
     first_row = layout.nx * (layout.nodes + layout.mesh.intervals)
-    names = [name for name, _ in program.g_names[first_row : len(program.g_names) - program.step_rows]]
-    width = len(names) // layout.nodes
-    return [names[first : first + width] for first in range(0, len(names), width)]
+    ids = [one for one, _ in program.g_ids[first_row : len(program.g_ids) - program.step_rows]]
+    width = len(ids) // layout.nodes
+    return [ids[first : first + width] for first in range(0, len(ids), width)]
 
 
 def _at(times_s: Array, known_s: Array, values: Array) -> Array:

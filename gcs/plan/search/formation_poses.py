@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.plan.formation.coordinates import Coordinate, Name, bent
+from gcs.plan.formation.coordinates import Coordinate, CoordinateName, bent
 from gcs.plan.formation.shape import Rows
 from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.ocp.objectives import departure_cost
@@ -21,7 +21,7 @@ from gcs.scenario.environment.no_fly import outside_m, zones
 from gcs.types import Array
 
 REPRESENTATIVES = 24
-_STEPS = {"scale": 5, "heading": 5, "blend": 3}
+_STEPS = {CoordinateName.SCALE: 5, CoordinateName.HEADING: 5, CoordinateName.BLEND: 3}
 _HEADINGS = 8  # of a formation that turns with the leader's course
 
 
@@ -29,7 +29,7 @@ _HEADINGS = 8  # of a formation that turns with the leader's course
 class Pose:
     """One shape of the formation."""
 
-    values: dict[Name, float]
+    values: dict[CoordinateName, float]
     offsets_ned_m: Array  # (R, 3) of the representatives
     cost: float  # cost rate of this pose
 
@@ -41,7 +41,7 @@ def poses(problem: Problem, t_s: float | None = None) -> list[Pose]:
     for base in bases:
         rows = representatives(base)
         for values in itertools.product(*(_grid(c) for c in problem.coordinates)):
-            chosen: dict[Name, float] = {c.name: v for c, v in zip(problem.coordinates, values, strict=True)}
+            chosen = {c.name: v for c, v in zip(problem.coordinates, values, strict=True)}
             cost = sum(departure_cost(c, v) for c, v in zip(problem.coordinates, values, strict=True))
             offsets = np.stack(bent(chosen, tuple(base[rows].T), tuple(problem.target_ned_m[rows].T)), axis=-1)
             made.append(Pose(chosen, offsets, cost))

@@ -16,7 +16,7 @@ from gcs.errors import PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum, with_end, with_times
 from gcs.plan.ocp.problem import FreeTime, Problem
 from gcs.plan.search.homotopy_classes import best_class
-from gcs.plan.search.leg_schedule import least_legs_s
+from gcs.plan.search.leg_guess import least_legs_s
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.plan import Alternative, MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory

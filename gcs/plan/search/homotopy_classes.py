@@ -18,8 +18,7 @@ from gcs.plan.ocp.objective_sum import least_cost, refuse_false_bounds
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.infeasibility import check_time, explain_infeasible
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.plan import Alternative, MeshRound

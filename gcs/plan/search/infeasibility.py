@@ -17,7 +17,7 @@ from gcs.plan.formation.shape import rigid
 from gcs.plan.ocp.margins import COURSE_SPEED_MPS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.leg_schedule import check_legs, least_legs_s, on_time
+from gcs.plan.search.leg_guess import check_legs, least_legs_s, on_time
 from gcs.plan.search.routes import Route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.scenario.schema.fields import FLIGHT_MAX_S

@@ -13,12 +13,11 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.plan.formation.coordinates import Coordinate, composed
+from gcs.plan.formation.coordinates import COORDINATE_OF_CHANGE, Coordinate, CoordinateName, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh_refinement import (
     DEGREE,
     LONGEST_S,
@@ -30,6 +29,7 @@ from gcs.plan.nlp.mesh_refinement import (
     with_end,
     with_times,
 )
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import facing_along
@@ -43,7 +43,7 @@ _TRIES = 8
 _EVERY_S = 0.1
 _GUESSED = 0.1  # of the flight: accuracy of the first guess of a crossing
 _NOTICEABLE = 0.05  # share of a coordinate's unit: smaller departures are not listed
-_KINDS = {"scale": "shrink", "heading": "rotate", "blend": "reshape"}
+_CHANGES = {name: kind for kind, name in COORDINATE_OF_CHANGE.items()}
 
 
 def optimise_on_schedule(
@@ -159,7 +159,7 @@ def automatic_moves(
             travel_m = float(np.linalg.norm(there - base.at(float(times[furthest])), axis=1).max())
             moves.append(
                 Move(
-                    kind=_KINDS[coordinate.name],
+                    kind=_CHANGES[coordinate.name],
                     name=_words(coordinate, float(at[furthest, number])),
                     trigger="auto",
                     start_s=float(times[first]),
@@ -174,8 +174,8 @@ def automatic_moves(
 
 
 def _words(coordinate: Coordinate, value: float) -> str:
-    if coordinate.name == "scale":
+    if coordinate.name is CoordinateName.SCALE:
         return f"shrink to {value:.2f}"
-    if coordinate.name == "heading":
+    if coordinate.name is CoordinateName.HEADING:
         return f"rotate {np.degrees(value):.0f} deg"
     return f"reshape, {100 * value:.0f} % done"

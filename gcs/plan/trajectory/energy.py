@@ -12,6 +12,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
@@ -98,7 +99,7 @@ def drag_energy_J(plan: Plan) -> Array:
 
     Eq. 30 is its sum.
     """
-    mission = plan.phase("mission")
+    mission = plan.phase(PhaseKind.MISSION)
     count = max(2, round((mission.end_s - mission.start_s) / _STEP_S) + 1)
     t_s = np.linspace(mission.start_s, np.nextafter(mission.end_s, -np.inf), count)
     states = plan.states(t_s)

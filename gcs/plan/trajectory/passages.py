@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gcs.plan.trajectory.constraint_id import PointName
 from gcs.scenario.schema.scenario import RoutePoint, Scenario
 from gcs.scenario.values.si import NED_FROM_UP, route_points
 from gcs.types import Array
@@ -22,9 +23,9 @@ class Passage:
     leaves_s: float
 
     @property
-    def title(self) -> str:
+    def title(self) -> PointName:
         """The point's number, and its name if it has one."""
-        return f"point {self.number}" + (f' ("{self.point.name}")' if self.point.name else "")
+        return PointName(self.number, self.point.name or "")
 
     @property
     def position_ned_m(self) -> Array:

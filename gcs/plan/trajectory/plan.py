@@ -17,7 +17,7 @@ from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.distances import formation_error_m, ground_distances_m, separations_m, zone_distances_m
 from gcs.plan.trajectory.passages import Passage, passages
-from gcs.plan.trajectory.phases import Phase
+from gcs.plan.trajectory.phases import Phase, PhaseKind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
@@ -99,7 +99,7 @@ class Plan:
     @property
     def airborne_s(self) -> float:
         """End of the take-off, s; the plan's begin where it begins in the air."""
-        return next((p.end_s for p in self.phases if p.name == "takeoff"), self.t_start_s)
+        return next((p.end_s for p in self.phases if p.name == PhaseKind.TAKEOFF), self.t_start_s)
 
     @property
     def t_end_s(self) -> float:
@@ -124,7 +124,7 @@ class Plan:
     @cached_property
     def landing_points_ned_m(self) -> Array:
         """Ground points (V, 3) on which the vehicles land: below their places when the landing begins."""
-        return landing_points_ned_m(self.scenario, self.shape.at(self.phase("landing").start_s))
+        return landing_points_ned_m(self.scenario, self.shape.at(self.phase(PhaseKind.LANDING).start_s))
 
     def clamped(self, t_s: Array | float) -> Array:
         """Plan times (N,), those before and after the plan moved to its ends; one instant is N = 1."""

@@ -6,6 +6,8 @@ import numpy as np
 
 from gcs.physics.quadrotor import derivative
 from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import assignments_m, landing_points, late_s
 from gcs.plan.verification.position_errors import climb_separation_m
@@ -39,9 +41,9 @@ def exact_checks(plan: Plan) -> tuple[list[Check], float]:
 
 
 def _exact(
-    name: str, phase: str, unit: str, worst: float, tolerance: float, sysid: int | None, t_s: float | None
+    kind: Kind, phase: str, unit: str, worst: float, tolerance: float, sysid: int | None, t_s: float | None
 ) -> Check:
-    return Check(name, phase, unit, worst, tolerance, sysid, t_s, proved=worst)
+    return Check(ConstraintId(kind), phase, unit, worst, tolerance, sysid, t_s, proved=worst)
 
 
 def _joint_checks(plan: Plan) -> list[Check]:
@@ -54,7 +56,7 @@ def _joint_checks(plan: Plan) -> list[Check]:
     worst = int(np.argmax(jump))
     found = [
         _exact(
-            "state continuous at joints",
+            Kind.STATE_JOINTS,
             "all",
             "SI",
             -float(jump[worst]),
@@ -71,7 +73,7 @@ def _joint_checks(plan: Plan) -> list[Check]:
         vehicle, joint = np.unravel_index(int(sizes.argmax()), sizes.shape)
         found.append(
             _exact(
-                "acceleration continuous at joints",
+                Kind.ACCELERATION_JOINTS,
                 "all",
                 "m/s2",
                 -float(sizes[vehicle, joint]),
@@ -99,7 +101,7 @@ def _control_joints(plan: Plan, joints: Array, steps: Array) -> list[Check]:
         return []
     vehicle, joint, _ = np.unravel_index(int(share.argmax()), share.shape)
     worst, sysid, t_s = -float(share.max()), plan.sysids[vehicle], float(joints[within][joint])
-    return [_exact("control continuous at joints", "all", "of its limit", worst, _CONTROL_TOLERANCE, sysid, t_s)]
+    return [_exact(Kind.CONTROL_JOINTS, "all", "of its limit", worst, _CONTROL_TOLERANCE, sysid, t_s)]
 
 
 def _climb_checks(plan: Plan) -> list[Check]:
@@ -107,7 +109,7 @@ def _climb_checks(plan: Plan) -> list[Check]:
     if plan.begin_state is not None or len(plan.sysids) < 2:
         return []
     missing = climb_separation_m(plan) - judged_separation_m(plan.scenario)
-    return [_exact("separation over the pads", "takeoff", "m", missing, LENGTH_TOLERANCE_M, None, plan.t_start_s)]
+    return [_exact(Kind.PAD_SEPARATION, PhaseKind.TAKEOFF, "m", missing, LENGTH_TOLERANCE_M, None, plan.t_start_s)]
 
 
 def _change_checks(plan: Plan) -> list[Check]:
@@ -115,12 +117,10 @@ def _change_checks(plan: Plan) -> list[Check]:
     checks: list[Check] = []
     if late := late_s(plan):
         worst_s, t_s = max(late)
-        checks.append(_exact("changes begin when they should", "mission", "s", -worst_s, START_TOLERANCE_S, None, t_s))
+        checks.append(_exact(Kind.CHANGE_TIMES, PhaseKind.MISSION, "s", -worst_s, START_TOLERANCE_S, None, t_s))
     if longer := assignments_m(plan):
         worst_m, t_s = max(longer)
-        checks.append(
-            _exact("shortest assignment of a reshape (Eq. 14)", "mission", "m", -worst_m, LENGTH_TOLERANCE_M, None, t_s)
-        )
+        checks.append(_exact(Kind.ASSIGNMENT, PhaseKind.MISSION, "m", -worst_m, LENGTH_TOLERANCE_M, None, t_s))
     return checks
 
 
@@ -128,23 +128,28 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
     """Eqs. 15 and 16 at T0 and at the arrival, the arrival time (exact), take-off and landing points."""
     checks: list[Check] = []
     scenario, leader, sysid = plan.scenario, plan.leader, plan.sysids[plan.leader]
-    mission = plan.phase("mission")
+    mission = plan.phase(PhaseKind.MISSION)
     late = abs(mission.end_s - scenario.time.flight_s)
-    checks.append(_exact("arrival time", "mission", "s", -late, 0.0, None, mission.end_s))
+    checks.append(_exact(Kind.ARRIVAL_TIME, PhaseKind.MISSION, "s", -late, 0.0, None, mission.end_s))
     terminal = 0.0
     begin = boundary_state(scenario, scenario.start) if plan.begin_state is None else np.array(plan.begin_state)
-    for name, t_s, boundary in (
-        ("start", mission.start_s, begin),
-        ("end", np.nextafter(mission.end_s, 0.0), boundary_state(scenario, scenario.end)),
+    for kinds, t_s, boundary in (
+        ((Kind.START_POSITION, Kind.START_VELOCITY, Kind.START_ATTITUDE), mission.start_s, begin),
+        (
+            (Kind.END_POSITION, Kind.END_VELOCITY, Kind.END_ATTITUDE),
+            np.nextafter(mission.end_s, 0.0),
+            boundary_state(scenario, scenario.end),
+        ),
     ):
+        position, velocity, attitude = kinds
         error = plan.states(np.array([t_s]))[leader, 0] - boundary
         off = float(np.linalg.norm(error[POSITION]))
         terminal = off
         checks += [
-            _exact(f"{name} position", "mission", "m", -off, LENGTH_TOLERANCE_M, sysid, float(t_s)),
+            _exact(position, PhaseKind.MISSION, "m", -off, LENGTH_TOLERANCE_M, sysid, float(t_s)),
             _exact(
-                f"{name} velocity",
-                "mission",
+                velocity,
+                PhaseKind.MISSION,
                 "m/s",
                 -float(np.abs(error[VELOCITY]).max()),
                 SPEED_TOLERANCE_MPS,
@@ -152,8 +157,8 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
                 float(t_s),
             ),
             _exact(
-                f"{name} attitude",
-                "mission",
+                attitude,
+                PhaseKind.MISSION,
                 "deg",
                 -float(np.degrees(np.abs(error[ATTITUDE]).max())),
                 ANGLE_TOLERANCE_DEG,
@@ -161,11 +166,11 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
                 float(t_s),
             ),
         ]
-    grounds = [("landing point", plan.t_end_s, landing_points(plan))]
+    grounds = [(Kind.LANDING_POINT, plan.t_end_s, landing_points(plan))]
     if plan.begin_state is None:
-        grounds.insert(0, ("take-off point", plan.t_start_s, plan.pads_ned_m))
-    for name, t_s, points in grounds:
+        grounds.insert(0, (Kind.TAKEOFF_POINT, plan.t_start_s, plan.pads_ned_m))
+    for kind, t_s, points in grounds:
         distance = np.linalg.norm(plan.states(np.array([t_s]))[:, 0, POSITION] - points, axis=1)
         worst = int(np.argmax(distance))
-        checks.append(_exact(name, "all", "m", -float(distance[worst]), LENGTH_TOLERANCE_M, plan.sysids[worst], t_s))
+        checks.append(_exact(kind, "all", "m", -float(distance[worst]), LENGTH_TOLERANCE_M, plan.sysids[worst], t_s))
     return checks, terminal

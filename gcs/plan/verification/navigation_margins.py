@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from gcs.plan.trajectory.constraint_id import Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.verdict import Report
 from gcs.scenario.schema.scenario import Scenario
@@ -36,7 +37,7 @@ def thin_margins(plan: Plan, report: Report) -> tuple[str, ...]:
             f"(3 sigma). Set limits.zone_margin_m = {error.horizontal_m:g}{better}"
         )
     if report.clearance_min_m < error.vertical_m - _SLACK_M:
-        lowest = min((c for c in report.checks if c.name == "clearance above ground"), key=lambda check: check.worst)
+        lowest = min((c for c in report.checks if c.constraint.kind is Kind.CLEARANCE), key=lambda check: check.worst)
         found.append(
             f"vehicle {lowest.sysid} passes the ground at {_metres(report.clearance_min_m)} m "
             f"(t = {lowest.t_s:.0f} s); the navigation error of {grade} sensors is up to {error.vertical_m:g} m "

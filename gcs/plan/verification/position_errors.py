@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.plan.formation.shape import Shape
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import SIGMA
 from gcs.types import Array
@@ -63,7 +64,7 @@ def _placed(plan: Plan) -> Iterator[tuple[float, Array]]:
     for t_s, points in ((plan.t_start_s, plan.pads_ned_m), (plan.t_end_s, plan.landing_points_ned_m)):
         if t_s != plan.t_start_s or plan.begin_state is None:
             yield t_s, points * [1.0, 1.0, 0.0]
-    for t_s in _shapes(plan.shape, np.arange(plan.airborne_s, plan.phase("landing").start_s, STEP_S)):
+    for t_s in _shapes(plan.shape, np.arange(plan.airborne_s, plan.phase(PhaseKind.LANDING).start_s, STEP_S)):
         yield t_s, plan.shape.at(t_s)
 
 

@@ -12,13 +12,14 @@ from itertools import pairwise
 import numpy as np
 
 from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.passages import Passage
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.verdict import (
     ANGLE_TOLERANCE_DEG,
     LENGTH_TOLERANCE_M,
-    ROUTE,
     SPEED_TOLERANCE_MPS,
     Check,
 )
@@ -35,7 +36,7 @@ _YAW = 2  # among the angles
 class _Margin:
     """What is left at one point, and the bound of it: `proved` is no more than `worst`."""
 
-    kind: str
+    kind: Kind
     unit: str
     worst: float
     tolerance: float
@@ -51,9 +52,10 @@ def route_checks(plan: Plan) -> list[Check]:
     wanted = len(route_points(plan.scenario))
     missing = abs(wanted - len(plan.route_s))
     if missing and (plan.begin_state is None or len(plan.route_s) > wanted):
-        end_s = plan.phase("mission").end_s
-        return [Check(f"{ROUTE}s passed", "mission", "points", -missing, 0.0, None, end_s, -missing)]
-    worst: dict[str, tuple[float, Passage, _Margin]] = {}
+        end_s = plan.phase(PhaseKind.MISSION).end_s
+        passed = ConstraintId(Kind.POINTS_PASSED)
+        return [Check(passed, PhaseKind.MISSION, "points", -missing, 0.0, None, end_s, -missing)]
+    worst: dict[Kind, tuple[float, Passage, _Margin]] = {}
     for passage in plan.passages:
         for margin in (*_order(plan, passage), *_at(plan, passage), *_hold(plan, passage)):
             left = min(margin.worst, margin.proved)
@@ -63,8 +65,8 @@ def route_checks(plan: Plan) -> list[Check]:
     sysid = plan.sysids[plan.leader]
     return [
         Check(
-            f"route {passage.title}: {margin.kind}",
-            "mission",
+            ConstraintId(margin.kind, of=passage.title),
+            PhaseKind.MISSION,
             margin.unit,
             margin.worst,
             margin.tolerance,
@@ -76,23 +78,23 @@ def route_checks(plan: Plan) -> list[Check]:
     ]
 
 
-def _exact(kind: str, unit: str, margin: float, tolerance: float, t_s: float) -> _Margin:
+def _exact(kind: Kind, unit: str, margin: float, tolerance: float, t_s: float) -> _Margin:
     return _Margin(kind, unit, margin, tolerance, t_s, margin)
 
 
 def _order(plan: Plan, passage: Passage) -> Iterator[_Margin]:
     """The point is left before the next one is reached, and before the arrival."""
-    mission, made = plan.phase("mission"), plan.passages
+    mission, made = plan.phase(PhaseKind.MISSION), plan.passages
     index = made.index(passage)
     later_s = made[index + 1].arrives_s if index + 1 < len(made) else mission.end_s
-    yield _exact("order", "s", later_s - passage.leaves_s, 0.0, passage.leaves_s)
+    yield _exact(Kind.POINT_ORDER, "s", later_s - passage.leaves_s, 0.0, passage.leaves_s)
     if not _is_under_way(plan, passage):
-        yield _exact("order", "s", passage.arrives_s - mission.start_s, 0.0, passage.arrives_s)
+        yield _exact(Kind.POINT_ORDER, "s", passage.arrives_s - mission.start_s, 0.0, passage.arrives_s)
 
 
 def _is_under_way(plan: Plan, passage: Passage) -> bool:
     """Whether the leader holds at the point while the plan begins in the air: it arrived before."""
-    return plan.begin_state is not None and passage.arrives_s < plan.phase("mission").start_s < passage.leaves_s
+    return plan.begin_state is not None and passage.arrives_s < plan.phase(PhaseKind.MISSION).start_s < passage.leaves_s
 
 
 def _at(plan: Plan, passage: Passage) -> Iterator[_Margin]:
@@ -102,29 +104,29 @@ def _at(plan: Plan, passage: Passage) -> Iterator[_Margin]:
     point, t_s = passage.point, passage.arrives_s
     state = plan.leader_trajectory.state(t_s)
     away_m = float(np.linalg.norm(state[POSITION] - passage.position_ned_m))
-    yield _exact("distance", "m", (point.radius_m or 0.0) - away_m, LENGTH_TOLERANCE_M, t_s)
+    yield _exact(Kind.POINT_DISTANCE, "m", (point.radius_m or 0.0) - away_m, LENGTH_TOLERANCE_M, t_s)
     if point.at_s is not None:
-        yield _exact("time", "s", -abs(t_s - point.at_s), TIME_TOLERANCE_S, t_s)
+        yield _exact(Kind.POINT_TIME, "s", -abs(t_s - point.at_s), TIME_TOLERANCE_S, t_s)
     if point.after_s is not None:
-        yield _exact("time", "s", t_s - point.after_s, TIME_TOLERANCE_S, t_s)
+        yield _exact(Kind.POINT_TIME, "s", t_s - point.after_s, TIME_TOLERANCE_S, t_s)
     if point.by_s is not None:
-        yield _exact("time", "s", point.by_s - t_s, TIME_TOLERANCE_S, t_s)
+        yield _exact(Kind.POINT_TIME, "s", point.by_s - t_s, TIME_TOLERANCE_S, t_s)
     if point.speed_mps is not None:
         off_mps = abs(float(np.linalg.norm(state[VELOCITY])) - point.speed_mps)
-        yield _exact("speed", "m/s", -off_mps, SPEED_TOLERANCE_MPS, t_s)
+        yield _exact(Kind.POINT_SPEED, "m/s", -off_mps, SPEED_TOLERANCE_MPS, t_s)
     if point.heading_deg is not None:
         off_deg = abs((float(np.degrees(state[ATTITUDE][_YAW])) - point.heading_deg + 180.0) % 360.0 - 180.0)
-        yield _exact("heading", "deg", -off_deg, ANGLE_TOLERANCE_DEG, t_s)
+        yield _exact(Kind.POINT_HEADING, "deg", -off_deg, ANGLE_TOLERANCE_DEG, t_s)
 
 
 def _hold(plan: Plan, passage: Passage) -> Iterator[_Margin]:
     """Over the whole hold the leader stays at the point, at rest."""
-    start_s, end_s = max(passage.arrives_s, plan.phase("mission").start_s), passage.leaves_s
+    start_s, end_s = max(passage.arrives_s, plan.phase(PhaseKind.MISSION).start_s), passage.leaves_s
     if not passage.point.hold_s or not start_s < end_s:
         return
     for kind, unit, columns, at_rest, tolerance in (
-        ("distance during the hold", "m", POSITION, passage.position_ned_m, LENGTH_TOLERANCE_M),
-        ("speed during the hold", "m/s", VELOCITY, np.zeros(3), SPEED_TOLERANCE_MPS),
+        (Kind.HOLD_DISTANCE, "m", POSITION, passage.position_ned_m, LENGTH_TOLERANCE_M),
+        (Kind.HOLD_SPEED, "m/s", VELOCITY, np.zeros(3), SPEED_TOLERANCE_MPS),
     ):
         seen, bound, t_s = _farthest(plan, columns, at_rest, (start_s, end_s))
         yield _Margin(kind, unit, -seen, tolerance, t_s, -bound)

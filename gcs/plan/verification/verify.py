@@ -10,11 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from gcs.plan.formation.followers import rounded_thrust_polynomial
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints.bent_formation import BentFormation
@@ -28,24 +30,27 @@ from gcs.plan.verification.constraints.scheduled_shape import stretches
 from gcs.plan.verification.constraints.state_control_limits import StateControlLimits
 from gcs.plan.verification.exact_checks import exact_checks
 from gcs.plan.verification.proof.ground_patches import ground_patches
-from gcs.plan.verification.proof.subdivision import Cells, Proof, Rows, prove
+from gcs.plan.verification.proof.subdivision import Cells, Family, Rows, prove
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, vehicle_tree
 from gcs.plan.verification.proof.verdict import (
     LENGTH_TOLERANCE_M,
+    OK,
     WINDOW_TOLERANCE_M,
     Check,
+    NamedConstraint,
     NearestZone,
     Report,
     Verdict,
     refusal,
+    verdict_of,
 )
-from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.scenario.environment.no_fly import ZoneName, zones
 from gcs.types import Array
 from gcs.util.cache import once
 
-__all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "Check", "Report", "Verdict", "refusal", "verify"]
+__all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "OK", "Check", "Report", "Verdict", "refusal", "verdict_of", "verify"]
 
-AIRBORNE = ("hover", "run-up", "mission", "arrival-hover")
+AIRBORNE = (PhaseKind.HOVER, PhaseKind.RUN_UP, PhaseKind.MISSION, PhaseKind.ARRIVAL_HOVER)
 _LONGEST_S = 4.0  # of the first intervals
 _FEW = 16  # up to so many vehicles, each is a group of its own from the beginning
 
@@ -56,8 +61,8 @@ def verify(plan: Plan) -> Report:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
         proofs = _Proofs(plan)
         checks = _merged([*proofs.motion(), *proofs.places(), *proofs.separation(), *proofs.formation()])
-        clearance = min(c.proved for c in checks if c.name == "clearance above ground" and c.proved is not None)
-        separations = [c.proved for c in checks if c.name == "separation" and c.proved is not None]
+        clearance = min(_proved(checks, Kind.CLEARANCE))
+        separations = _proved(checks, Kind.SEPARATION)
         window = _window_check(plan)
         exact, terminal_m = exact_checks(plan)
         checks += [window, *exact]
@@ -72,16 +77,32 @@ def verify(plan: Plan) -> Report:
     )
 
 
+def _proved(checks: list[Check], kind: Kind) -> list[float]:
+    """The bounds of all constraints of one kind."""
+    return [c.proved for c in checks if c.constraint.kind is kind and c.proved is not None]
+
+
 def _least_zone(plan: Plan, checks: list[Check]) -> NearestZone | None:
     """The zone that a vehicle passes nearest, of all phases; None without zones."""
-    names = {str(name): name for name in zone_names(plan.scenario)}
-    found = [c for c in checks if c.name in names and c.proved is not None]
+    found = [(c, c.constraint.of) for c in checks if isinstance(c.constraint.of, ZoneName)]
     if not found:
         return None
-    least = min(found, key=lambda c: c.worst)
-    distance_m = min(c.proved for c in found if c.proved is not None) + (plan.scenario.limits.zone_margin_m or 0.0)
-    name = names[least.name]
+    least, name = min(found, key=lambda pair: pair[0].worst)
+    distance_m = min(_proved(checks, Kind.ZONE)) + (plan.scenario.limits.zone_margin_m or 0.0)
     return NearestZone(name.number, least.sysid or 0, least.t_s or 0.0, distance_m, name.keep_in)
+
+
+class _CheckedFamily(Family, Protocol):
+    """A family whose margins a report names."""
+
+    @property
+    def constraints(self) -> tuple[NamedConstraint, ...]:
+        """In the order of the margins."""
+        ...
+
+    def row(self, who: Rows) -> int:
+        """The row of the one vehicle that groups stand for, or of their first vehicle."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -100,10 +121,10 @@ class _Proofs:
         found: list[Check] = []
         if alone.any():
             cells = self._cells(np.zeros(1, dtype=np.intp), together[0][alone], together[1][alone])
-            found += self._checks(StateControlLimits(self.plan, None, self._number("mission")), cells)
+            found += self._checks(StateControlLimits(self.plan, None, self._number(PhaseKind.MISSION)), cells)
         if moves.any():
             cells = self._cells(self._groups, apart[0][moves], apart[1][moves])
-            found += self._checks(StateControlLimits(self.plan, self._tree, self._number("mission")), cells)
+            found += self._checks(StateControlLimits(self.plan, self._tree, self._number(PhaseKind.MISSION)), cells)
         return found
 
     def places(self) -> list[Check]:
@@ -113,11 +134,11 @@ class _Proofs:
         cells = self._cells(self._groups, *self._interval(np.array(visits)))
         airborne = np.array([i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE], dtype=np.intp)
         ground = ground_patches(scenario.terrain)
-        box = PositionLimits(self.plan, self._tree, airborne, self._number("mission"), ground, self._area_m())
+        box = PositionLimits(self.plan, self._tree, airborne, self._number(PhaseKind.MISSION), ground, self._area_m())
         pads = np.zeros((len(self.plan.phases), len(self.plan.sysids)))
         for number, phase in enumerate(self.plan.phases):
             if phase.name not in AIRBORNE:
-                takes_off = phase.name == "takeoff"
+                takes_off = phase.name == PhaseKind.TAKEOFF
                 points = self.plan.pads_ned_m if takes_off else self.plan.landing_points_ned_m
                 pads[number] = points[:, 2]
         clearance = GroundClearance(self.plan, self._tree, ground, airborne, pads)
@@ -140,7 +161,8 @@ class _Proofs:
             apart, t_s = min((nearest_pair_m(plan.shape.at(float(t))), float(t)) for t in instants)
             margin = apart - plan.scenario.limits.separation_min_m
             name = plan.phases[phase].name
-            checks.append(Check("separation", name, "m", margin, LENGTH_TOLERANCE_M, None, t_s, proved=margin))
+            separation = ConstraintId(Kind.SEPARATION)
+            checks.append(Check(separation, name, "m", margin, LENGTH_TOLERANCE_M, None, t_s, proved=margin))
         if moving.any():
             cells = self._cells(np.zeros(1, dtype=np.intp), start_s[moving], end_s[moving])
             pairs = Cells(np.repeat(cells.who, 2, axis=1), cells.start_s, cells.end_s, cells.phase, cells.patch)
@@ -155,13 +177,13 @@ class _Proofs:
             law = FormationLaw(self.plan, spans(self.plan))
             ends = [t for span in law.spans for t in (span.start_s, span.end_s)]
         else:
-            law = BentFormation(self.plan, stretches(self.plan), allowed, self._number("mission"))
+            law = BentFormation(self.plan, stretches(self.plan), allowed, self._number(PhaseKind.MISSION))
             ends = [t for stretch in law.stretches for t in (stretch.start_s, stretch.end_s)]
         start_s, end_s = self._interval(np.array(ends))
         phase = self._phase(0.5 * (start_s + end_s))
         flies = np.isin(phase, [i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE])
         found = self._checks(law, law.cells(start_s[flies], end_s[flies], phase[flies]))
-        return [replace(c, sysid=self.plan.sysids[law.farthest_row(c.name, c.t_s or 0.0)]) for c in found]
+        return [replace(c, sysid=self.plan.sysids[law.farthest_row(c.constraint, c.t_s or 0.0)]) for c in found]
 
     @cached_property
     def _tree(self) -> VehicleTree:
@@ -172,7 +194,7 @@ class _Proofs:
         """The groups that cells begin with."""
         return self._tree.leaves if len(self.plan.sysids) <= _FEW else np.zeros(1, dtype=np.intp)
 
-    def _number(self, name: str) -> int:
+    def _number(self, name: PhaseKind) -> int:
         return [phase.name for phase in self.plan.phases].index(name)
 
     def _phase(self, t_s: Array) -> Rows:
@@ -211,9 +233,9 @@ class _Proofs:
         )
         return north, east
 
-    def _checks(self, family: Any, cells: Cells) -> list[Check]:
+    def _checks(self, family: _CheckedFamily, cells: Cells) -> list[Check]:
         """The checks of a family, one for each constraint and phase."""
-        proof: Proof = prove(family, cells, len(self.plan.phases))
+        proof = prove(family, cells, len(self.plan.phases))
         found = []
         for number, constraint in enumerate(family.constraints):
             for phase, name in enumerate(p.name for p in self.plan.phases):
@@ -221,10 +243,10 @@ class _Proofs:
                 if np.isinf(seen) and seen > 0.0:
                     continue  # it does not apply in this phase
                 row, t_s = family.row(proof.who[number, phase]), float(proof.t_s[number, phase])
-                sysid = None if constraint.name == "separation" else self.plan.sysids[row]
+                sysid = None if constraint.id.kind is Kind.SEPARATION else self.plan.sysids[row]
                 found.append(
                     Check(
-                        constraint.name,
+                        constraint.id,
                         name,
                         constraint.unit,
                         seen,
@@ -239,9 +261,9 @@ class _Proofs:
 
 def _merged(checks: list[Check]) -> list[Check]:
     """One check for each name and phase: the worse of the leader's and the followers', with the lower bound of both."""
-    found: dict[tuple[str, str], Check] = {}
+    found: dict[tuple[ConstraintId, str], Check] = {}
     for check in checks:
-        key = (check.name, check.phase)
+        key = (check.constraint, check.phase)
         other = found.get(key)
         if other is None:
             found[key] = check
@@ -249,9 +271,7 @@ def _merged(checks: list[Check]) -> list[Check]:
         worse = check if check.worst < other.worst else other
         assert check.proved is not None and other.proved is not None
         proved = min(check.proved, other.proved)
-        found[key] = Check(
-            worse.name, worse.phase, worse.unit, worse.worst, worse.tolerance, worse.sysid, worse.t_s, proved
-        )
+        found[key] = replace(worse, proved=proved)
     return list(found.values())
 
 
@@ -259,5 +279,5 @@ def _window_check(plan: Plan) -> Check:
     """Eq. 1 re-integrated; of a large fleet whose vehicles move apart, the outermost ones."""
     found = reintegrated(plan)
     margin = WINDOW_TOLERANCE_M - found.error_m
-    name, sysid = "Eq. 1 re-integrated over 5 s", plan.sysids[found.row]
-    return Check(name, "all", "m", margin, 0.0, sysid, found.start_s, margin if found.complete else None)
+    drift, sysid = ConstraintId(Kind.DRIFT), plan.sysids[found.row]
+    return Check(drift, "all", "m", margin, 0.0, sysid, found.start_s, margin if found.complete else None)

@@ -90,7 +90,7 @@ class DegreeKeys:
         """The key with one in metres replaced by that of a file with these values."""
         return ([*self.degrees][self.metres.index(str(key[0]))], *key[1:])
 
-    def setting(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
+    def changed(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
         """The value of a key of the file for a new one of a key in metres; `metres` are those that it has now."""
         raise NotImplementedError(f"{name} for {key}")
 
@@ -147,7 +147,7 @@ class _Position(DegreeKeys):
     def in_file(self, key: Key, values: Values) -> Key:
         return (next(name for name in self.heights if name in values) if key[1:] == (_HEIGHT,) else "position_deg",)
 
-    def setting(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
+    def changed(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
         position, axis = np.array(metres["position_m"]), int(key[1])
         position[axis] = value + (np.sign(value - position[axis]) * _ROUNDING_M if axis != _HEIGHT else 0.0)
         lat_deg, lon_deg, alt_amsl_m = map(float, ned_to_geodetic(position * [1.0, 1.0, -1.0], origin))
@@ -195,7 +195,7 @@ class _Box(_Columns):
     def in_file(self, key: Key, values: Values) -> Key:
         return super().in_file(key, values)[:1]
 
-    def setting(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
+    def changed(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
         # Parallels are curved and meridians meet, so that the box between them is narrower than at the origin.
         reach_m = max(abs(end) for end in (*value, *metres["north_m"], *metres["east_m"]))
         room_m = _WIDER_M + reach_m**2 * abs(np.tan(np.radians(origin.lat_deg))) / _EARTH_M

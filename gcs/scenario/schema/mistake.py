@@ -37,8 +37,8 @@ class Mistake:
     key: Key
     text: str
     value: object = None
-    remedy: str = ""  # with {} for each of the settings
-    settings: tuple[KeyChange, ...] = ()
+    remedy: str = ""  # with {} for each of the changes
+    changes: tuple[KeyChange, ...] = ()
     line: int | None = None  # where the text of the file itself is wrong
 
     @property
@@ -51,7 +51,7 @@ class Mistake:
     @property
     def step(self) -> str:
         """What to do; empty where nothing is known but the problem."""
-        return self.remedy.format(*self.settings) if self.settings else self.remedy
+        return self.remedy.format(*self.changes) if self.changes else self.remedy
 
     @property
     def whole(self) -> str:

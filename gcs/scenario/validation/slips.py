@@ -98,7 +98,7 @@ class Meant:
             self.guessed.add((*key, target))
             text += f" ({inside(node, target).get('description')})"
         self.written[(*key, target)] = (*key, name)
-        self._told((*key, name), text, step)
+        self.mistakes.append(Mistake((*key, name), text, remedy=step))
         return target, own
 
     def _with_place(self, table: Table, known: Iterable[str], key: Key) -> Table:
@@ -114,7 +114,7 @@ class Meant:
         text = f"unknown key; a place is {forms}{' with height_m or alt_amsl_m' if keys.heights else ''}"
         height = toml(found["height"]) if "height" in found else "".join(map(plain, pair[2:]))
         step = f"write {keys.written([pair[:2]], height, metres=not is_in_degrees)}"
-        self._told((*key, next(iter(names.values()))), text, step)
+        self.mistakes.append(Mistake((*key, next(iter(names.values()))), text, remedy=step))
         rest = {name: value for name, value in table.items() if name not in names.values()}
         if keys is CENTRE:
             return rest | dict(zip(keys.degrees if is_in_degrees else keys.metres, pair, strict=False))
@@ -133,16 +133,13 @@ class Meant:
             read = [one[0] if one else old for one, old in zip(found, given, strict=True)]
             shown = ", ".join(plain(one, EXACT) if is_number(one) else toml(one) for one in read)
             step = f"write [{shown}]" if is_list else f"write {key[-1]} = {shown}"
-            self._told(key, next(one[1] for one in found if one), step, value)
+            self.mistakes.append(Mistake(key, next(one[1] for one in found if one), value, step))
             return read if is_list else read[0]
         if is_list:
             return [
                 self._value(one, part, (*key, row)) for row, (one, part) in enumerate(zip(given, parts, strict=True))
             ]
         return value
-
-    def _told(self, key: Key, text: str, step: str, value: object = None) -> None:
-        self.mistakes.append(Mistake(key, text, value, remedy=step))
 
 
 def as_meant(data: Table, model: type[Part], also: tuple[str, ...] = ()) -> Meant:

@@ -41,12 +41,12 @@ class InDegrees:
         is_ours = key[: len(self.table)] == self.table and path and path[0] in self.keys.metres
         return self.keys.in_file(path, self.values) if is_ours else ()
 
-    def setting(self, given: KeyChange) -> KeyChange:
-        """The setting of the key in the file for one in metres."""
+    def changed(self, given: KeyChange) -> KeyChange:
+        """The change of the key in the file for that of one in metres."""
         if not (path := self.in_file(given.key)):
             return given
         metres = given.key[len(self.table) :]
-        value = self.keys.setting(str(path[0]), metres, given.value, self.metres, self.origin)
+        value = self.keys.changed(str(path[0]), metres, given.value, self.metres, self.origin)
         return KeyChange((*self.table, *path), value)
 
 
@@ -155,7 +155,7 @@ def _misplaced(
 def in_degree_keys(mistake: Mistake, found: InMetres) -> Mistake:
     """The mistake with the keys, the value and the next step that fit the file."""
     for place in found.places:
-        mistake = dataclasses.replace(mistake, settings=tuple(map(place.setting, mistake.settings)))
+        mistake = dataclasses.replace(mistake, changes=tuple(map(place.changed, mistake.changes)))
         if path := place.in_file(mistake.key):
             mistake = dataclasses.replace(mistake, key=(*place.table, *path), value=value_at(place.values, path))
     return mistake

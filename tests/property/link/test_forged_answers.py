@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import NAME, FtpError, FtpOpcode, FtpPayload, read_payload
 from gcs.link.protocols.ftp.reader import ReceivedBytes
 from gcs.link.protocols.mission.file_upload import FileUpload
@@ -144,11 +145,11 @@ def items_forged(honest, rng):
 
 
 def file_upload():
-    return FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT)
+    return FileUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT))
 
 
 def either():
-    return Preferred(file_upload(), VerifiedUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT))
+    return Preferred(file_upload(), VerifiedUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT)))
 
 
 @given(RNG, st.sampled_from([0.02, 0.2, 1.0]), st.sampled_from([file_upload, either]))
@@ -162,7 +163,10 @@ def test_forged_answers_end_in_time_and_nothing_unequal_is_accepted(rng, forged,
 @given(RNG)
 @settings(max_examples=40, deadline=None)
 def test_forged_mission_items_end_in_time(rng):
-    machine, air = VerifiedUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT), Air(Autopilot.ARDUPILOT, Weather(), 0)
+    machine, air = (
+        VerifiedUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT)),
+        Air(Autopilot.ARDUPILOT, Weather(), 0),
+    )
     wild(machine, air, rng, forged=0.3, until_s=4 * LONGEST_S)
     assert machine.error is None or isinstance(machine.error, PeerError)
 
@@ -236,7 +240,7 @@ def test_one_changed_byte_in_the_read_back_is_never_accepted(at):
 
 
 def test_a_count_beyond_every_autopilot_ends_a_download():
-    receiver = MissionReceiver(VEHICLE)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     receiver.start(0.0)
     count = Message("MISSION_COUNT", {**GROUND.target, "count": 65535, "mission_type": 0}, *VEHICLE)
     (sent,) = receiver.receive(count, 0.1)

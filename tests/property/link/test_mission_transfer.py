@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
+from gcs.autopilots.protocol_timers import STANDARD, MissionTimers, ProtocolTimers
 from gcs.errors import PeerError
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
@@ -65,11 +66,15 @@ def run(machines, link, opening):
                 link.send(machine.tick(now_s), station, peers[station], now_s)
 
 
+def vehicle_side(timers):
+    return Exchange(GROUND, me=VEHICLE, timers=ProtocolTimers(mission=timers), estimates=False)
+
+
 def vehicle_machine(message, machines):
     if message.name == "MISSION_COUNT":
-        return MissionReceiver(GROUND, me=VEHICLE, timers=machines["timers"])
+        return MissionReceiver(vehicle_side(machines["timers"]))
     if message.name == "MISSION_REQUEST_LIST":
-        return MissionSender(machines["items"], GROUND, me=VEHICLE, timers=machines["timers"])
+        return MissionSender(machines["items"], vehicle_side(machines["timers"]))
     return None
 
 
@@ -119,13 +124,13 @@ def judge(sender, receiver, items):
 
 
 def upload(items, link, timers):
-    machines = Machines(MissionSender(items, VEHICLE), timers, items)
+    machines = Machines(MissionSender(items, Exchange(VEHICLE, estimates=False)), timers, items)
     run(machines, link, GROUND)
     judge(machines[GROUND], machines[VEHICLE], items)
 
 
 def download(items, link, timers):
-    machines = Machines(MissionReceiver(VEHICLE), timers, items)
+    machines = Machines(MissionReceiver(Exchange(VEHICLE, estimates=False)), timers, items)
     run(machines, link, GROUND)
     judge(machines[VEHICLE], machines[GROUND], items)
 
@@ -140,7 +145,10 @@ def test_on_a_bad_link_the_same_mission_arrives_or_both_sides_know(transfer, exa
 @pytest.mark.parametrize("delay_s", [0.001, 0.1])
 def test_a_clean_link_always_succeeds(count, delay_s):
     items = tuple(MissionItem(16, 3, (0.0,) * 4, n, n, 1.0) for n in range(count))
-    for make in (MissionSender(items, VEHICLE), MissionReceiver(VEHICLE)):
+    for make in (
+        MissionSender(items, Exchange(VEHICLE, estimates=False)),
+        MissionReceiver(Exchange(VEHICLE, estimates=False)),
+    ):
         machines = Machines(make, STANDARD.mission, items)
         run(machines, Link(1, 0.0, 0.0, delay_s), GROUND)
         assert machines[GROUND].error is None
@@ -151,7 +159,7 @@ def test_a_fifth_lost_is_survived_nearly_always():
     items = tuple(MissionItem(16, 3, (0.0,) * 4, n, n, 1.0) for n in range(10))
     good = 0
     for seed in range(100):
-        machines = Machines(MissionSender(items, VEHICLE), STANDARD.mission, items)
+        machines = Machines(MissionSender(items, Exchange(VEHICLE, estimates=False)), STANDARD.mission, items)
         run(machines, Link(seed, 0.2, 0.1, 0.05), GROUND)
         good += machines[GROUND].error is None
     assert good >= 90

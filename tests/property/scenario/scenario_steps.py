@@ -15,8 +15,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.search.free_final_time import with_free_time
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.search.routes import every_route
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.schema.scenario import Scenario

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
 from gcs.frames import Origin
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.sender import MissionSender
@@ -94,10 +95,10 @@ def test_an_upload_that_is_believed_is_held_and_a_read_back_tells_what_is_held(
     habits, seed, loss, repeat, delay_s, items
 ):
     world = World(habits, seed, 0.0, 0.0, 0.0)
-    world.run(MissionSender(OLD, VEHICLE))
+    world.run(MissionSender(OLD, Exchange(VEHICLE, estimates=False)))
     world.loss, world.repeat, world.delay_s = loss, repeat, delay_s
     first, firmware = (1, Autopilot.ARDUPILOT) if habits.home_is_item_0 else (0, Autopilot.PX4)
-    sender = world.run(MissionSender(items, VEHICLE))
+    sender = world.run(MissionSender(items, Exchange(VEHICLE, estimates=False)))
     assert sender.error is None or isinstance(sender.error, PeerError)
     if sender.error is None:
         assert compare_missions(items[first:], world.shelf.items()[first:], autopilot=firmware) == []
@@ -106,7 +107,7 @@ def test_an_upload_that_is_believed_is_held_and_a_read_back_tells_what_is_held(
             world.turn()
         assert not world.shelf.busy
     held = world.shelf.items()
-    receiver = world.run(MissionReceiver(VEHICLE))
+    receiver = world.run(MissionReceiver(Exchange(VEHICLE, estimates=False)))
     assert receiver.error is None or isinstance(receiver.error, PeerError)
     if receiver.error is None:
         assert compare_missions(held, receiver.items, autopilot=firmware) == []
@@ -121,7 +122,7 @@ def test_a_fair_link_brings_every_type_across(habits, seed, loss, delay_s):
     rally = (MissionItem(5100, 3, (0.0,) * 4, 470000000, 80000000, 10.0),)
     for kind, items in ((MissionType.MISSION, OLD), (MissionType.FENCE, fence), (MissionType.RALLY, rally)):
         for _ in range(5):
-            sender = world.run(MissionSender(items, VEHICLE, mission_type=kind))
+            sender = world.run(MissionSender(items, Exchange(VEHICLE, estimates=False), mission_type=kind))
             if len(world.shelf.items(kind)) == len(items) and not world.shelf.busy:
                 break
             for _ in range(round(10.0 / STEP_S)):

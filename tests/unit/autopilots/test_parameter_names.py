@@ -16,6 +16,7 @@ from gcs.autopilots.parameter_names import (
     with_new_names,
 )
 from gcs.autopilots.traits import Autopilot
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.parameter import Parameter
 from gcs.link.protocols.parameter_transfer import ParameterReader
 from gcs.link.wire.message import Message, Station
@@ -112,7 +113,7 @@ def test_the_emulated_4_7_has_the_new_names_and_the_same_settings() -> None:
 
 def _read(names: list[str], there: dict[str, tuple[float, int]], version: int | None) -> dict[str, Parameter]:
     """Read parameters from a vehicle that has these names only, and is silent about all others."""
-    reader = ParameterReader(names, Station(1, 1), COPTER, version=version)
+    reader = ParameterReader(names, Exchange(Station(1, 1), COPTER), version=version)
     out = reader.start(0.0)
     for _ in range(100):
         if not out:

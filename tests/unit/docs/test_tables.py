@@ -24,6 +24,7 @@ RULES = "tests/unit/flight/contingency/test_policy.py"
 ENERGY = "tests/unit/flight/contingency/test_energy_choice.py"
 FAILSAFES = "tests/unit/flight/contingency/test_recorded_failsafe.py"
 REJOIN = "tests/unit/flight/contingency/test_common_rejoin.py"
+START = "tests/bridge/test_start.py"
 HOSTILE = "tests/hostile/test_"
 RECORDS = "tests/unit/flight/recording/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
@@ -118,11 +119,11 @@ FLOWN = {
         (HOSTILE + "outputs.py", "test_a_terminal_that_is_closed_in_flight"),
         (HOSTILE + "outputs.py", "test_a_reader_that_leaves_in_flight"),
     ],
-    "the terminal stands still (Ctrl-S, a stalled connection)": [
+    "the terminal blocks (Ctrl-S, a stalled connection)": [
         (HOSTILE + "outputs.py", "test_a_terminal_that_stands_still_does_not_stop_the_stream")
     ],
     "the disk is full, or fails": [(HOSTILE + "disks.py", "test_a_disk_that_is_full_in_flight_and_has_room_again")],
-    "the disk stands still": [(RECORDS, "test_a_disk_that_stands_still_keeps_no_frame_waiting")],
+    "the disk blocks": [(RECORDS, "test_a_disk_that_stands_still_keeps_no_frame_waiting")],
     "the flight's folder is deleted": [(HOSTILE + "disks.py", "test_a_flight_whose_folder_is_deleted")],
     "no room for the record, before the flight": [
         (HOSTILE + "disks.py", "test_without_room_nothing_is_uploaded"),
@@ -134,6 +135,21 @@ FLOWN = {
     ],
     "vehicle armed by a pilot or another ground station": [
         (HOSTILE + "custody.py", "test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot")
+    ],
+    "one vehicle refuses to be armed, or does not answer": [
+        (START, "test_one_refuses_to_be_armed_and_the_others_stand_still_within_two_seconds"),
+    ],
+    "a vehicle fails at its take-off": [
+        (START, "test_a_motor_that_is_dead_at_the_take_off"),
+        ("tests/unit/flight/contingency/test_climb_watch.py", "test_no_recorded_take_off_fails"),
+    ],
+    "a vehicle rebooted": [
+        (START, "test_a_reboot_after_the_checks_ends_the_flight_before_arming"),
+        (START, "test_a_reboot_in_flight_is_a_loss_and_is_told"),
+    ],
+    "HEARTBEATs, but no position and no time": [
+        (START, "test_a_vehicle_that_never_reports_again_ends_the_wait_for_its_clock"),
+        (START, "test_a_reboot_of_the_only_vehicle_whose_clock_the_flight_has"),
     ],
     "any exception in flight": [
         (HOSTILE + "every_await.py", "test_whatever_fails_while_vehicles_fly_they_land"),
@@ -154,7 +170,7 @@ FLOWN = {
         ),
         (HOSTILE + "files_bombs.py", "test_attach_resumes_no_changed_plan_and_still_brings_its_vehicles_down"),
     ],
-    "a file of others: huge, packed zeros, damaged, a pipe or a device": [
+    "an untrusted file: huge, packed zeros, damaged, a pipe or a device": [
         (HOSTILE + "files_bombs.py", "test_two_megabytes_of_packed_zeros_are_no_plan"),
         (HOSTILE + "files_bombs.py", "test_mutated_files_never_reach_a_bug"),
     ],
@@ -182,7 +198,7 @@ FLOWN = {
     "no route, interface down, a firewall on this machine": [
         ("tests/bridge/test_endpoint_udp.py", "test_what_the_operating_system_refuses_is_a_lost_frame")
     ],
-    "ground station stood still (stopped, suspended, swapped out, busy) for more than 1 s": [
+    "ground station paused (stopped, suspended, swapped out, busy) for more than 1 s": [
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
         (STALLS, "test_stopped_on_the_ground_or_in_a_landing_it_goes_on"),
         (STALLS, "test_emulated_vehicles_that_wait_meanwhile_notice_nothing"),
@@ -228,7 +244,7 @@ FLOWN = {
     "a jump between take-off and the common start of missions on board": [
         ("tests/bridge/test_clock_jumps.py", "test_a_jump_before_the_common_start_lands_all_and_names_the_vehicle")
     ],
-    "a time of a stranger, or one that no flight has (before 2010, after 2099)": [
+    "a time from an unknown system, or an impossible one (before 2010, after 2099)": [
         (HOSTILE + "clocks.py", "test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing")
     ],
     "the computer's clock is set in flight": [

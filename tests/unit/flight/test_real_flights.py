@@ -14,7 +14,8 @@ from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.main import run
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
-from gcs.flight.contingency.options import FlightMode, FlightOptions
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.resume import Resume, resume_flight
 from gcs.flight.monitoring.preflight_check import NOT_REPORTED

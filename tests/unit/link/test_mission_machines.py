@@ -1,11 +1,13 @@
 import pytest
 
-from gcs.autopilots.protocol_timers import MissionTimers
+from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.item_messages import item_to_message
-from gcs.link.protocols.mission.receiver import MissionReceiver, ReceiverState
+from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.rules import MissionRefused, mission_ack
-from gcs.link.protocols.mission.sender import MissionSender, SenderState
+from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
@@ -32,7 +34,7 @@ def ack(machine, result, now_s=1.0, **kwargs):
 
 
 def started_sender(items=ITEMS):
-    sender = MissionSender(items, VEHICLE)
+    sender = MissionSender(items, Exchange(VEHICLE, estimates=False))
     assert names(sender.start(0.0)) == ["MISSION_COUNT"]
     return sender
 
@@ -41,7 +43,7 @@ def all_sent_sender():
     sender = started_sender()
     for seq in range(3):
         ask(sender, seq)
-    assert sender.state is SenderState.ALL_SENT
+    assert sender.state is MachineState.ALL_SENT
     return sender
 
 
@@ -72,11 +74,11 @@ def test_other_conversations_are_ignored(foreign):
     sender = started_sender()
     assert ask(sender, 0, **foreign) == []
     assert ack(sender, MissionResult.DENIED, **foreign) == []
-    assert sender.state is SenderState.OFFERED
-    receiver = MissionReceiver(VEHICLE)
+    assert sender.state is MachineState.OFFERED
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     receiver.start(0.0)
     assert receiver.receive(from_vehicle("MISSION_COUNT", count=2, **foreign), 0.1) == []
-    assert receiver.state is ReceiverState.LISTED
+    assert receiver.state is MachineState.LISTED
 
 
 @pytest.mark.parametrize("result", [r for r in MissionResult if r not in (0, 13)])
@@ -139,7 +141,8 @@ def test_error_after_a_repeated_last_item_says_that_the_acknowledgement_was_lost
 
 
 def test_count_is_repeated_until_the_vehicle_counts_as_silent():
-    sender = MissionSender(ITEMS, VEHICLE, timers=MissionTimers(reply_s=1.0, retries=2, give_up_s=4.0))
+    timers = ProtocolTimers(mission=MissionTimers(reply_s=1.0, retries=2, give_up_s=4.0))
+    sender = MissionSender(ITEMS, Exchange(VEHICLE, timers=timers, estimates=False))
     sender.start(0.0)
     sent = []
     while not sender.done:
@@ -203,13 +206,13 @@ def test_a_vehicle_repeats_its_count_when_asked_again():
 
 
 def test_misuse():
-    sender = MissionSender(ITEMS, VEHICLE)
+    sender = MissionSender(ITEMS, Exchange(VEHICLE, estimates=False))
     with pytest.raises(ProtocolMisuse):
         ask(sender, 0)
     sender.start(0.0)
     with pytest.raises(ProtocolMisuse):
         sender.start(0.0)
-    receiver = MissionReceiver(VEHICLE)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     with pytest.raises(ProtocolMisuse):
         _ = receiver.items
     receiver.start(0.0)
@@ -223,7 +226,7 @@ def give(receiver, seq, item=None, now_s=0.1):
 
 
 def counted_receiver(count=3, **kwargs):
-    receiver = MissionReceiver(VEHICLE, **kwargs)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False), **kwargs)
     (request,) = receiver.receive(from_vehicle("MISSION_COUNT", count=count), 0.0)
     return receiver, request
 
@@ -258,7 +261,7 @@ def test_a_new_count_starts_afresh():
 
 
 def test_too_many_and_unwanted_items_are_refused_with_a_reason():
-    receiver = MissionReceiver(VEHICLE, capacity=2)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False), capacity=2)
     (refusal,) = receiver.receive(from_vehicle("MISSION_COUNT", count=3), 0.0)
     assert refusal.fields["type"] == MissionResult.NO_SPACE
     assert isinstance(receiver.error, PeerError)
@@ -288,7 +291,7 @@ def test_silence_of_the_sender_is_named_and_cancelled():
 
 
 def test_a_download_that_is_denied():
-    receiver = MissionReceiver(VEHICLE)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     receiver.start(0.0)
     ack(receiver, MissionResult.DENIED)
     assert isinstance(receiver.error, MissionRefused)

@@ -12,6 +12,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
 from gcs.link.protocols.parameter_transfer import ParameterReader, ParameterWriter
 from gcs.link.session.upload_fleet import preview
@@ -57,17 +58,17 @@ def talk(machine, params, loss=0.0, seed=0, meddle=lambda message: [message]):
 @pytest.mark.parametrize("loss", [0.0, 0.4])
 def test_parameters_are_read_and_set_and_put_back(autopilot, loss):
     params = table(autopilot)
-    reader = talk(ParameterReader(NAMES[autopilot], VEHICLE, autopilot), params, loss)
+    reader = talk(ParameterReader(NAMES[autopilot], Exchange(VEHICLE, autopilot)), params, loss)
     assert reader.error is None
     before = [reader.values[name] for name in NAMES[autopilot]]
     assert [p.value for p in before] == [params[name] for name in NAMES[autopilot]]
     name, value = WHOLE[autopilot]
     kind = reader.values[name].kind
     assert kind != REAL32
-    writer = talk(ParameterWriter([Parameter(name, value, kind)], VEHICLE, autopilot), params, loss, 1)
+    writer = talk(ParameterWriter([Parameter(name, value, kind)], Exchange(VEHICLE, autopilot)), params, loss, 1)
     assert writer.error is None
     assert params[name] == value
-    assert talk(ParameterWriter(before, VEHICLE, autopilot), params, loss, 2).error is None
+    assert talk(ParameterWriter(before, Exchange(VEHICLE, autopilot)), params, loss, 2).error is None
     assert [params[p.name] for p in before] == [p.value for p in before]
 
 
@@ -86,7 +87,7 @@ def test_px4_puts_integers_as_bits_and_ardupilot_as_values():
 
 def test_px4_says_the_old_value_to_a_set_of_the_wrong_type_and_is_not_believed():
     params = table(Autopilot.PX4)
-    writer = talk(ParameterWriter([Parameter("GF_ACTION", 3.0, REAL32)], VEHICLE, Autopilot.PX4), params)
+    writer = talk(ParameterWriter([Parameter("GF_ACTION", 3.0, REAL32)], Exchange(VEHICLE, Autopilot.PX4)), params)
     assert "did not set GF_ACTION = 3: it reports 2" in str(writer.error)
     assert params["GF_ACTION"] == 2
 
@@ -94,7 +95,7 @@ def test_px4_says_the_old_value_to_a_set_of_the_wrong_type_and_is_not_believed()
 @BOTH
 def test_unknown_names_are_answered_by_silence_and_named(autopilot):
     names = (*NAMES[autopilot], "NO_SUCH_THING")
-    reader = talk(ParameterReader(names, VEHICLE, autopilot), table(autopilot))
+    reader = talk(ParameterReader(names, Exchange(VEHICLE, autopilot)), table(autopilot))
     assert isinstance(reader.error, PeerTimeout)
     assert "parameter NO_SUCH_THING" in reader.error.message
 
@@ -104,7 +105,7 @@ def test_old_news_and_other_names_do_not_settle_a_set():
     params = table(Autopilot.PX4)
     old = params.receive(Message("PARAM_REQUEST_READ", {"param_id": "GF_ACTION", "param_index": -1}))[0]
     other = params.receive(Message("PARAM_REQUEST_READ", {"param_id": "MPC_XY_CRUISE", "param_index": -1}))[0]
-    writer = ParameterWriter([Parameter("GF_ACTION", 4, 6)], VEHICLE, Autopilot.PX4)
+    writer = ParameterWriter([Parameter("GF_ACTION", 4, 6)], Exchange(VEHICLE, Autopilot.PX4))
     talk(writer, params, meddle=lambda message: [old, other, message])
     assert writer.error is None
     assert params["GF_ACTION"] == 4
@@ -119,7 +120,7 @@ def test_what_a_type_cannot_hold_is_refused_before_it_is_sent(value, kind):
 
 
 def test_answers_of_others_count_for_nothing():
-    reader = ParameterReader(["RTL_ALT"], VEHICLE, Autopilot.ARDUPILOT)
+    reader = ParameterReader(["RTL_ALT"], Exchange(VEHICLE, Autopilot.ARDUPILOT))
     reader.start(0.0)
     (told,) = table(Autopilot.ARDUPILOT).receive(
         Message("PARAM_REQUEST_READ", {"param_id": "RTL_ALT", "param_index": -1})
@@ -128,7 +129,7 @@ def test_answers_of_others_count_for_nothing():
     assert not reader.done
     reader.receive(Message(told.name, told.fields, 3, 1), 0.1)
     assert reader.done
-    reader = ParameterReader(["RTL_ALT"], VEHICLE, Autopilot.ARDUPILOT)
+    reader = ParameterReader(["RTL_ALT"], Exchange(VEHICLE, Autopilot.ARDUPILOT))
     assert reader.cancel() == []
     assert isinstance(reader.error, PeerError)
 

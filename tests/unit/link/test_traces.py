@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gcs.autopilots.traits import Autopilot
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.item_messages import item_from_message
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.receiver import MissionReceiver
@@ -78,7 +79,7 @@ def test_our_sender_gives_the_recorded_answers_and_reaches_the_recorded_result(s
             continue
         replayed += 1
         offered = next(r for r in kept if r["name"] == "MISSION_COUNT")
-        sender = MissionSender(recorded_items(kept, offered["fields"]["count"]), VEHICLE)
+        sender = MissionSender(recorded_items(kept, offered["fields"]["count"]), Exchange(VEHICLE, estimates=False))
         (count,) = sender.start(offered["t"])
         assert count.fields == offered["fields"], title
         answers = []
@@ -103,7 +104,7 @@ def test_our_sender_gives_the_recorded_answers_and_reaches_the_recorded_result(s
 def test_our_receiver_downloads_what_was_uploaded(scene):
     all_rows = [r for r in rows(scene) if "hex" in r]
     begin = next(n for n, r in enumerate(all_rows) if r["name"] == "MISSION_COUNT" and r["dir"] == "veh->gcs")
-    receiver = MissionReceiver(VEHICLE)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     receiver.start(all_rows[begin]["t"])
     for row in all_rows[begin:]:
         if row["dir"] == "veh->gcs" and not receiver.done:

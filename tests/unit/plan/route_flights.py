@@ -8,8 +8,7 @@ import numpy as np
 
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.leg_routes import routes_through
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import NED_FROM_UP, route_points, with_changes_of_route

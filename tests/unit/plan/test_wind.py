@@ -201,7 +201,7 @@ def test_the_program_limits_tilt_and_thrust_of_the_highest_and_the_lowest_vehicl
         counts = chosen.ground.shape[1], max(rows.shape[1] for rows in (*chosen.zones, chosen.moving[:, :0]))
         path = stage_functions.functions(problem, *counts, chosen.moving.shape[1]).path
         values = np.array(path(z, chosen.parameters[0])).ravel()
-        found = dict(zip(stage_functions.path_names(problem, chosen)[0], values, strict=True))
+        found = dict(zip(map(str, stage_functions.path_ids(problem, chosen)[0]), values, strict=True))
         free = dict(zip(found, stage_functions.path_is_free(problem, chosen)[0], strict=True))
         acceleration = derivative(z[:12], z[12:], problem.quadrotor)[3:6]
         for vehicle in (0, 2):  # the leader is among the lowest, vehicle 3 among the highest

@@ -11,6 +11,7 @@ from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.initial_guess import along, straight_route
+from gcs.plan.trajectory.constraint_id import Kind
 from tools.bench.memory import peak_mb
 from tools.bench_scale import scenario
 
@@ -24,9 +25,9 @@ def program(vehicles: int) -> Program:
 def test_the_program_does_not_grow_with_the_fleet() -> None:
     six, many = program(6), program(60)
     assert many.layout.size == six.layout.size
-    assert len(many.g_names) == len(six.g_names)
+    assert len(many.g_ids) == len(six.g_ids)
     # ... and it watches other vehicles where the ground is another.
-    watched = {name for name, _ in many.g_names if name.startswith("clearance of vehicle")}
+    watched = {constraint for constraint, _ in many.g_ids if constraint.kind is Kind.CLEARANCE}
     assert len(watched) > 20
 
 

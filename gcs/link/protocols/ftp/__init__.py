@@ -1,4 +1,4 @@
 """The ground station's side of MAVLink FTP as state machines.
 
-It may import link.protocols, link.wire and autopilots.
+It may import link.protocols and link.wire.
 """

@@ -22,12 +22,12 @@ the unused numbers of an item depend on where a piece begins (`mission_dat`): th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Unpack
 
 from gcs.errors import GcsError, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload
-from gcs.link.protocols.ftp.transfer import FtpState, FtpTalk, FtpTransfer
-from gcs.link.wire.message import Message, Station
+from gcs.link.protocols.ftp.transfer import FtpState, FtpTransfer
+from gcs.link.wire.message import Message
 
 _WINDOW = 4  # ArduPilot queues five requests
 _BURST_MIN = 12 * DATA_MAX  # less than this is read piece by piece
@@ -41,14 +41,13 @@ class FtpReader(FtpTransfer):
     def __init__(
         self,
         path: str,
-        peer: Station,
+        exchange: Exchange,
         measure: Callable[[bytes], int],
         head: int,
         *,
         tries: int = 4,
-        **talk: Unpack[FtpTalk],
     ) -> None:
-        super().__init__(FtpOpcode.OPEN_FILE_RO, path, peer, tries, **talk)
+        super().__init__(FtpOpcode.OPEN_FILE_RO, path, exchange, tries)
         self._measure = measure
         self._head = head
         self._received = ReceivedBytes(_SIZE_MAX)

@@ -9,35 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.autopilots.protocol_timers import FtpTimers
 from gcs.errors import PeerTimeout
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import NAME, FtpOpcode, FtpPayload, read_payload
-from gcs.link.protocols.rtt import RttEstimator
-from gcs.link.wire.message import Message, Station
+from gcs.link.wire.message import Message
 
-_SEQS, _SESSIONS = 0x10000, 255
-_BURST_MAX = 4096
-
-
-class FtpNumbers:
-    """The last sequence and session numbers of the requests to one vehicle."""
-
-    def __init__(self, seq: int = 0, session: int = 0) -> None:
-        self._seq, self._session = seq % _SEQS, session % _SESSIONS
-
-    def next_seq(self) -> int:
-        """Return the number of the next request."""
-        self._seq = (self._seq + 1) % _SEQS
-        return self._seq
-
-    def skip(self) -> None:
-        """Skip the numbers of a burst: ArduPilot detects repeated requests by the number of its last reply."""
-        self._seq = (self._seq + _BURST_MAX) % _SEQS
-
-    def next_session(self) -> int:
-        """Return the session of the next file, 1 to 255. Servers use it, or answer with a number of their own."""
-        self._session = self._session % _SESSIONS + 1
-        return self._session
+_SEQS = 0x10000
 
 
 @dataclass
@@ -54,16 +31,14 @@ class FtpRequests:
     They time out after `give_up_s` without any progress, and when the whole transfer is slower than `slowest_Bps`.
     """
 
-    def __init__(
-        self, peer: Station, *, me: Station, numbers: FtpNumbers, round_trip: RttEstimator, timers: FtpTimers
-    ) -> None:
-        self.peer = peer
-        self.me = me
-        self.numbers = numbers
+    def __init__(self, exchange: Exchange) -> None:
+        self.peer = exchange.peer
+        self.numbers = exchange.numbers
         self.heard = False  # the vehicle answers to MAVLink FTP
-        self._round_trip = round_trip
+        self._exchange = exchange
+        self._round_trip = exchange.round_trip
+        self._timers = timers = exchange.timers.ftp
         self._timeout_s = timers.give_up_s
-        self._timers = timers
         self._limit_s = timers.limit_s
         self._began_s: float | None = None
         self._give_up_s: float | None = None
@@ -117,8 +92,8 @@ class FtpRequests:
         return request.payload, reply
 
     def reply(self, message: Message) -> FtpPayload | None:
-        """Return the reply in a message of the vehicle to us, to whichever request; None for any other message."""
-        if message.name != NAME or not message.comes_from(self.peer) or not message.is_for(self.me):
+        """Return the vehicle's reply to any request of ours; None for any other message."""
+        if message.name != NAME or not self._exchange.hears(message):
             return None
         reply = read_payload(message)
         if reply is None or reply.opcode not in (FtpOpcode.ACK, FtpOpcode.NAK):

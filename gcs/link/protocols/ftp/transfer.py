@@ -1,16 +1,14 @@
-"""The common part of reading and writing a file: states, opening, end."""
+"""What reading and writing a file by MAVLink FTP have in common: states, opening, end."""
 
 from __future__ import annotations
 
 from enum import Enum, auto
-from typing import TypedDict, Unpack
 
-from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused
-from gcs.link.protocols.ftp.requests import FtpNumbers, FtpRequests
-from gcs.link.protocols.rtt import RttEstimator
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.protocols.ftp.requests import FtpRequests
+from gcs.link.wire.message import Message
 
 _RESETS = frozenset({FtpError.FAIL, FtpError.NO_SESSIONS_AVAILABLE})
 _TEMPORARY = _RESETS | {FtpError.INVALID_SESSION}
@@ -30,31 +28,20 @@ class FtpState(Enum):
     FAILED = auto()
 
 
-class FtpTalk(TypedDict, total=False):
-    """What a transfer shares with others of its session; without it, it is the only one."""
-
-    me: Station
-    timers: FtpTimers
-    round_trip: RttEstimator | None
-    numbers: FtpNumbers | None
-
-
 class FtpTransfer:
-    """One file of one vehicle, opened with `opcode` at most `tries` times, also if another one is in the way.
+    """One file of one vehicle, opened with `opcode` at most `tries` times, also while another file is open.
 
     ArduPilot has one session for all stations (4.5), or some (4.7). ResetSessions closes a file that an earlier
     transfer of ours left open. The server closes a file of another station after 3 s without any request; therefore we
     send no request for 3.4 s.
     """
 
-    def __init__(self, opcode: FtpOpcode, path: str, peer: Station, tries: int, **talk: Unpack[FtpTalk]) -> None:
+    def __init__(self, opcode: FtpOpcode, path: str, exchange: Exchange, tries: int) -> None:
         self.state = FtpState.IDLE
         self.error: GcsError | None = None
         self._path = path
-        self._timers = timers = talk.get("timers", STANDARD.ftp)
-        numbers, round_trip = talk.get("numbers") or FtpNumbers(), talk.get("round_trip") or RttEstimator()
-        me = talk.get("me", GROUND)
-        self._requests = FtpRequests(peer, me=me, numbers=numbers, round_trip=round_trip, timers=timers)
+        self._timers = exchange.timers.ftp
+        self._requests = FtpRequests(exchange)
         self._opcode = opcode
         self._tries = tries
         self._resets = False

@@ -24,12 +24,12 @@ a read-back is a proof.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Unpack
 
 from gcs.errors import GcsError, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import FtpOpcode, FtpPayload
-from gcs.link.protocols.ftp.transfer import FtpState, FtpTalk, FtpTransfer
-from gcs.link.wire.message import Message, Station
+from gcs.link.protocols.ftp.transfer import FtpState, FtpTransfer
+from gcs.link.wire.message import Message
 
 _WINDOW = 4  # ArduPilot queues five requests
 
@@ -37,10 +37,8 @@ _WINDOW = 4  # ArduPilot queues five requests
 class FtpWriter(FtpTransfer):
     """One file, as pieces of at most 239 bytes by offset, the first of them at 0."""
 
-    def __init__(
-        self, path: str, pieces: Sequence[tuple[int, bytes]], peer: Station, *, tries: int = 5, **talk: Unpack[FtpTalk]
-    ) -> None:
-        super().__init__(FtpOpcode.CREATE_FILE, path, peer, tries, **talk)
+    def __init__(self, path: str, pieces: Sequence[tuple[int, bytes]], exchange: Exchange, *, tries: int = 5) -> None:
+        super().__init__(FtpOpcode.CREATE_FILE, path, exchange, tries)
         self._pieces = tuple(pieces)
         self._left: list[tuple[int, bytes]] = []
         self._requests.allow(sum(len(data) for _, data in self._pieces))

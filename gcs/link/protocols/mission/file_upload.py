@@ -1,29 +1,20 @@
 """FileUpload: uploads a mission to ArduPilot as one file (MAVLink FTP), reads the file back and compares it.
 
-    state    event                                   next     sends
-    IDLE     start                                   WRITING  the start of an FtpWriter
-    WRITING  file closed                             READING  the start of an FtpReader
-    WRITING  refused, or never answered              FAILED
-    WRITING  timeout after some answers              WRITING  the file again
-    READING  equal by meaning                        DONE
-    READING  refused, or timeout                     READING  the read-back again, then WRITING, then FAILED
-    READING  different                               FAILED
-
-A closed file proves nothing, and after a refused close the contents are unknown: only the read-back counts. It is
-compared item by item. A difference would come again: items sent one by one show which of them is refused.
+It runs FtpWriter and FtpReader, by the table at the end. A closed file proves nothing, and after a refused close the
+contents are unknown: only the read-back counts. It is compared item by item. A difference would come again: items sent
+one by one show which of them is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum, auto
 
-from gcs.autopilots.protocol_timers import FtpTimers
-from gcs.autopilots.traits import link_behaviour
-from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.errors import GcsError, PeerError, PeerTimeout
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.reader import FtpReader
-from gcs.link.protocols.ftp.requests import FtpNumbers
 from gcs.link.protocols.ftp.writer import FtpWriter
+from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, TableMachine, ignore
+from gcs.link.protocols.machine import Transition as Row
 from gcs.link.protocols.mission.mission_dat import (
     HEADER,
     ITEM,
@@ -34,145 +25,80 @@ from gcs.link.protocols.mission.mission_dat import (
     write_mission_file,
 )
 from gcs.link.protocols.mission.read_back import compare_missions, read_back_error
-from gcs.link.protocols.rtt import RttEstimator
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.wire.message import Message
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 
 _READS = 3  # read-backs of one upload
+_PATH = path_of(MissionType.MISSION)
+_E, _S = MachineEvent, MachineState
 
 
-class FileState(Enum):
-    """The states of the table above."""
-
-    IDLE = auto()
-    WRITING = auto()
-    READING = auto()
-    DONE = auto()
-    FAILED = auto()
-
-
-class FileUpload:
+class FileUpload(TableMachine):
     """All items of a flight mission with home as item 0. Home reads back as the vehicle's own and is not compared."""
 
-    def __init__(
-        self,
-        items: Sequence[MissionItem],
-        peer: Station,
-        autopilot: int,
-        *,
-        me: Station = GROUND,
-        timers: FtpTimers | None = None,
-        round_trip: RttEstimator | None = None,
-        numbers: FtpNumbers | None = None,
-        tries: int = 2,
-    ) -> None:
+    def __init__(self, items: Sequence[MissionItem], exchange: Exchange, *, tries: int = 2) -> None:
+        super().__init__(FILE_UPLOAD, exchange)
         self.items = tuple(items)
-        self.peer = peer
-        self.state = FileState.IDLE
-        self.error: GcsError | None = None
         self.sending_ended_s: float | None = None  # end of the last upload
-        self._autopilot = autopilot
-        self._me, self._timers = me, timers or link_behaviour(autopilot).timers.ftp
-        self._round_trip = round_trip or RttEstimator()
-        self._numbers = numbers or FtpNumbers()
         self._tries = tries
-        self._reads_left = 0
-        self._path = path_of(MissionType.MISSION)
+        self._reads = 0  # read-backs of the last upload
         self._machine: FtpWriter | FtpReader | None = None
-
-    @property
-    def done(self) -> bool:
-        """Whether it has ended: with success (these items are on board) if `error` is None."""
-        return self.state in (FileState.DONE, FileState.FAILED)
+        self._failure: GcsError | None = None  # of the last transfer
 
     @property
     def deadline_s(self) -> float | None:
         """The time of the next `tick`; None if no timer runs."""
         return None if self.done or self._machine is None else self._machine.deadline_s
 
-    def start(self, now_s: float) -> list[Message]:
-        """Return the first messages. Raises `ProtocolMisuse` if called twice."""
-        if self.state is not FileState.IDLE:
-            raise ProtocolMisuse("a FileUpload was started twice: create a new one.")
-        return self._write(now_s)
-
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Return the messages to send after a received message; none if it belongs to another conversation."""
         if self.done or self._machine is None:
             return []
-        return self._machine.receive(message, now_s) + self._advance(now_s)
+        return self._machine.receive(message, now_s) + self._advance(self._machine, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Return the messages to send after a timer expired."""
         if self.done or self._machine is None:
             return []
-        return self._machine.tick(now_s) + self._advance(now_s)
+        return self._machine.tick(now_s) + self._advance(self._machine, now_s)
 
-    def cancel(self) -> list[Message]:
-        """End the upload. What is on board is then unknown."""
-        if self.done:
+    def _advance(self, machine: FtpWriter | FtpReader, now_s: float) -> list[Message]:
+        if not machine.done:
             return []
-        messages = self._machine.cancel() if self._machine is not None else []
-        self._fail(PeerError(f"the upload of the mission to {self.peer} was cancelled."))
-        return messages
-
-    def _advance(self, now_s: float) -> list[Message]:
-        machine = self._machine
-        if machine is None or not machine.done:
-            return []
-        if isinstance(machine, FtpWriter):
+        if self.state is _S.WRITING:
             self.sending_ended_s = now_s
-            if machine.error is not None:
-                timed_out = isinstance(machine.error, PeerTimeout) and machine.heard
-                return self._write(now_s) if timed_out and self._tries > 0 else self._fail(machine.error)
-            self._reads_left = _READS
-            return self._read(now_s)
-        return self._read_back(machine, now_s)
+        self._failure = machine.error or (self._difference(machine.data) if isinstance(machine, FtpReader) else None)
+        return self._follow(_E.ENDED, TIMER, now_s)
 
-    def _read_back(self, machine: FtpReader, now_s: float) -> list[Message]:
-        error = machine.error
-        if error is None:
-            try:
-                on_board = read_mission_file(machine.data, MissionType.MISSION, self.peer)
-            except PeerError as invalid:
-                return self._fail(invalid)
-            differences = compare_missions(self.items[1:], on_board[1:], autopilot=self._autopilot)
-            if differences:
-                return self._fail(read_back_error(self.peer, MissionType.MISSION, differences))
-            self.state = FileState.DONE
-            return []
-        self._reads_left -= 1
-        if self._reads_left > 0:
-            return self._read(now_s)
-        return self._write(now_s) if self._tries > 0 else self._fail(error)
+    def _difference(self, data: bytes) -> PeerError | None:
+        try:
+            on_board = read_mission_file(data, MissionType.MISSION, self.peer)
+        except PeerError as invalid:
+            return invalid
+        differences = compare_missions(self.items[1:], on_board[1:], autopilot=self.exchange.autopilot)
+        return read_back_error(self.peer, MissionType.MISSION, differences) if differences else None
 
-    def _write(self, now_s: float) -> list[Message]:
+    def _is_broken(self) -> bool:
+        """Whether the transfer that has ended did not work: a read-back that differs did."""
+        return self._machine is not None and self._machine.error is not None
+
+    def _may_write_again(self) -> bool:
+        heard = self._machine is not None and self._machine.heard
+        return isinstance(self._failure, PeerTimeout) and heard and self._tries > 0
+
+    def _write(self, _: Message, now_s: float) -> list[Message]:
         self._tries -= 1
-        self.state = FileState.WRITING
-        self._machine = FtpWriter(
-            self._path,
-            pieces_of(write_mission_file(self.items)),
-            self.peer,
-            me=self._me,
-            timers=self._timers,
-            round_trip=self._round_trip,
-            numbers=self._numbers,
-        )
+        self._machine = FtpWriter(_PATH, pieces_of(write_mission_file(self.items)), self.exchange)
         return self._machine.start(now_s)
 
-    def _read(self, now_s: float) -> list[Message]:
-        self.state = FileState.READING
-        self._machine = FtpReader(
-            self._path,
-            self.peer,
-            self._length,
-            HEADER.size,
-            me=self._me,
-            timers=self._timers,
-            round_trip=self._round_trip,
-            numbers=self._numbers,
-        )
+    def _read_back(self, _: Message, now_s: float) -> list[Message]:
+        self._reads = 0
+        return self._read(TIMER, now_s)
+
+    def _read(self, _: Message, now_s: float) -> list[Message]:
+        self._reads += 1
+        self._machine = FtpReader(_PATH, self.exchange, self._length, HEADER.size)
         return self._machine.start(now_s)
 
     def _length(self, head: bytes) -> int:
@@ -182,7 +108,31 @@ class FileUpload:
             raise PeerError(f"{self.peer} sent a mission file of {length} bytes; {written} were written.")
         return length
 
-    def _fail(self, error: GcsError) -> list[Message]:
-        self.error = error
-        self.state = FileState.FAILED
+    def _end(self, _message: Message, _now_s: float) -> list[Message]:
+        self.error = self._failure
         return []
+
+    def _cancelled(self, _message: Message, _now_s: float) -> list[Message]:
+        self._fail(PeerError(f"the upload of the mission to {self.peer} was cancelled."))
+        return [] if self._machine is None else self._machine.cancel()
+
+
+_M = FileUpload
+_If = Guard[_M]
+_CLOSED = _If("the file was closed", lambda m, _: m._failure is None)
+_WRITE_AGAIN = _If("timeout after some answers, fewer than `tries` times", lambda m, _: m._may_write_again())
+_EQUAL = _If("equal by meaning", lambda m, _: m._failure is None)
+_READ_AGAIN = _If(f"refused, or timeout, fewer than {_READS} times", lambda m, _: m._is_broken() and m._reads < _READS)
+_TRIES = _If("refused, or timeout, written fewer than `tries` times", lambda m, _: m._is_broken() and m._tries > 0)
+
+FILE_UPLOAD: Table[FileUpload] = Table(
+    Row((_S.IDLE,), _E.START, None, _S.WRITING, _M._write, "the start of an FtpWriter"),
+    Row((_S.WRITING,), _E.ENDED, _CLOSED, _S.READING, _M._read_back, "the start of an FtpReader"),
+    Row((_S.WRITING,), _E.ENDED, _WRITE_AGAIN, None, _M._write, "the file again"),
+    Row((_S.WRITING,), _E.ENDED, None, _S.FAILED, _M._end),
+    Row((_S.READING,), _E.ENDED, _EQUAL, _S.DONE, ignore),
+    Row((_S.READING,), _E.ENDED, _READ_AGAIN, None, _M._read, "the read-back again"),
+    Row((_S.READING,), _E.ENDED, _TRIES, _S.WRITING, _M._write, "the file again"),
+    Row((_S.READING,), _E.ENDED, None, _S.FAILED, _M._end),
+    Row((_S.IDLE, _S.WRITING, _S.READING), _E.CANCEL, None, _S.FAILED, _M._cancelled, "the end of a transfer"),
+)

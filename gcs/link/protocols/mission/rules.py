@@ -1,13 +1,7 @@
-"""Rules, timers and errors that both machines of the mission protocol share.
+"""The rules of the mission protocol (https://mavlink.io/en/services/mission.html), and what its machines share.
 
-Specification: https://mavlink.io/en/services/mission.html. Each station may play either part: an upload is the ground
-station's `MissionSender` with the vehicle's `MissionReceiver`, a download the reverse. Time is the argument `now_s`,
-seconds of any monotonic clock. Each machine lives for one transfer:
-
-    messages = machine.start(now_s)                 # to be sent
-    messages = machine.receive(message, now_s)      # for every received message, also of other conversations
-    messages = machine.tick(now_s)                  # at `deadline_s` or earlier
-    machine.done -> machine.error, machine.items    # error is None, PeerTimeout, MissionRefused or PeerError
+An upload is the ground station's `MissionSender` with the vehicle's `MissionReceiver`, a download the reverse. Each
+machine lives for one transfer.
 
 Rules
 1.  The receiver controls the transfer: it requests each item by number, and the sender sends only requested items.
@@ -16,8 +10,8 @@ Rules
 3.  Every request is answered, however often it is repeated, always with MISSION_ITEM_INT.
 4.  Both kinds of request and both kinds of item are accepted.
 5.  A message without an answer is repeated: `reply_s` after a list, a count, or the last item; `item_s` after the
-    request of an item; `retries` times. Between items the sender is silent: requests are the receiver's part.
-    A machine with a `RttEstimator` repeats as soon as the estimated wait has passed, until `give_up_s`. Such a sender
+    request of an item; `retries` times. Between items the sender is silent: requests are the receiver's part. A machine
+    that estimates round trips repeats as soon as the estimated wait has passed, until `give_up_s`. As a sender it
     repeats the last requested item together with the next one: whether the item or the next request was lost, the
     receiver waits for one of the two, and ignores the other.
 6.  A new MISSION_COUNT restarts the receiver: items of two missions never mix.
@@ -26,9 +20,9 @@ Rules
 8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. After INVALID_SEQUENCE
     ArduPilot repeats its request. ERROR after a repeated MISSION_COUNT means that the first one had arrived and the
     transfer continues (PX4: "busy"). ERROR after a repeated last item means that the transfer was over and its
-    MISSION_ACK was lost. Any other result ends the transfer: `MissionRefused`. With a `RttEstimator`, where many
-    messages are repeated, ERROR, DENIED and OPERATION_CANCELLED may answer a late copy: they end the transfer only if
-    no request or answer follows within some waits.
+    MISSION_ACK was lost. Any other result ends the transfer: `MissionRefused`. Where round trips are estimated, many
+    messages are repeated, and ERROR, DENIED and OPERATION_CANCELLED may answer a late copy: they end the transfer only
+    if no request or answer follows within some waits.
 9.  `give_up_s` without progress ends the transfer: `PeerTimeout`. So do endless requests without progress.
 10. With a `window` a receiver requests several items at a time, if the peer does not track its requests (ArduPilot).
     Items are accepted in any order.
@@ -38,19 +32,40 @@ Rules
 
 from __future__ import annotations
 
-from gcs.autopilots.protocol_timers import MissionTimers
+from typing import Self
+
 from gcs.errors import PeerRefusal
-from gcs.link.protocols.rtt import RttEstimator
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import Guard, MachineEvent, Table, TableMachine
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionResult
 from gcs.mavlink_names import mission_result_words
 
+EVENTS = {
+    "MISSION_COUNT": MachineEvent.COUNT,
+    "MISSION_REQUEST_LIST": MachineEvent.REQUEST_LIST,
+    "MISSION_REQUEST_INT": MachineEvent.REQUEST,
+    "MISSION_REQUEST": MachineEvent.REQUEST,
+    "MISSION_ITEM_INT": MachineEvent.ITEM,
+    "MISSION_ITEM": MachineEvent.ITEM,
+    "MISSION_ACK": MachineEvent.MISSION_ACK,
+}
 DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
 
 
-def doubt_s(round_trip: RttEstimator, timers: MissionTimers) -> float:
+NO_REFUSAL = Guard[object](
+    "ACCEPTED or INVALID_SEQUENCE",
+    lambda _, ack: ack.fields["type"] in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE),
+)
+IN_DOUBT = Guard[TableMachine](
+    "ERROR, DENIED or OPERATION_CANCELLED, and round trips are estimated",
+    lambda machine, ack: machine.exchange.estimates and ack.fields["type"] in DOUBTFUL,
+)
+
+
+def doubt_s(exchange: Exchange) -> float:
     """The wait after a refusal that may answer a late copy: ArduPilot repeats its requests once a second."""
-    return max(4.0 * round_trip.wait_s(), timers.doubt_s)
+    return max(4.0 * exchange.round_trip.wait_s(), exchange.timers.mission.doubt_s)
 
 
 class MissionRefused(PeerRefusal):
@@ -77,3 +92,24 @@ def mission_ack(peer: Station, result: MissionResult, mission_type: int) -> Mess
 def mission_type_of(message: Message) -> int:
     """Return the mission type of a message; 0 for MAVLink 1, which has no such field."""
     return int(message.fields.get("mission_type", 0))
+
+
+class MissionMachine(TableMachine):
+    """A machine of the mission protocol for items of one type."""
+
+    def __init__(self, table: Table[Self], exchange: Exchange, mission_type: int) -> None:
+        super().__init__(table, exchange)
+        self.mission_type = mission_type
+        self._timers = exchange.timers.mission
+        self._repeats = 0  # of the last message
+
+    @property
+    def _may_repeat(self) -> bool:
+        return self.exchange.estimates or self._repeats < self._timers.retries
+
+    def _is_ours(self, message: Message) -> bool:
+        """Whether a message is one of this exchange, about items of our type."""
+        return self.exchange.hears(message) and mission_type_of(message) == self.mission_type
+
+    def _ack(self, result: MissionResult) -> Message:
+        return mission_ack(self.peer, result, self.mission_type)

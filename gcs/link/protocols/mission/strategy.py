@@ -1,4 +1,4 @@
-"""The choice of the upload: a mission goes to its vehicle as one file or item by item, with a fallback."""
+"""How a mission is uploaded: as one file or item by item, with a fallback."""
 
 from __future__ import annotations
 
@@ -82,10 +82,6 @@ class Preferred:
     def error(self) -> GcsError | None:
         """The error of the last machine."""
         return self._machine.error
-
-    @error.setter
-    def error(self, error: GcsError | None) -> None:
-        self._machine.error = error
 
     @property
     def deadline_s(self) -> float | None:

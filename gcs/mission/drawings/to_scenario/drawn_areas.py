@@ -10,7 +10,7 @@ import shapely
 
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
-from gcs.mission.drawings.drawing import Drawing, LeftOut, Place
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place
 from gcs.mission.drawings.to_scenario.placed_route import PlacedRoute
 from gcs.scenario.schema.places import CORNERS_MAX
 
@@ -41,6 +41,7 @@ class _Area:
     table: AreaTable
     shape: shapely.Polygon  # north, east, m
     inside: bool | None
+    holes: tuple[_Area, ...] = ()  # no-fly zones, unless it is left out
 
 
 def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
@@ -53,6 +54,7 @@ def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
     points = shapely.points(route.places_m[:, :2])
     keep_in: list[_Area] = []
     no_fly: list[_Area] = []
+    holes: list[_Area] = []
     for area in _areas(drawing, route.origin):
         if area.inside is not None:
             (keep_in if area.inside else no_fly).append(area)
@@ -62,8 +64,8 @@ def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
             text = "not round the whole route, and not carried over; if it is a no-fly zone, write it as [[no_fly]]"
             said.append(LeftOut(area.table.label, text))
             continue
-    left = {one.label for one in said}
-    no_fly += [hole for hole in _holes(drawing, route.origin) if hole.table.label.rpartition(", ")[0] not in left]
+        holes += area.holes
+    no_fly += holes
     for zone in no_fly:
         inside = shapely.contains_properly(zone.shape, points)
         if inside.any():
@@ -84,7 +86,9 @@ def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
 
 def _areas(drawing: Drawing, origin: Origin) -> Iterator[_Area]:
     for area in drawing.areas:
-        yield _Area(AreaTable(area.label, area.corners), _shape(drawing, area.label, area.corners, origin), area.inside)
+        shape = _shape(drawing, area.label, area.corners, origin)
+        holes = () if area.inside is False else tuple(_holes(drawing, area, origin))
+        yield _Area(AreaTable(area.label, area.corners), shape, area.inside, holes)
     for disk in drawing.disks:
         north_m, east_m = place_up_m(*disk.centre, 0.0, origin)[:2]
         angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
@@ -95,12 +99,10 @@ def _areas(drawing: Drawing, origin: Origin) -> Iterator[_Area]:
         yield _Area(table, shapely.Polygon(edge_m), disk.inside)
 
 
-def _holes(drawing: Drawing, origin: Origin) -> Iterator[_Area]:
-    for area in drawing.areas:
-        for number, hole in enumerate(area.holes, start=1):
-            if area.inside is not False:
-                label = f"{area.label}, hole {number}"
-                yield _Area(AreaTable(label, hole), _shape(drawing, label, hole, origin), False)
+def _holes(drawing: Drawing, area: DrawnArea, origin: Origin) -> Iterator[_Area]:
+    for number, hole in enumerate(area.holes, start=1):
+        label = f"{area.label}, hole {number}"
+        yield _Area(AreaTable(label, hole), _shape(drawing, label, hole, origin), False)
 
 
 def _together(

@@ -13,19 +13,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from gcs.physics.states import VELOCITY
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M
 from gcs.plan.verification.constraints.scheduled_shape import Stretch
 from gcs.plan.verification.proof.polynomials import combined, enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, arctan2, constant, stacked, total
-from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.types import Array
 
 # A formation that turns with its course must face where it flies above this speed.
@@ -37,6 +38,7 @@ _TOGETHER = 200_000  # vehicles times intervals at once: more would need gigabyt
 _SINGULAR = 1e-8  # of the largest eigenvalue: below it, shapes do not tell scale, turn and blend apart
 _FLAT = np.array([1.0, 1.0, 0.0])
 _QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
+_Factor = TypeVar("_Factor", Taylor, Array)
 
 
 @dataclass(frozen=True)
@@ -58,13 +60,13 @@ class BentFormation:
     mission: int  # the number of the phase in which the heading is checked
 
     @cached_property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """The heading only where the formation turns with its course."""
-        place = Constraint("place in formation", "m", LENGTH_TOLERANCE_M, RESOLUTION_M)
+        place = NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.PLACE), "m")
         if self.plan.scenario.formation.frame != "course":
             return (place,)
         tolerance = COURSE_TOLERANCE * self.plan.scenario.formation.course_tolerance_deg
-        return place, Constraint("heading along the course", "deg", tolerance, 0.2 * tolerance)
+        return place, NamedConstraint(tolerance, 0.2 * tolerance, ConstraintId(Kind.COURSE), "deg")
 
     def cells(self, start_s: Array, end_s: Array, phase: Rows) -> Cells:
         """One cell for each interval (N,); intervals do not reach over the ends of stretches."""
@@ -99,9 +101,9 @@ class BentFormation:
         """See `Family`: which vehicle it is must be looked up at the instant."""
         return -1
 
-    def farthest_row(self, name: str, t_s: float) -> int:
+    def farthest_row(self, constraint: ConstraintId, t_s: float) -> int:
         """The row of the vehicle that is farthest from its place; the leader of the heading."""
-        if name != self.constraints[0].name:
+        if constraint.kind is Kind.COURSE:
             return self.plan.leader
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))
@@ -203,12 +205,12 @@ class BentFormation:
         )
 
 
-def _shares(base: list[Any], blend: Any) -> list[Any]:
+def _shares(base: list[_Factor], blend: _Factor) -> list[_Factor]:
     """The part of each table in the blended shape: those of the scheduled shape, then that of the target."""
     return [function * (1.0 - blend) for function in base] + [blend]
 
 
-def _weights(c: Any, s: Any, up: Any, shares: list[Any]) -> list[Any]:
+def _weights(c: _Factor, s: _Factor, up: _Factor, shares: list[_Factor]) -> list[_Factor]:
     """The factors of all tables as they are, then a quarter turn ahead, then their vertical parts."""
     return [factor * share for factor in (c, s, up) for share in shares]
 

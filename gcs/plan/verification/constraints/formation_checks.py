@@ -18,6 +18,7 @@ from gcs.plan.formation.assignment import bottleneck
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.separation import least_distance
 from gcs.plan.formation.shape import Rows
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
 from gcs.scenario.schema.scenario import ChangeTable
@@ -64,7 +65,7 @@ def landing_points(plan: Plan) -> Array:
 
 def late_s(plan: Plan) -> list[tuple[float, float]]:
     """Lateness of each scheduled change, and the instant at which it should begin, s."""
-    mission = plan.phase("mission")
+    mission = plan.phase(PhaseKind.MISSION)
     changes = [change for change in plan.scenario.formation.change if not change.auto]
     moves = [move for move in plan.moves if move.trigger != "auto"]
     found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
@@ -93,7 +94,7 @@ def crossing_s(plan: Plan, gate_m: tuple[tuple[float, float], tuple[float, float
 
     The leader's side of the gate's line is a polynomial of time: its roots are the crossings.
     """
-    mission, state = plan.phase("mission"), plan.leader_trajectory.state
+    mission, state = plan.phase(PhaseKind.MISSION), plan.leader_trajectory.state
     a, b = np.array(gate_m)
     along = b - a
     side = along[0] * (state.c[:, :, 1]) - along[1] * state.c[:, :, 0]

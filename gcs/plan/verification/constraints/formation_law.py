@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import expected_places
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
 from gcs.plan.verification.proof.polynomials import combined, enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, total
-from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.scenario.values.si import NED_FROM_UP
 from gcs.types import Array
 
@@ -31,7 +33,7 @@ class Span:
 
     start_s: float
     end_s: float
-    law: str  # rigid, rotate, or in step
+    law: Literal["rigid", "rotate", "in step"]
     before_ned_m: Array  # (V, 3)
     after_ned_m: Array  # (V, 3)
     axis_ned: Array  # (3,)
@@ -77,9 +79,9 @@ class FormationLaw:
     spans: list[Span]
 
     @cached_property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """One."""
-        return (Constraint("place in formation", "m", LENGTH_TOLERANCE_M, RESOLUTION_M),)
+        return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.PLACE), "m"),)
 
     def cells(self, start_s: Array, end_s: Array, phase: Rows) -> Cells:
         """One cell for each interval (N,) of each span; intervals do not reach over its ends."""
@@ -109,7 +111,7 @@ class FormationLaw:
         """See `Family`: which vehicle it is must be looked up at the instant."""
         return -1
 
-    def farthest_row(self, name: str, t_s: float) -> int:
+    def farthest_row(self, constraint: ConstraintId, t_s: float) -> int:
         """The row of the vehicle that is farthest from its place."""
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))

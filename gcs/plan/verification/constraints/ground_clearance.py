@@ -14,13 +14,14 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M, enclosed_places
 from gcs.plan.verification.proof.ground_patches import GroundPatches
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
-from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.types import Array
 
@@ -43,12 +44,11 @@ class GroundClearance:
     pad_down_m: Array  # (P, V) of the pad or landing point of each vehicle, NED; 0 in other phases
 
     @property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """In the order of the margins."""
-        names = ("clearance above ground", "distance to the ground beside the pad")
-        return tuple(
-            Constraint(name, "m", LENGTH_TOLERANCE_M, resolution_m)
-            for name, resolution_m in zip(names, (RESOLUTION_M, _ENOUGH_M), strict=True)
+        return (
+            NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.CLEARANCE), "m"),
+            NamedConstraint(LENGTH_TOLERANCE_M, _ENOUGH_M, ConstraintId(Kind.BESIDE_PAD), "m"),
         )
 
     @cached_property

@@ -11,13 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_table
-from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.types import Array
 
 
@@ -29,9 +30,9 @@ class PairSeparation:
     tree: VehicleTree
 
     @cached_property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """One."""
-        return (Constraint("separation", "m", LENGTH_TOLERANCE_M, RESOLUTION_M),)
+        return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.SEPARATION), "m"),)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         """See `Family`. The pairs within a group have no distance of their own: it must be divided."""

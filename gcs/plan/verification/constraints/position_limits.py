@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.state_control_limits import divided
 from gcs.plan.verification.proof.ground_patches import GroundPatches
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import Cells, Constraint, Mask, Rows
+from gcs.plan.verification.proof.subdivision import Cells, Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.scenario.environment.convex_pieces import Convex, Disk
 from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
@@ -41,11 +42,11 @@ class PositionLimits:
     area_m: tuple[tuple[float, float], tuple[float, float]]  # north and east: the box, and all pads in other phases
 
     @property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """In the order of the margins."""
-        lengths = ["height", "height above ground", "north position", "east position"]
-        lengths += map(str, zone_names(self.plan.scenario))
-        return tuple(Constraint(name, "m", LENGTH_TOLERANCE_M, RESOLUTION_M) for name in lengths)
+        ids = [ConstraintId(kind) for kind in (Kind.HEIGHT, Kind.HEIGHT_ABOVE_GROUND, Kind.NORTH, Kind.EAST)]
+        ids += [ConstraintId(Kind.ZONE, of=name) for name in zone_names(self.plan.scenario)]
+        return tuple(NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, one, "m") for one in ids)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         """See `Family`."""

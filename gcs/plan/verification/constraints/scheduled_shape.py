@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -30,7 +31,7 @@ class Stretch:
 
     start_s: float
     end_s: float
-    law: str  # rigid, rotate, or in step
+    law: Literal["rigid", "rotate", "in step"]
     tables_ned_m: Array  # (K, V, 3): the places; along, across and ahead of the axis; or before and after
     angle_rad: float = 0.0  # of a rotation
 

@@ -14,12 +14,13 @@ import numpy as np
 from gcs.physics.quadrotor import equations_of_motion, squared_rotor_speeds
 from gcs.plan.formation.follower_equations import follower_state_and_control, jerk
 from gcs.plan.formation.followers import rounded_thrust_polynomial
+from gcs.plan.trajectory.constraint_id import CONTROLS, STATES, ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, total
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.proof.verdict import LIMIT_TOLERANCE
+from gcs.plan.verification.proof.verdict import LIMIT_TOLERANCE, NamedConstraint
 from gcs.scenario.values.si import torque_limits
 from gcs.types import Array
 
@@ -27,11 +28,6 @@ ORDER = 2
 _RESOLUTION = 2.5e-4
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1
-_STATES = (
-    *((f"{name} speed", "m/s") for name in ("north", "east", "vertical")),
-    *((name, "deg") for name in ("roll", "pitch", "yaw")),
-    *((f"{name} rate", "deg/s") for name in ("roll", "pitch", "yaw")),
-)
 _GROUP_M_PER_S = 5.0  # a group is divided before time while its members are farther apart than a vehicle flies
 
 
@@ -44,29 +40,26 @@ class StateControlLimits:
     mission: int  # number of the mission's phase
 
     @cached_property
-    def constraints(self) -> tuple[Constraint, ...]:
+    def constraints(self) -> tuple[NamedConstraint, ...]:
         """In the order of the margins."""
         limits, formation = self.plan.scenario.limits, self.plan.scenario.formation
         sizes = (*limits.speed_ned_mps, *limits.roll_pitch_yaw_deg, *limits.rates_degps)
-        found = [_limit(*named, size) for named, size in zip(_STATES, sizes, strict=True)]
-        found.append(_limit("thrust U1", "N", max(limits.thrust_N)))
-        units = ("N", "N", "N m")
+        units = ("m/s",) * 3 + ("deg",) * 3 + ("deg/s",) * 3
+        found = [_limit(*named) for named in zip(STATES[3:], units, sizes, strict=True)]
+        most_of_controls = (max(limits.thrust_N), *self._torques)
+        found += [_limit(*named) for named in zip(CONTROLS, ("N", "N", "N", "N m"), most_of_controls, strict=True)]
         found += [
-            _limit(f"control U{i}", unit, size)
-            for i, (unit, size) in enumerate(zip(units, self._torques, strict=True), start=2)
-        ]
-        found += [
-            _limit("rotor speed", "of the squared maximum", 1.0),
-            _limit("turning load factor", "g", limits.load_factor_max),
+            _limit(Kind.ROTOR_SPEED, "of the squared maximum", 1.0),
+            _limit(Kind.TURNING, "g", limits.load_factor_max),
         ]
         if limits.accel_max_mps2 is not None:
-            found.append(_limit("acceleration", "m/s2", limits.accel_max_mps2))
+            found.append(_limit(Kind.ACCELERATION, "m/s2", limits.accel_max_mps2))
         if limits.jerk_max_mps3 is not None:
-            found.append(_limit("jerk", "m/s3", limits.jerk_max_mps3))
+            found.append(_limit(Kind.JERK, "m/s3", limits.jerk_max_mps3))
         if self.tree is not None:
             found += [
-                _limit("speed in the shape", "m/s", formation.change_speed_mps),
-                _limit("acceleration in the shape", "m/s2", formation.change_accel_mps2),
+                _limit(Kind.SHAPE_SPEED, "m/s", formation.change_speed_mps),
+                _limit(Kind.SHAPE_ACCELERATION, "m/s2", formation.change_accel_mps2),
             ]
         return tuple(found)
 
@@ -168,8 +161,8 @@ def divided(cells: Cells, wanted: Mask, tree: VehicleTree | None) -> tuple[Cells
     return joined(parts), np.concatenate(origin)
 
 
-def _limit(name: str, unit: str, size: float) -> Constraint:
-    return Constraint(name, unit, LIMIT_TOLERANCE * size, _RESOLUTION * size)
+def _limit(kind: Kind, unit: str, size: float) -> NamedConstraint:
+    return NamedConstraint(LIMIT_TOLERANCE * size, _RESOLUTION * size, ConstraintId(kind), unit)
 
 
 def _within(value: Taylor, size: float) -> tuple[Array, Array]:

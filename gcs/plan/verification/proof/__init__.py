@@ -1,4 +1,4 @@
 """Bounds that hold at every instant of an interval, and the subdivision that makes them tight.
 
-It may import plan.formation and scenario.
+It may import plan.formation, plan.trajectory and scenario.
 """

@@ -30,8 +30,6 @@ _CELLS_MAX = 3_000_000
 class Constraint:
     """What is bounded: margins >= -tolerance are accepted."""
 
-    name: str
-    unit: str
     tolerance: float
     resolution: float
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gcs.errors import VerificationError
+from gcs.plan.trajectory.constraint_id import ConstraintId
+from gcs.plan.verification.proof.subdivision import Constraint
 from gcs.scenario.environment.no_fly import ZoneName
 
 LENGTH_TOLERANCE_M = 0.8e-3  # every length; exact places at ends and joints too
@@ -13,9 +15,26 @@ SPEED_TOLERANCE_MPS = 1e-3  # at ends and route points
 ANGLE_TOLERANCE_DEG = 0.01
 LIMIT_TOLERANCE = 1e-3  # share of the limit
 WINDOW_TOLERANCE_M = 10e-3
-ROUTE = "route point"  # the names of the checks of a route begin so
 Verdict = Literal["proved", "violated", "undecided", "sampled"]
+OK: tuple[Verdict, ...] = ("proved", "sampled")  # undecided counts as failed
 _LISTED = 5  # failures in an error
+
+
+def verdict_of(worst: float, tolerance: float, proved: float | None) -> Verdict:
+    """The verdict on the least margin that was found, and the bound of all margins."""
+    if not worst >= -tolerance:
+        return "violated"
+    if proved is None:
+        return "sampled"
+    return "proved" if proved >= -tolerance else "undecided"
+
+
+@dataclass(frozen=True)
+class NamedConstraint(Constraint):
+    """A constraint that a report names."""
+
+    id: ConstraintId
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -25,7 +44,7 @@ class Check:
     `proved` is a bound: no vehicle has a smaller margin at any instant. A criterion that is only sampled has none.
     """
 
-    name: str
+    constraint: ConstraintId
     phase: str
     unit: str
     worst: float
@@ -35,18 +54,19 @@ class Check:
     proved: float | None = None
 
     @property
+    def name(self) -> str:
+        """The constraint, for people."""
+        return str(self.constraint)
+
+    @property
     def verdict(self) -> Verdict:
         """Proved, violated at `t_s`, undecided at the finest resolution, or sampled only."""
-        if not self.worst >= -self.tolerance:
-            return "violated"
-        if self.proved is None:
-            return "sampled"
-        return "proved" if self.proved >= -self.tolerance else "undecided"
+        return verdict_of(self.worst, self.tolerance, self.proved)
 
     @property
     def ok(self) -> bool:
-        """Whether the criterion is met: undecided counts as failed."""
-        return self.verdict in ("proved", "sampled")
+        """Whether the criterion is met."""
+        return self.verdict in OK
 
     def __str__(self) -> str:
         vehicle = "" if self.sysid is None else f" (vehicle {self.sysid})"

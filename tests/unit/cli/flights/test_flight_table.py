@@ -89,7 +89,7 @@ def heard_again(folder: Path, plan_time_s: float) -> tuple[FlightSequence, Still
         sessions = await fleet.vehicles(plan.sysids, 15.0)
         loads, stream = missions_only(build_missions(plan)), build_stream(plan, 5.0)
         sequence = FlightSequence(plan, sessions, FlightOptions(), loads=loads, stream=stream)
-        sequence.monitor.begin(recorded.t0_unix_s)
+        sequence.monitor.set_t0(recorded.t0_unix_s)
         for one in sequence.vehicles.values():
             sequence.listen(one)
         await asyncio.sleep(HEARD_S)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gcs.flight.contingency.choices import Choices, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.decisions import ContingencyPolicy, applying_row
 from gcs.flight.contingency.detection import DETECTED, Incident, IncidentKind
 from gcs.flight.contingency.energy_choice import Outcome
@@ -19,9 +20,6 @@ from gcs.flight.contingency.policy import (
     IN_FORMATION,
     MEANING,
     Action,
-    Choices,
-    OnLeaderLoss,
-    OnLoss,
     Order,
     Row,
     Situation,

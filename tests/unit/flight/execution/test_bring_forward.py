@@ -67,7 +67,7 @@ class Brought:
     took_s: float = 0.0
     loads: tuple[VehicleLoad, ...] = ()
     held: Holdings | None = None
-    said: list[str] = field(default_factory=list)
+    said: str = ""
     error: FlightError | None = None
 
 
@@ -86,7 +86,7 @@ def brought(
         await asyncio.sleep(hovers_after_s / rate)
         found.hovered_s = time.sure_s()
         try:
-            found.held = await start.bring_forward(held, found.said.append)
+            found.held, found.said = await start.bring_forward(held)
         except FlightError as error:
             found.error = error
         found.took_s = time.sure_s() - found.hovered_s
@@ -111,7 +111,7 @@ def test_the_start_is_the_next_whole_second_8_s_after_all_hover(hop: Plan) -> No
     assert waits_for(found) == {(-1.0, 22.0, 13.0, 49.0)}
     assert [one.starts for one in found.vehicles.values()] == [[(22.0, 13.0, 49.0)]] * 3
     assert [one.looked_first for one in found.vehicles.values()] == [[False]] * 3
-    assert found.said == ["start their missions at 22:13:49 UTC, 9 s after all hovered"]
+    assert found.said == "start their missions at 22:13:49 UTC, 9 s after all hovered"
     assert found.took_s == pytest.approx(0.5, abs=0.05)
 
 
@@ -119,7 +119,7 @@ def test_a_provisional_start_that_is_no_later_stays(hop: Plan) -> None:
     found = brought(hop, Vehicle(), Vehicle(), Vehicle(), ahead_s=28.0)
     assert found.start_s == found.provisional_s == 1_700_000_029
     assert [one.starts for one in found.vehicles.values()] == [[]] * 3
-    assert found.said == ["keep their start at 22:13:49 UTC, in 9 s"]
+    assert found.said == "keep their start at 22:13:49 UTC, in 9 s"
 
 
 @pytest.mark.parametrize("ahead_s", [22.0, 5.0])
@@ -158,8 +158,7 @@ def test_if_a_vehicle_refuses_all_get_the_provisional_start_back(hop: Plan) -> N
     for vehicle in found.vehicles.values():
         assert vehicle.looked_first == [False, False, True], "two attempts, and what is on board is looked at first"
         assert vehicle.starts[-1] == (22.0, 15.0, 1.0)
-    (said,) = found.said
-    assert said.startswith("keep their start at 22:15:01 UTC, in 79 s: vehicle 2 refused.")
+    assert found.said.startswith("keep their start at 22:15:01 UTC, in 79 s: vehicle 2 refused.")
 
 
 def test_a_start_that_is_not_known_on_a_vehicle_ends_the_flight(hop: Plan) -> None:

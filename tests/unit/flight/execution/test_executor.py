@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
+from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.conflict_prediction import Conflict
 from gcs.flight.contingency.detection import DetectionLimits, Incident
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss, State
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.policy import State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
@@ -242,7 +243,7 @@ def test_a_failsafe_of_the_battery_is_told_with_what_the_energy_allows(hop: Plan
     assert words(fleet, 2)[0] == "failsafe took over"
     told = fleet.events[0]
     assert "cause: " in told.rule
-    assert "; 60 % left, reserve 4 %: " in told.rule
+    assert "; 15 % left, reserve 4 %: " in told.rule, "the alarm counts, not the 60 % that it reports"
     assert "finish" not in told.rule, "it left the plan"
     assert told.data is not None
     assert told.data["reserve_pct"] == 4.0
@@ -334,9 +335,17 @@ def test_of_two_that_would_meet_the_one_off_its_place_yields(hop: Plan, hop_retu
 
 
 def test_a_vehicle_on_the_ground_has_no_incidents(hop: Plan, hop_returns: ReturnPlan) -> None:
-    fleet = flown(hop, hop_returns, after(1.0, lambda f: set_all(f, (2,), armed=False, battery_pct=5), 2.0))
+    fleet = flown(hop, hop_returns, after(0.0, lambda f: set_all(f, (2,), armed=False, battery_pct=5), 2.0))
     assert fleet.events == []
     assert tuple(fleet.monitor.aloft) == (1, 3)
+
+
+def test_a_vehicle_that_is_disarmed_in_the_air_is_lost_and_the_others_land(hop: Plan, hop_returns: ReturnPlan) -> None:
+    fleet = flown(hop, hop_returns, after(2.0, lambda f: set_all(f, (2,), armed=False), 4.0))
+    (fell,) = fleet.told("disarmed in the air")
+    assert (fell.sysid, fell.alarm) == (2, True)
+    assert fleet.executor.policy.states == {1: State.LANDING, 2: State.LOST, 3: State.LANDING}
+    assert [fleet.points[n].modes_ordered for n in (1, 2, 3)] == [[LAND], [], [LAND]]
 
 
 def test_before_t0_trouble_aborts_the_start_and_all_land(hop: Plan, hop_returns: ReturnPlan) -> None:
@@ -434,7 +443,7 @@ def test_the_vehicle_farther_from_its_place_yields_whether_it_is_above_or_below(
         for sysid, off, down in zip((1, 2), off_m, down_m, strict=True)
     }
     ours._monitor = SimpleNamespace(views=views, t0_unix_s=0.0, watch_separation=lambda aloft: None)
-    ours._standstill = SimpleNamespace(gathers=False)
+    ours._standstill, ours._fell_s = SimpleNamespace(gathers=False), {}
     ours._separation = SimpleNamespace(look=lambda *_: [Conflict((1, 2), 0.75, 1.234)])
     ours._decide = lambda incident, t_s: told.append(incident)
     ours._check_separation(20.0, 20.0)

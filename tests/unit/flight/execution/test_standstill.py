@@ -15,8 +15,9 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.contingency.policy import OnLoss, State
+from gcs.flight.contingency.choices import FlightMode, OnLoss
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.policy import State
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.monitoring.monitor import VehicleView

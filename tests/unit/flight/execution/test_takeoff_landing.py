@@ -15,6 +15,8 @@ from gcs.autopilots.columns import FlightBehaviour
 from gcs.autopilots.traits import Autopilot, link_behaviour
 from gcs.errors import FlightError, PeerTimeout
 from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.fleet_arming import arm_all
+from gcs.flight.execution.fleet_landing import Custody
 from gcs.flight.execution.takeoff_landing import (
     WATCHED_IDS,
     FlightVehicle,
@@ -23,6 +25,7 @@ from gcs.flight.execution.takeoff_landing import (
     start_mission,
     take_off,
 )
+from gcs.flight.execution.telemetry_watch import FRESH_S, TelemetryWatch
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.link.protocols.command import CommandRefused
 from gcs.link.session.vehicle_session import VehicleSession
@@ -185,7 +188,12 @@ def test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself(
             vehicle.mode = behaviour.armed_in
 
     vehicle = Vehicle(behaviour, mode=behaviour.mission, obey=obey)
-    live(vehicle, simulation1_plan, take_off)
+
+    async def start(crew: FlightVehicle) -> None:
+        await arm_all({1: crew}, Custody({1: crew.session}))
+        await take_off(crew)
+
+    live(vehicle, simulation1_plan, start)
     assert [fields["command"] for fields in vehicle.heard] == [
         MavCommand.DO_SET_MODE,
         MavCommand.COMPONENT_ARM_DISARM,
@@ -206,13 +214,31 @@ def test_nothing_is_armed_after_what_forbids_it(behaviour: FlightBehaviour, simu
     def obey(vehicle: Vehicle, fields: dict[str, Any]) -> None:
         vehicle.mode = behaviour.armed_in
 
-    def forbid(sysid: int) -> None:
-        raise FlightError(f"vehicle {sysid} reports: RTL: unsupported MAV_FRAME")
+    def forbid() -> None:
+        raise FlightError("vehicle 1 reports: RTL: unsupported MAV_FRAME")
 
     vehicle = Vehicle(behaviour, obey=obey)
     with pytest.raises(FlightError, match="vehicle 1 reports"):
-        live(vehicle, simulation1_plan, lambda crew: take_off(crew, forbid))
+        live(vehicle, simulation1_plan, lambda crew: arm_all({1: crew}, Custody({1: crew.session}), forbid))
     assert [fields["command"] for fields in vehicle.heard] == [MavCommand.DO_SET_MODE]
+
+
+def test_no_vehicle_is_armed_whose_last_report_is_old() -> None:
+    """It may have rebooted, and send HEARTBEATs only."""
+
+    async def wait(crew: FlightVehicle) -> None:
+        watch = TelemetryWatch({1: crew}, Custody({1: crew.session}), lambda *_: None)
+        crew.session.receive(
+            Message("SYSTEM_TIME", {"time_boot_ms": 60_000, "time_unix_usec": 0}, 1, 1),
+            asyncio.get_running_loop().time(),
+        )
+        await asyncio.sleep(FRESH_S - 0.1)
+        watch.refuse_stale()
+        await asyncio.sleep(0.2)
+        watch.refuse_stale()
+
+    with pytest.raises(FlightError, match=r"vehicle 1 is not armed: its last report is 2\.1 s old \(limit 2 s\)"):
+        live(Vehicle(ARDUPILOT), None, wait)
 
 
 @BOTH

@@ -101,13 +101,19 @@ def test_a_text_caused_by_the_upload_is_told_and_keeps_everybody_on_the_ground()
     play(story)
 
 
-def test_texts_of_lesser_severity_are_no_reason() -> None:
+def test_warnings_and_known_alarms_are_told_and_are_no_reason_not_to_arm() -> None:
     async def story(scene: Scene) -> None:
-        for severity in Severity:
-            if severity > Severity.CRITICAL:
-                scene.say(text("Low battery level", severity))
+        for words, severity in (
+            ("Something that no table knows", Severity.WARNING),
+            ("Low battery level", Severity.INFO),
+            ("EKF3 IMU0 is using GPS", Severity.NOTICE),
+        ):
+            scene.say(text(words, severity))
         assert scene.armable()
-        assert scene.events == []
+        assert [(event.what, event.rule, event.alarm) for event in scene.events] == [
+            ("reports: WARNING: Something that no table knows", "", True),
+            ("reports: INFO: Low battery level", "Alarm: battery low", True),
+        ]
 
     play(story)
 

@@ -31,7 +31,7 @@ class Heard:
     def __init__(self, plan: Plan, landings: dict[int, LandingProfile]) -> None:
         self.plan = plan
         self.monitor = Monitor(plan, landings)
-        self.monitor.begin(T0_UNIX_S)
+        self.monitor.set_t0(T0_UNIX_S)
         self.clock = VehicleClock()
 
     def at(self, t_s: float, off_ned_m: tuple[float, float, float]) -> None:

@@ -9,12 +9,11 @@ from pathlib import Path
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import Verdict
-from gcs.flight.contingency.options import FlightMode, FlightOptions
-from gcs.flight.contingency.policy import OnLoss
+from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLoss, TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.flight.recording.flight_folder import TRUE_STATES, report_data
 from gcs.flight.recording.flight_report import DEFINITIONS, emulation_data, repeat_command, write_report
-from gcs.flight.setup.build_loads import TimeKeeping
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.scenario.schema.scenario import Scenario
 
@@ -76,7 +75,7 @@ def test_every_figure_is_defined_and_none_is_on_the_screen_only(tmp_path: Path, 
 
 def test_a_mission_with_gates_is_repeated_with_them(simulation1: Scenario) -> None:
     emulation = emulation_data(simulation1, Emulated())
-    keeping = TimeKeeping(FlightMode.MISSION, emulated=True, navigator="own", gates=2)
+    keeping = TimeKeeping(FlightMode.MISSION, emulated=True, navigator=NavigatorChoice.OWN, gates=2)
     options = FlightOptions(on_loss=OnLoss.RETURN)
     assert repeat_command(keeping, options, emulation) == (
         "gcs fly plan.skein --sim --mode mission --seed 0 --nav own --gates 2 --on-loss return --speedup 10"

@@ -3,6 +3,7 @@ import pytest
 from gcs.autopilots.protocol_timers import CommandTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.command import CommandMemory, CommandRefused, CommandSender, Position, command_ack
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MavCommand, MavResult
 
@@ -19,7 +20,7 @@ TIMERS = CommandTimers(reply_s=1.0, retries=2, progress_s=5.0, limit_s=12.0)
 
 
 def started():
-    sender = CommandSender(ARM, (1.0,), VEHICLE, timers=TIMERS)
+    sender = CommandSender(ARM, (1.0,), Exchange(VEHICLE), timers=TIMERS)
     (first,) = sender.start(0.0)
     assert first.name == "COMMAND_LONG"
     assert [first.fields[f"param{n}"] for n in range(1, 8)] == [1.0] + [0.0] * 6
@@ -78,19 +79,19 @@ def test_in_progress_buys_time_without_repetition_and_not_for_ever():
 
 
 def test_a_position_makes_it_a_command_int():
-    sender = CommandSender(192, (1.0,), VEHICLE, position=Position(6, 473977420, 85455939, 10.0))
+    sender = CommandSender(192, (1.0,), Exchange(VEHICLE), position=Position(6, 473977420, 85455939, 10.0))
     (message,) = sender.start(0.0)
     assert message.name == "COMMAND_INT"
     assert (message.fields["x"], message.fields["y"], message.fields["z"]) == (473977420, 85455939, 10.0)
     with pytest.raises(ProtocolMisuse, match="4 parameters"):
-        CommandSender(192, (1.0,) * 5, VEHICLE, position=Position(6, 0, 0, 0.0))
+        CommandSender(192, (1.0,) * 5, Exchange(VEHICLE), position=Position(6, 0, 0, 0.0))
 
 
 def test_misuse():
     with pytest.raises(ProtocolMisuse):
         started().start(0.0)
     with pytest.raises(ProtocolMisuse, match="7 parameters"):
-        CommandSender(ARM, (0.0,) * 8, VEHICLE)
+        CommandSender(ARM, (0.0,) * 8, Exchange(VEHICLE))
 
 
 def test_a_repeated_command_is_recognised_and_a_new_one_is_not():

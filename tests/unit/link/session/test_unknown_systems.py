@@ -1,11 +1,11 @@
-"""What strangers may cost, and what is told of them."""
+"""What unknown may cost, and what is told of them."""
 
 from __future__ import annotations
 
 import pytest
 
 from gcs.link.session.routing_table import LinkAddress
-from gcs.link.session.unknown_systems import ByteBudget, Strangers
+from gcs.link.session.unknown_systems import ByteBudget, UnknownSystems
 
 FIRST, SECOND = LinkAddress(0, ("10.0.0.9", 5001)), LinkAddress(1, ("::1", 5002))
 
@@ -20,27 +20,27 @@ def test_a_budget_is_so_much_at_once_and_so_much_per_second() -> None:
 
 
 def test_systems_are_counted_and_told_once() -> None:
-    strangers = Strangers()
+    unknown = UnknownSystems()
     for n in range(60_000):
-        strangers.note(4 + n % 248, FIRST if n == 0 else SECOND, n / 9e3)
-    assert strangers.notices(0.5) == []
-    (text,) = strangers.notices(8.0)
+        unknown.note(4 + n % 248, FIRST if n == 0 else SECOND, n / 9e3)
+    assert unknown.notices(0.5) == []
+    (text,) = unknown.notices(8.0)
     assert text == "heard 248 systems that are not in the plan, first system 4 at 10.0.0.9:5001: ignored"
-    assert strangers.notices(9.0) == []
-    assert len(strangers.systems) == 248
+    assert unknown.notices(9.0) == []
+    assert len(unknown.systems) == 248
 
 
 def test_one_system_is_named() -> None:
-    strangers = Strangers()
-    strangers.note(200, SECOND, 0.0)
-    assert strangers.notices(5.0) == ["heard system 200, which is not in the plan, at [::1]:5002: ignored"]
+    unknown = UnknownSystems()
+    unknown.note(200, SECOND, 0.0)
+    assert unknown.notices(5.0) == ["heard system 200, which is not in the plan, at [::1]:5002: ignored"]
 
 
 def test_a_flood_is_dropped_unread_and_told_once() -> None:
-    strangers = Strangers()
-    read = sum(strangers.admits(65_000, FIRST, tick / 300) for tick in range(3_000))
+    unknown = UnknownSystems()
+    read = sum(unknown.admits(65_000, FIRST, tick / 300) for tick in range(3_000))
     assert 10 < read < 40, "of 195 MB in ten seconds"
-    assert strangers.dropped == 3_000 - read
-    (text,) = strangers.notices(10.0)
-    assert text.startswith(f"{strangers.dropped} datagrams from addresses without a vehicle were dropped unread")
-    assert strangers.notices(11.0) == []
+    assert unknown.dropped == 3_000 - read
+    (text,) = unknown.notices(10.0)
+    assert text.startswith(f"{unknown.dropped} datagrams from addresses without a vehicle were dropped unread")
+    assert unknown.notices(11.0) == []

@@ -10,7 +10,7 @@ import pytest
 
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Datum, Drawing, LeftOut, sentences
-from gcs.mission.drawings.route_formats import drawing_in, read_drawing
+from gcs.mission.drawings.route_formats import ROUTE_FORMATS, RouteFormat, drawing_in, read_drawing
 
 FILES = Path(__file__).parent / "files"
 
@@ -185,3 +185,17 @@ def test_patterns_that_a_plan_does_not_store_are_said() -> None:
         "item 3 (structure): the file does not store its points; replace it by waypoints",
         "item 4 (fwLandingPattern): landing patterns are not carried over; the formation lands below its last point",
     ]
+
+
+def test_a_map_with_a_member_of_its_own_is_no_mission() -> None:
+    """An older mission file has a version and no type."""
+    text = '{"version":2,"type":"LineString","coordinates":[[8,47,500],[8,47.001,500]]}'
+    assert [point.height_m for point in drawing_in(text.encode(), "x").points] == [500.0, 500.0]
+
+
+def test_a_row_of_a_program_comes_before_those_of_the_table() -> None:
+    own = RouteFormat((".own",), "Nothing", lambda file: file.is_xml, lambda data, source: Drawing(source, ()))
+    assert drawing_in((FILES / "pond.kml").read_bytes(), "x", (own, *ROUTE_FORMATS)).points == ()
+    with pytest.raises(FileFormatError) as refused:
+        drawing_in(b"a letter", "x", (own,))
+    assert refused.value.hint == "give a drawing: .own"

@@ -14,6 +14,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import ned_to_geodetic, to_degE7
 from gcs.mission.model import Altitude, Command, Home, MissionItem, VehicleMission
 from gcs.mission.predicted import timing as module
+from gcs.mission.predicted.arrival_spread import ArrivalSpread
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.predicted.timing import Timing, predicted
 from gcs.mission.waypoints.placement import Deviation
@@ -89,12 +90,34 @@ def timing_of(
     delays_s: Sequence[Delays],
     known: Sequence[Autopilot] = (Autopilot.ARDUPILOT,) * 3,
     gate_s: float | None = None,
+    open_s: tuple[float, float] | None = None,
 ) -> Timing:
     frames = (Altitude.RELATIVE, Altitude.RELATIVE, Altitude.AMSL)
     made = [flown(plan, row, one, frames[row], gate_s) for row, one in enumerate(delays_s)]
     gates = () if gate_s is None else (Gate(1, gate_s, 5.0),)
     legs = TimedLegs(np.array([0.0, *DUE_S]), Deviation(0.0, 0.0), None, LEAVES_S, gates)
-    return predicted(plan, known, dict.fromkeys(known, legs), [one for one, _ in made], [one for _, one in made])
+    spreads = []
+    if open_s is not None:  # the first vehicle may be so early and so late, everywhere
+        ends_s = np.array([1e3])
+        spreads = [ArrivalSpread(ends_s, *np.zeros((2, 1))) for _ in made]
+        spreads[0] = ArrivalSpread(ends_s, *np.array(open_s)[:, None])
+    missions, flights = [one for one, _ in made], [one for _, one in made]
+    return predicted(plan, known, dict.fromkeys(known, legs), missions, flights, spreads)
+
+
+@pytest.mark.parametrize(("open_s", "nearer_m"), [((0.0, 1.0), 2.0), ((-1.0, 0.0), 0.0), ((-0.2, 0.6), 1.2)])
+def test_who_may_be_late_is_near_who_follows(straight: Plan, open_s: tuple[float, float], nearer_m: float) -> None:
+    """The leader is 4.33 m ahead of both others: late it is nearer to them, early it is farther."""
+    timing = timing_of(straight, [(0.0,) * 3] * 3, open_s=open_s)
+    assert timing.nearest is not None
+    expected_m = np.hypot(4.33 - nearer_m - SPEED_MPS * 0.02, 2.5)
+    assert timing.nearest.distance_m == pytest.approx(expected_m, abs=1e-3)
+    assert timing.may_differ_s == max(map(abs, open_s))
+
+
+def test_who_may_be_late_may_miss_a_gate(straight: Plan) -> None:
+    sure, late = (timing_of(straight, [(0.0,) * 3] * 3, gate_s=20.0, open_s=open_s) for open_s in (None, (-0.5, 1.5)))
+    assert late.gates_early_s[0] == pytest.approx(sure.gates_early_s[0] - 1.5)
 
 
 def test_every_vehicle_is_as_late_as_it_was_flown(straight: Plan) -> None:

@@ -125,7 +125,8 @@ def test_planned_speeds_count_from_the_end_of_a_hold_and_keep_to_their_limits() 
 
 
 def flight(t_s: Array, places: Array, passed_s: list[float], completed_s: list[float]) -> Prediction:
-    return Prediction(t_s, places, np.gradient(places, t_s, axis=0), np.array(passed_s), np.array(completed_s))
+    ends = np.array(passed_s), np.array(completed_s), np.ones(len(completed_s))
+    return Prediction(t_s, places, np.gradient(places, t_s, axis=0), *ends)
 
 
 def test_shares_are_passed_between_the_steps_of_a_flight() -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.predict import predict
 from gcs.mission.machine_independent import ORDER_GRID
-from gcs.mission.waypoints.speed_correction import SHARES, correct, leg_profile
+from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, correct, leg_profile
 
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
 SPEED_NED_MPS = np.array([6.0, 6.0, 2.0])
@@ -21,7 +23,7 @@ def bend() -> tuple[np.ndarray, np.ndarray, list[int]]:
     course = np.interp(t_s, [0.0, 30.0, 60.0, 90.0], [0.0, 0.0, 0.8, 0.8])
     north, east = (np.cumsum(speed * part) * 0.1 for part in (np.cos(course), np.sin(course)))
     down = -20.0 - np.interp(t_s, [0.0, 40.0, 60.0], [0.0, 0.0, 4.0])
-    return t_s, np.stack([north, east, down], axis=1), [0, 100, 250, 350, 450, 550, 700, 800, 900]
+    return t_s, np.stack([north, east, down], axis=1), [0, 100, 250, 350, 450, 550, 620, 700, 900]
 
 
 def late_s(name: str, speeds_mps: np.ndarray, course: object) -> np.ndarray:
@@ -88,3 +90,32 @@ def test_a_hold_ends_when_the_plan_leaves_wherever_the_delay_begins(name: str) -
     found = correct(navigator, course)
     assert found.flown.completed_s[0] == pytest.approx(30.0, abs=1.0)  # no vehicle stops from 4 m/s at once
     assert np.abs(found.late_s).max() < 1.0
+
+
+def slower_at_the_end(cruise_mps: float, slow_mps: float) -> LegProfile:
+    """Legs of a mission whose vehicles came within a metre, flown straight on: the last, to a stop, is a slow one."""
+    ends_m = np.cumsum([0.0, 20.0, 18.7, 18.7, 13.4, 16.8, 18.5])
+    speed_mps, along_m = 0.0, [0.0]
+    while ends_m[-1] - along_m[-1] > 0.02:
+        wanted_mps = min(cruise_mps if along_m[-1] < ends_m[-2] else slow_mps, math.sqrt(ends_m[-1] - along_m[-1]))
+        speed_mps += min(max(wanted_mps - speed_mps, -0.1), 0.07)
+        along_m.append(along_m[-1] + 0.1 * speed_mps)
+    north_m = np.array(along_m)
+    waypoints = [int(np.abs(north_m - end_m).argmin()) for end_m in ends_m]
+    t_s, position = 0.1 * np.arange(len(north_m)), np.stack([north_m, 0.0 * north_m, 0.0 * north_m - 25.0], axis=1)
+    return leg_profile(t_s, position, waypoints, SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)[0]
+
+
+@pytest.mark.parametrize(("cruise_mps", "slow_mps"), [(2.9, 2.0), (2.7, 1.6)])
+def test_no_speed_counts_on_being_ignored(cruise_mps: float, slow_mps: float) -> None:
+    """ArduCopter may make a slow-down, and the vehicle is seconds late, or not: no leg is much slower than flown."""
+    course = slower_at_the_end(cruise_mps, slow_mps)
+    found = correct(Autopilot.ARDUPILOT.navigator, course, (0.0, 3.0))
+    one_third, two_thirds, _ = course.passed_s(found.flown).T
+    flown_mps = course.lengths_m / 3.0 / (two_thirds - one_third)
+    assert (flown_mps <= 1.15 * found.speeds_mps).all()
+    assert np.abs(found.late_s).max() < 0.5
+    made, not_made = (
+        predict(each, course.orders(found.speeds_mps)) for each in Autopilot.ARDUPILOT.navigator.reactions
+    )
+    assert np.abs(made.passed_s - not_made.passed_s).max() < 1.0

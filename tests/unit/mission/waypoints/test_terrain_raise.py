@@ -42,7 +42,7 @@ def flown(points_ned_m: Array, step_s: float = 0.1) -> Prediction:
     ends_s = np.concatenate([[0.0], np.cumsum(lengths)]) / 5.0
     t_s = np.arange(0.0, ends_s[-1] + 0.5 * step_s, step_s)
     places = np.stack([np.interp(t_s, ends_s, points_ned_m[:, axis]) for axis in range(3)], axis=1)
-    return Prediction(t_s, places, np.gradient(places, t_s, axis=0), ends_s[1:], ends_s[1:])
+    return Prediction(t_s, places, np.gradient(places, t_s, axis=0), ends_s[1:], ends_s[1:], np.ones(len(ends_s) - 1))
 
 
 def plan_of(scenario: Scenario, shape: Shape | None = None) -> Plan:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any, get_args
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.interpolate import PPoly, make_interp_spline
 from gcs.errors import Infeasible
 from gcs.plan.formation.coordinates import (
     Coordinate,
-    Name,
+    CoordinateName,
     bent,
     budget_of_each,
     composed,
@@ -31,7 +31,7 @@ from gcs.scenario.values.si import offsets_ned_m, shape_offsets_ned_m
 from gcs.types import Array
 from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet
 
-NAMES: tuple[Name, ...] = get_args(Name)
+NAMES = tuple(CoordinateName)
 SOME = [chosen for count in (1, 2, 3) for chosen in itertools.combinations(NAMES, count)]
 BASE = np.concatenate([np.zeros((1, 3)), np.random.default_rng(1).normal(size=(6, 3)) * 8.0])
 TARGET = np.concatenate([np.zeros((1, 3)), np.random.default_rng(2).normal(size=(6, 3)) * 8.0])
@@ -43,7 +43,7 @@ AUTOS: dict[str, dict[str, Any]] = {
 }
 
 
-def smooth(random: np.random.Generator, names: tuple[Name, ...]) -> PPoly:
+def smooth(random: np.random.Generator, names: tuple[CoordinateName, ...]) -> PPoly:
     """Slow waves as quintics that meet to the fourth derivative; headings go from side to side by 170 degrees."""
     points = np.linspace(JOINTS[0], JOINTS[-1], 17)
     rest = {"scale": 0.8, "heading": 0.0, "blend": 0.5}
@@ -74,7 +74,7 @@ def turned(heading: Array) -> Array:
     return e
 
 
-def closed_form(base: Shape, names: tuple[Name, ...], values: PPoly, t: Array) -> Array:
+def closed_form(base: Shape, names: tuple[CoordinateName, ...], values: PPoly, t: Array) -> Array:
     """s Rz(theta) ((1 - b) base + b target) and its first four derivatives (5, V, N, 3), series by series."""
     factorial = np.array([math.factorial(n) for n in range(5)])[:, None]
     series = {name: np.stack([values(t, nu=n)[:, i] for n in range(5)]) / factorial for i, name in enumerate(names)}
@@ -108,7 +108,7 @@ def scheduled() -> Shape:
 
 
 @pytest.mark.parametrize("names", SOME, ids="+".join)
-def test_a_composed_shape_is_the_closed_form_to_its_snap(names: tuple[Name, ...]) -> None:
+def test_a_composed_shape_is_the_closed_form_to_its_snap(names: tuple[CoordinateName, ...]) -> None:
     for seed, base in enumerate((rigid(BASE, 0.0, 20.0), scheduled())):
         values = smooth(np.random.default_rng(seed), names)
         shape = composed(base, TARGET, names, values)
@@ -121,7 +121,7 @@ def test_a_composed_shape_is_the_closed_form_to_its_snap(names: tuple[Name, ...]
 
 
 @pytest.mark.parametrize("names", SOME, ids="+".join)
-def test_a_composed_shape_goes_on_at_its_joints_to_the_jerk(names: tuple[Name, ...]) -> None:
+def test_a_composed_shape_goes_on_at_its_joints_to_the_jerk(names: tuple[CoordinateName, ...]) -> None:
     shape = composed(scheduled(), TARGET, names, smooth(np.random.default_rng(7), names))
     joints = shape.joints_s[1:-1]
     for order, tolerance in enumerate((1e-8, 1e-7, 1e-6, 1e-5)):
@@ -206,7 +206,7 @@ def moved(scenario: Scenario, random: np.random.Generator, count: int) -> tuple[
     step = 1e-3
 
     def offsets(h: float) -> Array:
-        values: dict[Name, Array] = {
+        values: dict[CoordinateName, Array] = {
             c.name: q[0] + q[1] * h + 0.5 * q[2] * h * h for c, q in zip(found, drawn_all, strict=True)
         }
         parts = bent(values, tuple(base.T[:, :, None]), tuple(target.T[:, :, None]))
@@ -225,7 +225,7 @@ ONE_SHAPE = ({"name": "row", "generator": "line", "spacing_m": 3.0},)
 @pytest.mark.parametrize("names", SOME, ids="+".join)
 @pytest.mark.parametrize(("speed_mps", "accel_mps2"), [(1.0, 0.3), (2.0, 0.8), (4.0, 0.3), (0.5, 1.4)])
 def test_whatever_the_coordinates_do_no_vehicle_exceeds_its_budget(
-    simulation1: Scenario, names: tuple[Name, ...], speed_mps: float, accel_mps2: float
+    simulation1: Scenario, names: tuple[CoordinateName, ...], speed_mps: float, accel_mps2: float
 ) -> None:
     """All at once, every rate and acceleration as large as it may be."""
     wanted = {"change_speed_mps": speed_mps, "change_accel_mps2": accel_mps2}
@@ -242,7 +242,7 @@ def test_whatever_the_coordinates_do_no_vehicle_exceeds_its_budget(
 
 @pytest.mark.parametrize("names", SOME, ids="+".join)
 def test_a_motion_of_the_optimisers_keeps_the_budget_on_a_moving_base(
-    simulation1: Scenario, names: tuple[Name, ...]
+    simulation1: Scenario, names: tuple[CoordinateName, ...]
 ) -> None:
     """Scheduled changes and automatic ones at the same time: each has its share."""
     changes = (*(AUTOS[name] for name in names), at(TO_ROW, 1.0), at({"kind": "shrink", "scale": 1.5}, 60.0))

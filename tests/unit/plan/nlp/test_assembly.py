@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.plan.nlp.leg_mesh import first_mesh
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.free_final_time import with_free_time
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.search.leg_schedule import on_time
+from gcs.plan.search.leg_guess import on_time
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.casadis_own import assert_casadis_own
 from tests.unit.plan.formations import ROOMY, STRONG
@@ -68,8 +68,9 @@ def test_derivatives_are_differences_of_values(simulation1: Scenario) -> None:
 
 def test_rows_of_points_and_times_are_what_they_are_called(simulation1: Scenario) -> None:
     problem, program, y = rich_program(flight_through(simulation1, *RICH))
-    g = dict(zip(program.g_names, np.array(program.nlp(y, [])[1]).ravel(), strict=True))
-    assert len(g) == len(program.g_names)  # each has a name of its own
+    rows = [(str(constraint), t_s) for constraint, t_s in program.g_ids]
+    g = dict(zip(rows, np.array(program.nlp(y, [])[1]).ravel(), strict=True))
+    assert len(g) == len(rows)  # each has a name of its own
     mesh = program.layout.mesh
     w = y[: program.layout.size] * program.unit + program.shift
     state = w[program.layout.joint(int(mesh.arrivals[0])) :][:12]
@@ -81,7 +82,7 @@ def test_rows_of_points_and_times_are_what_they_are_called(simulation1: Scenario
     before_s = stretch[:3] @ mesh.leg_lengths_s[:3]
     assert g["time of point 3", problem.point_s[2]] == pytest.approx(before_s / 60.0)
     assert program.mesh(y).joints_s[mesh.arrivals[2]] == pytest.approx(before_s + 4.0)
-    low = dict(zip(program.g_names, program.g_low, strict=True))
+    low = dict(zip(rows, program.g_low, strict=True))
     assert low["time of point 3", problem.point_s[2]] == pytest.approx((40.0 - 4.0) / 60.0)
     end = "time of flight", 60.0
     assert g[end] == pytest.approx(stretch @ mesh.leg_lengths_s / 60.0)

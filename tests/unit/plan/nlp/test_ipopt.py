@@ -14,6 +14,10 @@ from gcs.errors import Infeasible
 from gcs.plan.nlp import ipopt
 from gcs.plan.nlp.ipopt import OPTIONS, Solution, _failure, _opposing, _WithoutInterrupts, solve
 from gcs.plan.nlp.mesh import Mesh
+from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
+from gcs.scenario.environment.no_fly import ZoneName
+
+ROLL, ZONE = ConstraintId(Kind.ROLL, Form.BOUND), ConstraintId(Kind.ZONE, of=ZoneName(1))
 
 
 def program(**kinds: Any) -> Any:
@@ -23,10 +27,10 @@ def program(**kinds: Any) -> Any:
         "layout": SimpleNamespace(coordinates=kinds.pop("coordinates", ()), mesh=mesh),
         "y_low": np.array([-1.0, -1.0, 0.0]),
         "y_high": np.array([1.0, 1.0, 0.0]),
-        "y_names": ("limit of roll", "limit of pitch", "limit of yaw"),
+        "y_ids": (ROLL, ConstraintId(Kind.PITCH, Form.BOUND), ConstraintId(Kind.YAW, Form.BOUND)),
         "g_low": np.array([0.0, -np.inf, 0.0]),
         "g_high": np.array([0.0, 2.0, np.inf]),
-        "g_names": (("Eq. 1 for roll", 3.0), ("limit of roll", 5.0), ("no-fly zone 1", 7.0)),
+        "g_ids": ((ConstraintId(Kind.ROLL, Form.MOTION), 3.0), (ROLL, 5.0), (ZONE, 7.0)),
         "nlp": lambda y, _: (0.0, y),
         "derivatives": {},
         "parameters": np.zeros(0),
@@ -37,9 +41,7 @@ def program(**kinds: Any) -> Any:
     return SimpleNamespace(**names | kinds)
 
 
-FOUND = Solution(
-    np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), {("no-fly zone 1", 7.0000001): 8.0}, 9.0, 10, 11.0
-)
+FOUND = Solution(np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), {(ZONE, 7.0000001): 8.0}, 9.0, 10, 11.0)
 
 
 @pytest.fixture

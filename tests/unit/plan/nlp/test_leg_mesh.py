@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh import HOLD, end_refined
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.ocp.problem import flight_problem
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, meadow

@@ -7,14 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.leg_rows import LegTimes, leg_times
+from gcs.plan.nlp.route_phases import LegTimes, first_mesh, leg_times
 from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
+from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, meadow
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through
 
 POINT_S = 25.0, 45.0
+
+
+def texts(rows: tuple[tuple[ConstraintId, float], ...]) -> tuple[tuple[str, float], ...]:
+    return tuple((str(constraint), t_s) for constraint, t_s in rows)
 
 
 def timed(scenario: Scenario, start_s: float = 10.0, **changes: Any) -> tuple[Problem, LegTimes]:
@@ -33,10 +37,14 @@ def test_times_at_points_count_the_legs_before_them_and_not_the_holds(simulation
     # No later than 20 s after the start; no earlier than 30 s after it, less the hold; and at the end after 46 s.
     np.testing.assert_allclose(legs.rows_low, [-np.inf, (30.0 - 4.0) / 50.0, 46.0 / 50.0])
     np.testing.assert_allclose(legs.rows_high, [20.0 / 50.0, np.inf, 46.0 / 50.0])
-    assert legs.row_names == (("time of point 1", 25.0), ('time of point 2 ("gate")', 45.0), ("time of flight", 60.0))
+    assert texts(legs.row_ids) == (
+        ("time of point 1", 25.0),
+        ('time of point 2 ("gate")', 45.0),
+        ("time of flight", 60.0),
+    )
     np.testing.assert_allclose(legs.rows @ np.ones(3), np.array([15.0, 31.0, 46.0]) / 50.0)
     assert (legs.low.tolist(), legs.high.tolist()) == ([0.05] * 3, [20.0] * 3)
-    assert legs.words == tuple(f"limit of the duration of leg {leg}" for leg in (1, 2, 3))
+    assert tuple(map(str, legs.ids)) == tuple(f"limit of the duration of leg {leg}" for leg in (1, 2, 3))
 
 
 def test_a_free_end_has_both_its_bounds(simulation1: Scenario) -> None:
@@ -49,7 +57,7 @@ def test_a_point_without_a_time_has_no_row(simulation1: Scenario) -> None:
     problem = replace(flight_problem(flight), point_s=POINT_S)
     legs = leg_times(problem, first_mesh(problem, 9.0, 6.0, 2))
     assert legs is not None
-    assert [name for name, _ in legs.row_names] == ["time of point 2", "time of flight"]
+    assert [name for name, _ in texts(legs.row_ids)] == ["time of point 2", "time of flight"]
     assert legs.rows_low[0] == legs.rows_high[0] == 44.0 / 60.0
 
 
@@ -60,5 +68,5 @@ def test_one_leg_is_stretched_where_its_time_is_free(simulation1: Scenario) -> N
     legs = leg_times(replace(problem, free_time=FreeTime(15.0, 50.0, 1.0, 20.0)), mesh)
     assert legs is not None
     assert (legs.low.tolist(), legs.high.tolist()) == ([0.75], [2.5])
-    assert (legs.words, legs.rows.shape, legs.row_names) == (("limit of the time of flight",), (0, 1), ())
+    assert (*map(str, legs.ids), legs.rows.shape, legs.row_ids) == ("limit of the time of flight", (0, 1), ())
     assert legs.rows_low.size == legs.rows_high.size == 0

@@ -27,6 +27,7 @@ from gcs.plan.nlp.mesh_refinement import (
 )
 from gcs.plan.nlp.violations import Violation
 from gcs.plan.ocp.problem import Problem, Tightening, flight_problem
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.integration_windows import WindowErrors
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
@@ -292,8 +293,8 @@ def rounds(monkeypatch: pytest.MonkeyPatch) -> Rounds:
     return made
 
 
-def miss(name: str, t_s: float, by: float, tolerated: float = 9.0, **keys: Any) -> Violation:
-    return Violation(name, "m", t_s, by, 0.1, tolerated, (t_s - 0.5, t_s + 1.5), beyond_leader=by, **keys)
+def miss(kind: Kind, t_s: float, by: float, tolerated: float = 9.0, **keys: Any) -> Violation:
+    return Violation(ConstraintId(kind), "m", t_s, by, 0.1, tolerated, (t_s - 0.5, t_s + 1.5), beyond_leader=by, **keys)
 
 
 def test_a_flight_without_violations_is_solved_once(problem: Problem, rounds: Rounds) -> None:
@@ -313,8 +314,8 @@ def test_a_flight_without_violations_is_solved_once(problem: Problem, rounds: Ro
 
 def test_each_round_knows_what_the_rounds_before_it_missed(problem: Problem, rounds: Rounds) -> None:
     rounds.found = [
-        (miss("acceleration", 5.0, 0.1), miss("jerk", 6.0, 0.2), miss("pitch", 5.0, 0.02)),
-        (miss("acceleration", 7.0, 0.3), miss("jerk", 6.0, 0.1)),
+        (miss(Kind.ACCELERATION, 5.0, 0.1), miss(Kind.JERK, 6.0, 0.2), miss(Kind.PITCH, 5.0, 0.02)),
+        (miss(Kind.ACCELERATION, 7.0, 0.3), miss(Kind.JERK, 6.0, 0.1)),
     ]
     rounds.drifts = [{1}]
     best = optimise(problem, hovering(problem, EVEN), near=True)
@@ -337,7 +338,7 @@ def test_each_round_knows_what_the_rounds_before_it_missed(problem: Problem, rou
 def test_a_violation_that_is_tolerated_and_a_small_move_of_the_end_are_good_enough(
     problem: Problem, rounds: Rounds
 ) -> None:
-    rounds.found = [(miss("height", 5.0, 1e-4, 0.9),)]
+    rounds.found = [(miss(Kind.HEIGHT, 5.0, 1e-4, 0.9),)]
     rounds.stretches = [1.009]
     best = optimise(problem, hovering(problem, EVEN))
     assert len(best.history) == 1
@@ -357,7 +358,7 @@ def test_where_the_end_has_moved_far_it_is_solved_again(problem: Problem, rounds
 
 def test_past_a_corner_the_rest_of_the_period_is_watched_as_well(simulation1: Scenario, rounds: Rounds) -> None:
     problem = flight_problem(fleet(simulation1, 3, formation={"frame": "course"}))
-    rounds.found = [(miss("height", 5.0, 0.1),)]
+    rounds.found = [(miss(Kind.HEIGHT, 5.0, 0.1),)]
     optimise(problem, hovering(problem, EVEN))
     assert rounds.meshes[1].extra_s.tolist() == [4.75, 5.0, 5.75]
     assert np.diff(rounds.meshes[0].joints_s).max() > 6.0
@@ -392,7 +393,7 @@ def test_a_flight_of_legs_is_warm_the_next_time(simulation1: Scenario, rounds: R
 def test_a_flight_that_never_gets_better_is_given_up_with_its_leg(simulation1: Scenario, rounds: Rounds) -> None:
     problem = flight_problem(flight_through(simulation1, CORNER, FAR))
     problem = replace(problem, point_s=(20.0, 40.0))
-    rounds.found = [(miss("height", 5.0, 0.1, 2.0), miss("roll", 30.0, 0.1, 3.0))] * 20
+    rounds.found = [(miss(Kind.HEIGHT, 5.0, 0.1, 2.0), miss(Kind.ROLL, 30.0, 0.1, 3.0))] * 20
     with pytest.raises(PlanningError, match=r"height violated by .*roll violated by .*, in leg 2 \(point 1") as caught:
         optimise(problem, hovering(problem, EVEN))
     assert "8 refinements" in str(caught.value)

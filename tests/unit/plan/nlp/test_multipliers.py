@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh_refinement import with_times
 from gcs.plan.nlp.multipliers import moved
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.route_flights import CORNER, FAR, first_guess, flight_through
@@ -26,7 +26,7 @@ def test_a_moved_solution_names_every_row_again_and_is_solved_at_once(simulation
     later = with_times(problem, flown.end_s, tuple(mesh.joints_s[mesh.arrivals].tolist()))
     again = transcribe(later, mesh, flown)
     found = {(name, round(t_s, 6)): price for (name, t_s), price in warm.g_multipliers.items()}
-    for (name, t_s), price in zip(again.g_names, cold.g_multipliers.values(), strict=True):
+    for (name, t_s), price in zip(again.g_ids, cold.g_multipliers.values(), strict=True):
         assert found[name, round(t_s, 6)] == price
     solution = solve(again, again.scaled(flown), warm)
     afresh = solve(again, again.scaled(guess))

@@ -7,9 +7,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.point_rows import point_rows
 from gcs.plan.nlp.program_bounds import scales
+from gcs.plan.nlp.route_phases import first_mesh, point_rows
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp.problem import flight_problem
 from gcs.scenario.schema.scenario import Scenario
@@ -26,7 +25,9 @@ def test_rows_are_the_distance_within_a_radius_and_the_square_of_a_speed(simulat
     shift = shift + 0.5  # as if states had an offset
     made = point_rows(problem, layout, unit, shift)
     assert made is not None
-    assert made.names == (("distance to point 1", 15.0), ("speed at point 1", 15.0), ("speed at point 3", 45.0))
+    assert [f"{constraint} at {t_s:g} s" for constraint, t_s in made.ids] == [
+        *("distance to point 1 at 15 s", "speed at point 1 at 15 s", "speed at point 3 at 45 s"),
+    ]
     assert made.low.tolist() == [0.0, 0.0, 0.0]
     assert made.high.tolist() == [np.inf, 0.0, 0.0]
     joints = layout.mesh.arrivals

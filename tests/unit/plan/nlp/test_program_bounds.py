@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import hover_trim, level_flight_thrust_N
-from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program_bounds import STATE_UNIT, bounds, scales, thrust_steps
+from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem, flight_problem

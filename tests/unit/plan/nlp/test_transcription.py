@@ -122,8 +122,8 @@ def test_rows_are_eqs_44_and_46_written_out(rich: tuple[Problem, Mesh]) -> None:
         row += NX * degree
         joint = end - values[0] - 0.5 * (high - low) * rule.weights @ rate
         np.testing.assert_allclose(g[row : row + NX] * unit, joint, atol=1e-7)
-        names = program.g_names[row : row + NX]
-        assert names[2] == ("Eq. 1 for height", high)
+        constraint, t_s = program.g_ids[row + 2]
+        assert (str(constraint), t_s) == ("Eq. 1 for height", high)
         row += NX
 
 
@@ -131,15 +131,15 @@ def test_every_row_and_unknown_has_a_name_of_its_own(rich: tuple[Problem, Mesh])
     problem, mesh = rich
     program = transcribe(problem, mesh, straight(problem))
     assert (
-        len(program.g_names)
+        len(program.g_ids)
         == len(program.g_low)
         == len(program.g_high)
         == np.array(program.nlp(np.zeros(program.layout.size), [])[1]).size
     )
-    assert len(set(program.g_names)) == len(program.g_names)
-    assert len(program.y_names) == program.layout.size
-    assert program.y_names[program.layout.node(1, 2) + 5] == "limit of vertical speed"
-    assert program.y_names[program.layout.control(3) + 3] == "limit of control U4"
+    assert len({(str(constraint), t_s) for constraint, t_s in program.g_ids}) == len(program.g_ids)
+    assert len(program.y_ids) == program.layout.size
+    assert str(program.y_ids[program.layout.node(1, 2) + 5]) == "limit of vertical speed"
+    assert str(program.y_ids[program.layout.control(3) + 3]) == "limit of control U4"
 
 
 @pytest.mark.parametrize("form", ControlForm)

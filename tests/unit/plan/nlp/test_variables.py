@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gcs.plan.formation.coordinates import CoordinateName
 from gcs.plan.nlp.mesh import HOLD, Mesh
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.types import Array
@@ -13,7 +14,7 @@ from gcs.types import Array
 MESH = Mesh(np.array([2.0, 3.0, 6.0, 7.0, 11.0]), (2, 3, 0, 4), legs=(0, 0, HOLD, 1))
 LINEAR = VariableLayout(MESH)
 EQ_41 = VariableLayout(Mesh(np.array([2.0, 3.0, 6.0]), (2, 3)), ControlForm.LAGRANGE)
-SHAPED = VariableLayout(MESH, coordinates=("scale", "heading"))
+SHAPED = VariableLayout(MESH, coordinates=(CoordinateName.SCALE, CoordinateName.HEADING))
 LAYOUTS = pytest.mark.parametrize("layout", [LINEAR, EQ_41, SHAPED], ids=["linear", "Eq. 41", "with coordinates"])
 
 
@@ -48,21 +49,22 @@ def unknowns(layout: VariableLayout) -> Array:
 def test_every_unknown_has_one_index_and_one_name(layout: VariableLayout) -> None:
     w = unknowns(layout)
     assert not np.isnan(w).any()
-    assert layout.size == len(layout.names()) == layout.nx * layout.state_points + layout.nu * layout.control_points
+    assert layout.size == len(layout.limits()) == layout.nx * layout.state_points + layout.nu * layout.control_points
     instants = layout.point_times_s()
     np.testing.assert_allclose(w[: layout.nx * len(instants)].reshape(-1, layout.nx), states(layout, instants))
-    assert layout.names()[layout.joint(1) + 2] == layout.names()[layout.node(0, 1) + 2] == "limit of height"
-    assert layout.names()[layout.control(1) + 3] == "limit of control U4"
+    height, again = (layout.limits()[first + 2] for first in (layout.joint(1), layout.node(0, 1)))
+    assert height == again and str(height) == "limit of height"
+    assert str(layout.limits()[layout.control(1) + 3]) == "limit of control U4"
     assert layout.nz == layout.nx + layout.nu
 
 
 def test_coordinates_add_chains_of_four_and_a_snap() -> None:
     assert (SHAPED.nx, SHAPED.nu, LINEAR.nx, LINEAR.nu) == (20, 6, 12, 4)
-    assert SHAPED.state_words[12:] == (
+    assert tuple(map(str, SHAPED.state_ids[12:])) == (
         *("scale", "scale's rate", "scale's acceleration", "scale's jerk"),
         *("heading", "heading's rate", "heading's acceleration", "heading's jerk"),
     )
-    assert SHAPED.control_words[4:] == ("scale's snap", "heading's snap")
+    assert tuple(map(str, SHAPED.control_ids[4:])) == ("scale's snap", "heading's snap")
 
 
 @LAYOUTS

@@ -22,6 +22,7 @@ from gcs.plan.nlp.violations import (
 from gcs.plan.nlp.violations import complaints as complaints_of
 from gcs.plan.ocp.bounds import leader_control_bounds
 from gcs.plan.ocp.problem import Problem, control_bounds, flight_problem
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
@@ -353,40 +354,40 @@ def test_controls_of_followers_are_found_and_tighten_the_leaders_bounds(simulati
     for seconds in np.arange(6.0, 1.0, -0.1):
         shape = one_goes_elsewhere(problem, 2, (0.0, 3.0, 0.0), float(seconds))
         missed = find_violations(problem, straight(problem), shape)
-        if any(miss.name == "control U2" and miss.share > 0.05 for miss in missed):
+        if any(miss.constraint.kind is Kind.U2 and miss.share > 0.05 for miss in missed):
             break
-    worst = max(miss.by for miss in missed if miss.name == "control U2")
+    worst = max(miss.by for miss in missed if miss.constraint.kind is Kind.U2)
     # Its peak is where the motion begins, and differences smooth it.
     assert everything(problem, straight(problem), shape, 0.002)["control U2"] == pytest.approx(-worst, rel=0.2)
     tighter = replace(problem, tightenings=tightenings(problem, missed))
-    times = np.array([5.0, next(miss.t_s for miss in missed if miss.name == "control U2"), 20.0])
+    times = np.array([5.0, next(miss.t_s for miss in missed if miss.constraint.kind is Kind.U2), 20.0])
     before, after = (leader_control_bounds(p, times)[1][:, 1] for p in (problem, replace(tighter, shape=problem.shape)))
     assert after[1] < before[1]
     np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
 
 
 # A violation by 0.1 in its unit, 0.06 of it beyond the leader's own; the column and the bound's size that prevent it.
-BOUNDS: list[tuple[str, str, int | None, float]] = [
-    ("roll", "deg", 6, np.radians(0.072)),
-    ("pitch", "deg", 7, np.radians(0.072)),
-    ("roll rate", "deg/s", 9, np.radians(0.072)),
-    ("pitch rate", "deg/s", 10, np.radians(0.072)),
-    ("thrust U1", "N", 12, 0.072),
-    ("control U2", "N", 13, 0.072),
-    ("control U3", "N", 14, 0.072),
-    ("control U4", "N m", 15, 0.072),
-    ("yaw", "deg", None, 0.0),
-    ("north speed", "m/s", None, 0.0),
-    ("acceleration", "m/s2", None, 0.0),
+BOUNDS: list[tuple[Kind, str, int | None, float]] = [
+    (Kind.ROLL, "deg", 6, np.radians(0.072)),
+    (Kind.PITCH, "deg", 7, np.radians(0.072)),
+    (Kind.ROLL_RATE, "deg/s", 9, np.radians(0.072)),
+    (Kind.PITCH_RATE, "deg/s", 10, np.radians(0.072)),
+    (Kind.U1, "N", 12, 0.072),
+    (Kind.U2, "N", 13, 0.072),
+    (Kind.U3, "N", 14, 0.072),
+    (Kind.U4, "N m", 15, 0.072),
+    (Kind.YAW, "deg", None, 0.0),
+    (Kind.NORTH_SPEED, "m/s", None, 0.0),
+    (Kind.ACCELERATION, "m/s2", None, 0.0),
 ]
 
 
-@pytest.mark.parametrize(("name", "unit", "column", "by"), BOUNDS, ids=[row[0] for row in BOUNDS])
+@pytest.mark.parametrize(("kind", "unit", "column", "by"), BOUNDS, ids=[row[0].value for row in BOUNDS])
 def test_a_followers_violation_tightens_the_leaders_bound_by_a_fifth_more_and_a_second_longer(
-    simulation1: Scenario, name: str, unit: str, column: int | None, by: float
+    simulation1: Scenario, kind: Kind, unit: str, column: int | None, by: float
 ) -> None:
     problem = crossing(simulation1, 5)
-    missed = Violation(name, unit, 6.0, 0.1, 0.01, 9.0, (5.0, 8.0), beyond_leader=0.06)
+    missed = Violation(ConstraintId(kind), unit, 6.0, 0.1, 0.01, 9.0, (5.0, 8.0), beyond_leader=0.06)
     made = tightenings(problem, (missed,))
     assert len(made) == (column is not None)
     for tighter in made:
@@ -400,7 +401,7 @@ def test_a_followers_violation_tightens_the_leaders_bound_by_a_fifth_more_and_a_
 
 def test_rotors_that_are_too_slow_tighten_all_controls_by_a_share_of_their_limits(simulation1: Scenario) -> None:
     problem = crossing(simulation1, 5)
-    missed = Violation("rotor speed", "of a control's limit", 6.0, 0.1, 0.1, 9.0, (5.0, 8.0))
+    missed = Violation(ConstraintId(Kind.ROTOR_SPEED), "of a control's limit", 6.0, 0.1, 0.1, 9.0, (5.0, 8.0))
     made = tightenings(problem, (missed,))
     assert [(tighter.column, tighter.start_s, tighter.end_s) for tighter in made] == [
         (column, 4.0, 9.0) for column in (12, 13, 14, 15)
@@ -410,13 +411,13 @@ def test_rotors_that_are_too_slow_tighten_all_controls_by_a_share_of_their_limit
 
 def test_reserves_are_a_fifth_more_than_the_largest_that_was_missing() -> None:
     many = [
-        Violation(name, "", 1.0, by, 0.1, 9.0, beyond_leader=beyond)
-        for name, by, beyond in (
-            ("acceleration", 0.9, 0.2),
-            ("acceleration", 0.3, 0.3),
-            ("jerk", 0.4, 0.0),
-            ("jerk", 0.5, 0.0),
-            ("pitch", 7.0, 7.0),
+        Violation(ConstraintId(kind), "", 1.0, by, 0.1, 9.0, beyond_leader=beyond)
+        for kind, by, beyond in (
+            (Kind.ACCELERATION, 0.9, 0.2),
+            (Kind.ACCELERATION, 0.3, 0.3),
+            (Kind.JERK, 0.4, 0.0),
+            (Kind.JERK, 0.5, 0.0),
+            (Kind.PITCH, 7.0, 7.0),
         )
     ]
     assert accel_reserve_mps2(tuple(many)) == pytest.approx(0.36)
@@ -425,11 +426,17 @@ def test_reserves_are_a_fifth_more_than_the_largest_that_was_missing() -> None:
 
 
 def test_of_each_constraint_the_worst_violation_is_told_and_none_that_is_tolerated() -> None:
-    def one(name: str, by: float, tolerated: float) -> Violation:
-        return Violation(name, "m", 3.0, by, 0.1, tolerated)
+    def one(kind: Kind, by: float, tolerated: float) -> Violation:
+        return Violation(ConstraintId(kind), "m", 3.0, by, 0.1, tolerated)
 
-    many = one("a", 2.0, 1.5), one("b", 0.5, 0.99), one("a", 1.0, 2.5), one("a", 3.0, 2.0), one("c", 4.0, 1.01)
-    assert complaints_of(many) == ("a violated by 1 m at t = 3.0 s", "c violated by 4 m at t = 3.0 s")
+    many = (
+        one(Kind.ROLL, 2.0, 1.5),
+        one(Kind.PITCH, 0.5, 0.99),
+        one(Kind.ROLL, 1.0, 2.5),
+        one(Kind.ROLL, 3.0, 2.0),
+        one(Kind.YAW, 4.0, 1.01),
+    )
+    assert complaints_of(many) == ("roll violated by 1 m at t = 3.0 s", "yaw violated by 4 m at t = 3.0 s")
 
 
 def test_a_violation_has_its_period_its_share_and_what_is_beyond_the_leader(simulation1: Scenario) -> None:
@@ -442,7 +449,7 @@ def test_a_violation_has_its_period_its_share_and_what_is_beyond_the_leader(simu
     state = np.concatenate([np.zeros((1, 3, 12)), np.stack([flat.state(joints[:-1], nu=1), flat.state(joints[:-1])])])
     state[:, :, 2] = np.transpose([[0.0, 0.0, -5.0], [3.0 / 6.25, -3.0 / 6.25 * 5.0, -5.0], [0.0, 0.0, -5.0]])
     bump = Trajectory(PPoly(state, joints), PPoly(np.repeat(flat.control.c, 3, axis=1), joints))
-    (miss,) = [m for m in find_violations(problem, bump, rigid(places, 0.0, 25.0)) if m.name == "height"]
+    (miss,) = [m for m in find_violations(problem, bump, rigid(places, 0.0, 25.0)) if m.constraint.kind is Kind.HEIGHT]
     # 5 + 3 (1 - (t - 12.5)^2 / 6.25): at 12.5 s 8 m, and more than 6.5 m for 1.77 s before and after
     assert (miss.t_s, miss.by, miss.unit) == (pytest.approx(12.5), pytest.approx(1.5), "m")
     assert miss.beyond_leader == pytest.approx(0.5)
@@ -459,7 +466,7 @@ def test_the_jerk_of_all_is_looked_at_where_it_is_limited(simulation1: Scenario)
     problem = crossing(simulation1, 5, limits=limits)
     for seconds, passes in ((6.0, True), (1.5, False)):
         shape = one_goes_elsewhere(problem, 3, (0.0, 0.0, -1.0), seconds)
-        jerks = [m.by for m in find_violations(problem, straight(problem), shape) if m.name == "jerk"]
+        jerks = [m.by for m in find_violations(problem, straight(problem), shape) if m.constraint.kind is Kind.JERK]
         assert (not jerks) == passes
     assert max(jerks) == pytest.approx(52.5 / 1.5**3 - 8.0, rel=1e-4)  # and a little drag
 
@@ -472,7 +479,10 @@ def test_in_a_wind_that_grows_with_height_the_highest_of_many_is_looked_at(simul
         limits = {"roll_pitch_yaw_deg": [25.0, most_deg, 180.0]}
         shape = rigid(places, 0.0, 25.0)
         judged = replace(crossing(simulation1, 60, wind=SHEAR, limits=limits), shape=shape)
-        return max((m.by for m in find_violations(judged, straight(judged), shape) if m.name == "pitch"), default=0.0)
+        return max(
+            (m.by for m in find_violations(judged, straight(judged), shape) if m.constraint.kind is Kind.PITCH),
+            default=0.0,
+        )
 
     flat = problem.shape.at(0.0)
     flat[:, 2] = 0.0

@@ -21,6 +21,7 @@ from gcs.plan.ocp.active_vehicles import FOOT, LIFT, NEAR_GROUND, NEAR_ZONE, SLO
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.initial_guess import along, straight_route
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -167,8 +168,8 @@ def rows_left(problem: Problem, times: Array, states: Array) -> list[set[str]]:
     controls[:, 0] = problem.quadrotor.weight_N
     values = np.asarray(path(np.hstack([states, controls]).T, chosen.parameters.T)).T
     used = stage_functions.path_may_bind(problem, chosen, values)
-    names = stage_functions.path_names(problem, chosen)
-    return [set(itertools.compress(row, kept)) for row, kept in zip(names, used, strict=True)]
+    rows = stage_functions.path_ids(problem, chosen)
+    return [set(map(str, itertools.compress(row, kept))) for row, kept in zip(rows, used, strict=True)]
 
 
 def test_with_the_course_only_rows_that_can_bind_are_in_the_program(simulation1: Scenario) -> None:
@@ -268,7 +269,7 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
         place, speed, acceleration = (flown.at(at_s, order) for order in range(3))
         chosen = active_vehicles(problem, np.array([at_s]), z[None, : 12 + 4 * chains])
         values = np.array(parts.path(z, chosen.parameters[0])).ravel()
-        rows = iter(zip(stage_functions.path_names(problem, chosen)[0], values, strict=True))
+        rows = iter(zip(map(str, stage_functions.path_ids(problem, chosen)[0]), values, strict=True))
         slots = chosen.parameters.reshape(-1, SLOT)
         for row, vehicle in enumerate(chosen.ground[0]):
             at_all = z[:3] + place[vehicle]
@@ -322,11 +323,11 @@ def test_sixty_vehicles_clear_hills_that_a_few_are_watched_over(
     scenario = block(simulation1, changes)
     problem = flight_problem(scenario)
     program = transcribe(problem, end_refined(0.0, 60.0, 9.0, 1.0, 5), along(problem, straight_route(problem)))
-    per_instant: dict[float, set[str]] = {}
-    for name, t_s in program.g_names:
-        if name.startswith("clearance of"):
-            per_instant.setdefault(t_s, set()).add(name)
-    assert {len(names) for names in per_instant.values()} == {FEET * NEAR_GROUND}
+    per_instant: dict[float, set[ConstraintId]] = {}
+    for constraint, t_s in program.g_ids:
+        if constraint.kind is Kind.CLEARANCE:
+            per_instant.setdefault(t_s, set()).add(constraint)
+    assert {len(rows) for rows in per_instant.values()} == {FEET * NEAR_GROUND}
     plan = make_plan(scenario)
     report = verify(plan)
     assert report.ok, [str(check) for check in report.failures]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,20 +17,23 @@ from gcs.errors import Infeasible, UsageError
 from gcs.physics.states import POSITION
 from gcs.plan.nlp.ipopt import run
 from gcs.plan.nlp.mesh import counted
+from gcs.plan.nlp.transcription import Program
+from gcs.plan.nlp.violations import Violation
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.planner import make_plan
-from gcs.plan.replanning.parametric_nlp import parametric_nlp
+from gcs.plan.replanning.parametric_nlp import parametric_nlp, tightened
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.replanning.warm_start import multipliers
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import verify
-from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.no_fly import ZoneName, outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.types import Array
-from tests.unit.plan.problems import meadow
+from tests.unit.plan.problems import changed, meadow
 
 AT_S = 12.0
 
@@ -225,6 +229,66 @@ def test_parts_of_polynomials_are_what_they_were() -> None:
         np.testing.assert_allclose(part.state(t_s), whole.state(t_s), atol=1e-9)
         np.testing.assert_allclose(part.control(t_s), whole.control(t_s), atol=1e-9)
         assert (part.start_s, part.end_s) == (start_s, end_s)
+
+
+def test_rewording_every_constraint_changes_no_re_plan(
+    plan: Plan, replanner: Replanner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    new = replanner.replan(planned(plan), AT_S, [ahead(plan)])
+    words = itertools.count()
+    monkeypatch.setattr(ConstraintId, "__str__", lambda _: f"no-fly zone {next(words)}")
+    assert replanner.replan(planned(plan), AT_S, [ahead(plan)]).hash == new.hash
+
+
+IDS = range(1, 7)
+CORNER = [[50.0, 60.0], [60.0, 60.0], [60.0, 65.0], [55.0, 65.0], [55.0, 75.0], [50.0, 75.0]]  # of two pieces
+FEET = {f"clearance of vehicle {v}{foot}" for v in IDS for foot in ("", ", other side")}
+
+
+@pytest.fixture(scope="module")
+def program(plan: Plan) -> Program:
+    """On eight intervals, with zones and all limits of motion."""
+    zones = [{"polygon_m": CORNER}, {"north_m": 20.0, "east_m": 70.0, "radius_m": 5.0}]
+    strict = changed(plan.scenario, limits={"accel_max_mps2": 2.0, "jerk_max_mps3": 4.0}, no_fly=zones)
+    whole = replace(flight_problem(strict), shape=shape_part(plan.shape, 0.0, plan.flight_s))
+    mesh = counted(0.0, plan.flight_s, 8, 1.0, 5)
+    return parametric_nlp(whole, mesh, 1).program(whole, mesh, plan.leader_trajectory)
+
+
+@pytest.mark.parametrize(
+    ("violation", "by", "rows"),
+    [
+        (ConstraintId(Kind.CLEARANCE), 0.125, FEET),
+        (ConstraintId(Kind.ZONE, of=ZoneName(1)), 0.125, {f"no-fly zone 1, part {p}" for p in (1, 2)}),
+        (ConstraintId(Kind.ZONE, of=ZoneName(2)), 0.125, {"no-fly zone 2"}),
+        (ConstraintId(Kind.TURNING), 0.025, {"turning radius of vehicle 1"}),
+        (ConstraintId(Kind.ACCELERATION), 0.025, {"acceleration of vehicle 1"}),
+        (ConstraintId(Kind.JERK), 0.025, {"jerk of the formation"}),
+        (ConstraintId(Kind.U1), 0.0, set()),
+    ],
+)
+def test_a_violation_tightens_the_rows_of_its_constraint_beside_it(
+    plan: Plan, program: Program, violation: ConstraintId, by: float, rows: set[str]
+) -> None:
+    missed = Violation(violation, "m", 30.1, 0.1, 0.01, 9.0)
+    tighter = tightened(program, plan.leader_trajectory, (missed,))
+    raised = np.flatnonzero(tighter.g_low != program.g_low)
+    np.testing.assert_allclose(tighter.g_low[raised] - program.g_low[raised], by)
+    assert {str(program.g_ids[row][0]).partition(" for vehicle")[0] for row in raised} == rows
+    assert len({program.g_ids[row][1] for row in raised}) == 2 * bool(rows)
+    np.testing.assert_array_equal(tighter.y_low, program.y_low)
+
+
+@pytest.mark.parametrize(("kind", "by_si"), [(Kind.NORTH_SPEED, 0.1), (Kind.PITCH, np.radians(0.1))])
+def test_a_violation_of_the_leaders_state_tightens_the_bound_on_its_side(
+    plan: Plan, program: Program, kind: Kind, by_si: float
+) -> None:
+    missed = Violation(ConstraintId(kind), "", 30.1, 0.1, 0.01, 9.0)
+    tighter = tightened(program, plan.leader_trajectory, (missed,))
+    off = np.concatenate([tighter.y_low - program.y_low, program.y_high - tighter.y_high]) * np.tile(program.unit, 2)
+    np.testing.assert_allclose(off[off != 0.0], 1.25 * by_si)
+    assert {program.y_ids[n % len(program.y_ids)].kind for n in np.flatnonzero(off)} == {kind}
+    assert np.count_nonzero(off) == 2
 
 
 def test_multipliers_come_back_on_the_same_mesh(plan: Plan) -> None:

@@ -10,7 +10,7 @@ import pytest
 from gcs.errors import Infeasible
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.problem import flight_problem
-from gcs.plan.search.leg_routes import one_leg, routes_through
+from gcs.plan.search.leg_guess import one_leg, routes_through
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs.errors import Infeasible
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import straight_route
-from gcs.plan.search.leg_schedule import check_legs, first_times, least_legs_s, on_time
+from gcs.plan.search.leg_guess import check_legs, first_times, least_legs_s, on_time
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through
 

@@ -21,7 +21,7 @@ def routed(meadow_plan: Plan) -> Plan:
 
 
 def test_passages_are_numbered_from_one_and_have_the_names_of_their_points(routed: Plan) -> None:
-    assert [passage.title for passage in routed.passages] == ['point 1 ("gate")', "point 2", "point 3"]
+    assert [str(passage.title) for passage in routed.passages] == ['point 1 ("gate")', "point 2", "point 3"]
     assert [passage.times_s for passage in routed.passages] == [(5.0,), (9.0, 11.0), (14.0,)]
     leader = routed.leader_trajectory.state(np.array(routed.route_s))[:, POSITION]
     np.testing.assert_allclose([passage.position_ned_m for passage in routed.passages], leader, atol=1e-12)

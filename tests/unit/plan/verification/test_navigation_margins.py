@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.navigation_margins import navigation_in_words, thin_margins
 from gcs.plan.verification.proof.verdict import Check, NearestZone, Report
@@ -20,10 +21,10 @@ def graded(plan: Plan, grade: str) -> Plan:
 
 def report(clearance_m: float, zone_m: float | None = None) -> Report:
     ground = [
-        Check("clearance above ground", phase, "m", worst, 1e-3, sysid, t_s, worst)
+        Check(ConstraintId(Kind.CLEARANCE), phase, "m", worst, 1e-3, sysid, t_s, worst)
         for phase, worst, sysid, t_s in (("hover", 3.0, 1, 2.0), ("mission", 1.0, 3, 12.4), ("landing", 2.0, 2, 30.0))
     ]
-    other = Check("height", "mission", "m", -5.0, 1e-3, 2, 1.0, -5.0)
+    other = Check(ConstraintId(Kind.HEIGHT), "mission", "m", -5.0, 1e-3, 2, 1.0, -5.0)
     zone = None if zone_m is None else NearestZone(2, 2, 7.6, zone_m)
     return Report((*ground, other), clearance_m, None, 0.0, 0.0, zone)
 

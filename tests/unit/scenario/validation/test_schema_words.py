@@ -186,7 +186,7 @@ def test_the_nearest_name_is_the_same_with_a_unit_or_one_alike(
 
 
 @pytest.mark.parametrize(
-    ("text", "remedy", "settings", "step", "whole"),
+    ("text", "remedy", "changes", "step", "whole"),
     [
         ("too high", "set it to 5", [], "set it to 5", "too high. Set it to 5"),
         ("too high", "set {}", [(("a", "b_m"), 5.0)], "set a.b_m to 5", "too high. Set a.b_m to 5"),
@@ -196,9 +196,9 @@ def test_the_nearest_name_is_the_same_with_a_unit_or_one_alike(
     ],
 )
 def test_a_mistake_is_a_problem_and_a_step(
-    text: str, remedy: str, settings: list[tuple[Key, float]], step: str, whole: str
+    text: str, remedy: str, changes: list[tuple[Key, float]], step: str, whole: str
 ) -> None:
-    mistake = Mistake(("a", 0, "b"), text, 4.0, remedy, tuple(KeyChange(*one) for one in settings))
+    mistake = Mistake(("a", 0, "b"), text, 4.0, remedy, tuple(KeyChange(*one) for one in changes))
     assert (mistake.step, mistake.whole) == (step, whole)
     assert (str(mistake), mistake.line) == (f"a[0].b = 4.0: {whole}", None)
     assert Mistake(("a",), "x").place == "a"

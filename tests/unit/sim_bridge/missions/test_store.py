@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.item_messages import item_to_message
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.receiver import MissionReceiver
@@ -127,10 +128,10 @@ def talk(machine, bench: StoreBench, messages: list[Message]) -> None:
 def test_what_our_ground_station_sends_it_reads_back(traits, kind):
     bench = StoreBench(traits)
     items = {0: MISSION, 1: (*SQUARE, CIRCLE), 2: RALLY}[kind]
-    sender = MissionSender(items, ME, mission_type=kind)
+    sender = MissionSender(items, Exchange(ME, estimates=False), mission_type=kind)
     talk(sender, bench, sender.start(0.0))
     assert sender.error is None
-    receiver = MissionReceiver(ME, mission_type=kind)
+    receiver = MissionReceiver(Exchange(ME, estimates=False), mission_type=kind)
     talk(receiver, bench, receiver.start(0.0))
     first = 1 if kind == MissionType.MISSION and traits.home_is_item_0 else 0
     differences = compare_missions(items[first:], receiver.items[first:], autopilot=Autopilot.ARDUPILOT)

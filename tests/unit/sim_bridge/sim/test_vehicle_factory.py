@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.sources.load import load_scenario
 from sim_bridge.personality import PX4, Personality
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 
@@ -24,6 +25,18 @@ def test_vehicles_of_a_mixed_fleet(given: Personality | None, names: list[str], 
         data["formation"]["vehicle"][row]["autopilot"] = "px4"
     factory = VehicleFactory(Scenario.model_validate(data), given, 1, 1.8e9)
     assert [_heartbeat(factory, row) for row in range(6)] == [AUTOPILOTS[name] for name in names]
+
+
+def test_vehicles_react_in_both_ways_by_the_seed(repo_root: Path) -> None:
+    """Where ArduCopter may make a slow-down or not, some vehicles of a fleet do and others do not."""
+    scenario = load_scenario(repo_root / "missions" / "field")
+    fleets = []
+    for seed in (1, 1, 2, 3):
+        factory = VehicleFactory(scenario, None, seed, 1.8e9)
+        vehicles = [factory.vehicle(row).autopilot for row in range(6)]
+        fleets.append([each.path_generator.navigator.slow_down_room for each in vehicles])  # type: ignore[union-attr]
+    assert fleets[0] == fleets[1] != fleets[2]
+    assert all(min(rooms) < 1.0 < max(rooms) for rooms in fleets)
 
 
 def _heartbeat(factory: VehicleFactory, row: int) -> int:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange, FtpNumbers
 from gcs.link.protocols.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused, read_payload
 from gcs.link.protocols.ftp.reader import FtpReader
-from gcs.link.protocols.ftp.requests import FtpNumbers
 from gcs.link.protocols.ftp.transfer import FtpState
 from gcs.link.protocols.ftp.writer import FtpWriter
 from gcs.link.protocols.mission.file_upload import FileUpload
@@ -205,7 +205,7 @@ class Writing:
 
     def __init__(self):
         self.pieces = pieces_of(write_mission_file(ITEMS))
-        self.writer = FtpWriter(PATH, self.pieces, VEHICLE)
+        self.writer = FtpWriter(PATH, self.pieces, Exchange(VEHICLE))
         (self.create,) = self.writer.start(0.0)
 
     def opened(self):
@@ -318,7 +318,7 @@ def test_numbers_go_on_from_one_file_to_the_next_and_begin_anew():
 
 def reading(data, measure=None):
     """A reader that has opened a file, and the request of the burst."""
-    reader = FtpReader(PATH, VEHICLE, measure or (lambda head: length_of(head, 0, VEHICLE)), 10)
+    reader = FtpReader(PATH, Exchange(VEHICLE), measure or (lambda head: length_of(head, 0, VEHICLE)), 10)
     (opening,) = reader.start(0.0)
     (burst,) = reader.receive(answer(opening, data=(1 << 20).to_bytes(4, "little")), 0.01)
     return reader, burst
@@ -412,11 +412,11 @@ def test_machines_live_for_one_file():
     with pytest.raises(ProtocolMisuse):
         writing.writer.start(0.0)
     with pytest.raises(ProtocolMisuse):
-        FtpWriter(PATH, [], VEHICLE).start(0.0)
+        FtpWriter(PATH, [], Exchange(VEHICLE)).start(0.0)
     reader, _ = reading(b"")
     with pytest.raises(ProtocolMisuse):
         reader.start(0.0)
-    delivery = FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT)
+    delivery = FileUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT))
     delivery.start(0.0)
     with pytest.raises(ProtocolMisuse):
         delivery.start(0.0)

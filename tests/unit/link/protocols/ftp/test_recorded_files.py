@@ -11,6 +11,7 @@ import pytest
 
 from gcs.autopilots.mission_commands import has_position
 from gcs.autopilots.traits import Autopilot
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import FtpError, FtpOpcode, FtpPayload, read_payload
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.mission_dat import ITEM, read_mission_file
@@ -90,7 +91,8 @@ def test_a_file_that_reads_back_different_is_followed_by_items_at_once():
 
 def test_the_reason_of_the_fallback_is_kept():
     either = Preferred(
-        FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT), VerifiedUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT)
+        FileUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT)),
+        VerifiedUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT)),
     )
     (create,) = either.start(0.0)
     assert either.failed is None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from gcs.autopilots.protocol_timers import STANDARD, MissionTimers, ProtocolTimers
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import Machine
 from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
@@ -26,6 +28,14 @@ class SteadyTrip(RttEstimator):
 
     def wait_s(self, repeats: int = 0) -> float:
         return 0.5 + 0.25 * repeats
+
+
+def talking(
+    autopilot: int = 0, *, timers: MissionTimers = STANDARD.mission, round_trip: RttEstimator | None = None
+) -> Exchange:
+    """With `VEHICLE`; without a `round_trip` it is not estimated."""
+    own = ProtocolTimers(mission=timers)
+    return Exchange(VEHICLE, autopilot, timers=own, round_trip=round_trip, estimates=round_trip is not None)
 
 
 def missions(count: int) -> tuple[MissionItem, ...]:

@@ -9,10 +9,12 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission import file_upload
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.mission_dat import write_mission_file
-from gcs.link.wire.message import GROUND, Message
+from gcs.link.wire.message import Message
 from tests.unit.link.protocols.mission.conversation import VEHICLE, missions
 
 ITEMS = missions(3)
@@ -86,7 +88,7 @@ def test_what_follows_each_end_of_a_transfer(
     monkeypatch.setattr(file_upload, "FtpWriter", Writing)
     monkeypatch.setattr(file_upload, "FtpReader", Reading)
     monkeypatch.setattr(Part, "script", list(script))
-    upload = FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT)
+    upload = FileUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT))
     assert (upload.deadline_s, upload.receive(END, 0.0), upload.tick(0.0)) == (None, [], [])
     begun, now_s = upload.start(0.0), 0.0
     while not upload.done:
@@ -98,11 +100,11 @@ def test_what_follows_each_end_of_a_transfer(
     assert (upload.error is None) if error is None else (error in str(upload.error))
     assert upload.sending_ended_s == went.rindex("W") + 1
     assert (upload.deadline_s, upload.cancel(), upload.receive(END, 9.0)) == (None, [], [])
-    assert (upload.error is None) is (error is None)
+    assert (upload.error is None) is (upload.state is MachineState.DONE) is (error is None)
 
 
 def test_a_file_on_board_that_is_longer_than_what_was_written_is_not_read() -> None:
-    upload = FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT)
+    upload = FileUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT))
     assert upload._length(FILE[:10]) == len(FILE)
     assert upload._length(write_mission_file(ITEMS[:2])[:10]) == len(FILE) - 38
     longer = write_mission_file(missions(4))
@@ -113,7 +115,7 @@ def test_a_file_on_board_that_is_longer_than_what_was_written_is_not_read() -> N
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_cancelled_upload_ends_its_transfer(monkeypatch: pytest.MonkeyPatch, begun: bool) -> None:
     monkeypatch.setattr(file_upload, "FtpWriter", Writing)
-    upload = FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT, me=GROUND)
+    upload = FileUpload(ITEMS, Exchange(VEHICLE, Autopilot.ARDUPILOT))
     if begun:
         upload.start(0.0)
     assert [message.name for message in upload.cancel()] == ["reset"] * begun

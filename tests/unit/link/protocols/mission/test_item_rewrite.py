@@ -8,11 +8,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilots.protocol_timers import MissionTimers
+from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.item_messages import item_to_message
-from gcs.link.protocols.mission.item_rewrite import ItemRewrite, RewriteState
+from gcs.link.protocols.mission.item_rewrite import ItemRewrite
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.wire.message import GROUND, Message
@@ -54,7 +56,7 @@ def test_what_is_believed_is_on_board_and_nothing_else_has_changed(
     air = Air(AP, Weather(round_trip_s, loss, mischief, mischief), seed)
     before = air.shelf.items()
     wanted = {number: until(float(number)) for number in numbers}
-    machine = ItemRewrite(wanted, VEHICLE, AP, look_first=look_first)
+    machine = ItemRewrite(wanted, Exchange(VEHICLE, AP), look_first=look_first)
     air.run(machine)
     after = air.shelf.items()
     assert len(after) == len(before)
@@ -67,7 +69,7 @@ def test_what_is_believed_is_on_board_and_nothing_else_has_changed(
 
 def test_a_calm_link_costs_three_round_trips():
     air = Air(AP, CALM, 0)
-    air.run(ItemRewrite({2: until(56.0)}, VEHICLE, AP))
+    air.run(ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP)))
     assert air.now_s == pytest.approx(3 * CALM.round_trip_s)
     assert air.sent[GROUND] == 3  # range, item, question
 
@@ -75,7 +77,7 @@ def test_a_calm_link_costs_three_round_trips():
 def test_an_item_beyond_the_end_is_refused_and_nothing_changes():
     air = Air(AP, CALM, 0)
     before = air.shelf.items()
-    machine = ItemRewrite({40: until(56.0)}, VEHICLE, AP)
+    machine = ItemRewrite({40: until(56.0)}, Exchange(VEHICLE, AP))
     air.run(machine)
     assert isinstance(machine.error, MissionRefused)
     assert air.shelf.items() == before
@@ -83,7 +85,7 @@ def test_an_item_beyond_the_end_is_refused_and_nothing_changes():
 
 def test_an_autopilot_without_partial_writes_times_out():
     air = Air(Autopilot.PX4, CALM, 0)
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, Autopilot.PX4)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, Autopilot.PX4))
     air.run(machine)
     assert isinstance(machine.error, PeerTimeout)
     assert "mission item 2" in machine.error.message
@@ -93,7 +95,7 @@ def test_a_vehicle_that_refuses_every_item_is_named():
     air = Air(AP, CALM, 0)
     air.shelf.rejects = True
     before = air.shelf.items()
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP))
     air.run(machine)
     assert isinstance(machine.error, MissionRefused)
     assert air.shelf.items() == before
@@ -101,17 +103,17 @@ def test_a_vehicle_that_refuses_every_item_is_named():
 
 def test_what_is_there_already_is_not_sent():
     air = Air(AP, CALM, 0)
-    air.run(ItemRewrite({2: until(56.0)}, VEHICLE, AP))
+    air.run(ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP)))
     air.shelf.rejects = True
     before = air.sent[GROUND]
-    again = ItemRewrite({2: until(56.0)}, VEHICLE, AP, look_first=True)
+    again = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP), look_first=True)
     air.run(again)
     assert again.error is None
     assert air.sent[GROUND] == before + 1
 
 
 def test_an_acknowledgement_proves_nothing():
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP))
     machine.start(0.0)
     machine.receive(addressed("MISSION_REQUEST", seq=2), 0.1)
     assert [m.name for m in machine.receive(addressed("MISSION_ACK", type=0), 0.2)] == ["MISSION_REQUEST_INT"]
@@ -119,18 +121,18 @@ def test_an_acknowledgement_proves_nothing():
 
 
 def test_an_item_that_was_lost_is_sent_again():
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP))
     machine.start(0.0)
     machine.receive(addressed("MISSION_REQUEST", seq=2), 0.1)
     assert [m.name for m in machine.tick(5.0)] == ["MISSION_REQUEST_INT"]
     denied = addressed("MISSION_ACK", type=int(MissionResult.DENIED))
     assert [m.name for m in machine.receive(denied, 5.1)] == ["MISSION_ITEM_INT"]
     assert [m.name for m in machine.receive(addressed("MISSION_REQUEST", seq=2), 5.2)] == ["MISSION_ITEM_INT"]
-    assert machine.state is RewriteState.READING
+    assert machine.state is MachineState.READING
 
 
 def test_other_conversations_and_misuse():
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP))
     assert machine.receive(addressed("MISSION_REQUEST", seq=2), 0.0) == []
     machine.start(0.0)
     assert machine.receive(addressed("MISSION_REQUEST", seq=3), 0.0) == []
@@ -142,7 +144,7 @@ def test_other_conversations_and_misuse():
 
 
 def test_nothing_to_replace_is_done_at_once():
-    machine = ItemRewrite({}, VEHICLE, AP)
+    machine = ItemRewrite({}, Exchange(VEHICLE, AP))
     assert machine.start(0.0) == []
     assert machine.done
     assert machine.error is None
@@ -153,18 +155,18 @@ def on_board(seq, item, now_s, machine):
 
 
 def test_an_item_that_nobody_asked_for_is_no_read_back():
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP))
     machine.start(0.0)
     assert on_board(2, until(56.0), 0.1, machine) == []
-    assert machine.state is RewriteState.OFFERED
+    assert machine.state is MachineState.OFFERED
     machine.receive(addressed("MISSION_REQUEST", seq=2), 0.2)
     machine.receive(addressed("MISSION_ACK", type=0), 0.3)
     assert on_board(2, until(56.0), 0.4, machine) == []
-    assert (machine.state, machine.error, machine.cancel(), machine.error) == (RewriteState.DONE, None, [], None)
+    assert (machine.state, machine.error, machine.cancel(), machine.error) == (MachineState.DONE, None, [], None)
 
 
 def test_what_was_on_board_before_is_no_reason_of_a_failure():
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP, look_first=True)
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP), look_first=True)
     assert [m.name for m in machine.start(0.0)] == ["MISSION_REQUEST_INT"]
     assert [m.name for m in on_board(2, until(34.0), 0.1, machine)] == ["MISSION_WRITE_PARTIAL_LIST"]
     while not machine.done:
@@ -174,8 +176,10 @@ def test_what_was_on_board_before_is_no_reason_of_a_failure():
 
 def test_every_item_has_its_own_tries_and_its_own_time():
     """Each differs once when it is read back; then it is on board."""
-    timers = MissionTimers(give_up_s=9.0)
-    machine = ItemRewrite({2: until(2.0), 5: until(5.0)}, VEHICLE, AP, tries=2, timers=timers, round_trip=SteadyTrip())
+    timers = ProtocolTimers(mission=MissionTimers(give_up_s=9.0))
+    machine = ItemRewrite(
+        {2: until(2.0), 5: until(5.0)}, Exchange(VEHICLE, AP, timers=timers, round_trip=SteadyTrip()), tries=2
+    )
     said = machine.start(10.0)
     for seq in (2, 5):
         for wrong in (1.0, 0.0):
@@ -189,7 +193,7 @@ def test_every_item_has_its_own_tries_and_its_own_time():
             assert (question.name, question.fields["seq"]) == ("MISSION_REQUEST_INT", seq)
             said = on_board(seq, until(seq + wrong), 10.0, machine)
     assert machine.done and machine.error is None
-    alone = ItemRewrite({2: until(2.0)}, VEHICLE, AP, tries=2, timers=timers, round_trip=SteadyTrip())
+    alone = ItemRewrite({2: until(2.0)}, Exchange(VEHICLE, AP, timers=timers, round_trip=SteadyTrip()), tries=2)
     alone.start(10.0)
     for _ in range(2):
         alone.receive(addressed("MISSION_REQUEST_INT", seq=2), 10.0)
@@ -208,7 +212,10 @@ def test_every_item_has_its_own_tries_and_its_own_time():
 )
 def test_silence_is_answered_with_repetitions_until_it_is_given_up(heard, said):
     """Waits of 0.5 s, 0.25 s more each time; after an item the first wait ends with the question."""
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP, timers=MissionTimers(give_up_s=3.0), round_trip=SteadyTrip())
+    machine = ItemRewrite(
+        {2: until(56.0)},
+        Exchange(VEHICLE, AP, timers=ProtocolTimers(mission=MissionTimers(give_up_s=3.0)), round_trip=SteadyTrip()),
+    )
     machine.start(10.0)
     for name in heard:
         machine.receive(addressed(name, seq=2, type=0) if name == "MISSION_ACK" else addressed(name, seq=2), 10.0)
@@ -223,8 +230,8 @@ def test_silence_is_answered_with_repetitions_until_it_is_given_up(heard, said):
     [(MissionResult.ERROR, 12.0), (MissionResult.UNSUPPORTED, 10.0), (MissionResult.ACCEPTED, 19.0)],
 )
 def test_a_refused_range_ends_it_at_once_or_after_four_waits_of_doubt(result, end_s):
-    timers = MissionTimers(give_up_s=9.0, doubt_s=1.2)
-    machine = ItemRewrite({2: until(56.0)}, VEHICLE, AP, timers=timers, round_trip=SteadyTrip())
+    timers = ProtocolTimers(mission=MissionTimers(give_up_s=9.0, doubt_s=1.2))
+    machine = ItemRewrite({2: until(56.0)}, Exchange(VEHICLE, AP, timers=timers, round_trip=SteadyTrip()))
     machine.start(10.0)
     machine.receive(addressed("MISSION_ACK", type=int(result)), 10.0)
     assert (ticks(machine) or [(10.0, "")])[-1] == (end_s, "")
@@ -235,7 +242,7 @@ def test_a_refused_range_ends_it_at_once_or_after_four_waits_of_doubt(result, en
 def test_round_trips_of_what_was_sent_once_are_learned(repeats):
     """The request for the item answers the range, and the read-back the question; the item itself is not measured."""
     trip = SteadyTrip()
-    machine = ItemRewrite({2: until(2.0)}, VEHICLE, AP, round_trip=trip)
+    machine = ItemRewrite({2: until(2.0)}, Exchange(VEHICLE, AP, round_trip=trip))
     machine.start(10.0)
     if repeats:
         assert machine.tick(10.5)

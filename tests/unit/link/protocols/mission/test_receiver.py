@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from gcs.autopilots.protocol_timers import MissionTimers
+from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.item_messages import item_to_message
-from gcs.link.protocols.mission.receiver import MissionReceiver, ReceiverState, reader
+from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.wire.message import GROUND
 from gcs.mavlink import MissionResult
-from tests.unit.link.protocols.mission.conversation import VEHICLE, SteadyTrip, line, missions, ticks, told, until
+from tests.unit.link.protocols.mission.conversation import (
+    VEHICLE,
+    SteadyTrip,
+    line,
+    missions,
+    talking,
+    ticks,
+    told,
+    until,
+)
 
 TIMERS = MissionTimers(reply_s=1.5, item_s=0.25, retries=2, give_up_s=9.0, doubt_s=1.2)
 ITEMS = missions(9)
@@ -22,7 +34,11 @@ ITEMS = missions(9)
 
 def listed(**how):
     """A download that was asked for at 10 s."""
-    receiver = MissionReceiver(VEHICLE, **{"timers": TIMERS, **how})
+    given = {name: how.pop(name) for name in ("timers", "round_trip") if name in how}
+    exchange = talking(Autopilot.ARDUPILOT, **{"timers": TIMERS, **given})
+    least = MissionTimers(request_again_min_s=how.pop("wait_min_s", 0.0))
+    exchange.link = replace(exchange.link, timers=ProtocolTimers(mission=least))
+    receiver = MissionReceiver(exchange, **{"window": 1, **how})
     assert (receiver.deadline_s, receiver.tick(50.0)) == (None, [])
     assert line(receiver.start(10.0)) == "REQUEST_LIST"
     return receiver
@@ -139,7 +155,7 @@ def test_round_trips_are_measured_from_what_was_sent_once():
 
 
 def test_the_time_for_the_whole_mission_is_not_prolonged_by_beginning_anew():
-    receiver = MissionReceiver(VEHICLE, timers=TIMERS)
+    receiver = MissionReceiver(talking(timers=TIMERS))
     for at_s in (10.0, 30.0, 36.9):
         told(receiver, "MISSION_COUNT", at_s, count=1)
     assert until(receiver) == 10.0 + 9.0 * (1 + 2)
@@ -154,23 +170,23 @@ def test_the_time_for_the_whole_mission_is_not_prolonged_by_beginning_anew():
 
 @pytest.mark.parametrize("count", [0, 3, 4])
 def test_more_items_than_fit_are_refused_at_once(count):
-    receiver = MissionReceiver(VEHICLE, capacity=3)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False), capacity=3)
     answer = told(receiver, "MISSION_COUNT", 10.0, count=count)[0]
     assert answer == {0: "ACK 0", 3: "REQUEST_INT 0", 4: f"ACK {int(MissionResult.NO_SPACE)}"}[count]
     assert (receiver.error is None) is (count < 4)
-    assert receiver.state is {0: ReceiverState.DONE, 3: ReceiverState.PULLING, 4: ReceiverState.FAILED}[count]
+    assert receiver.state is {0: MachineState.DONE, 3: MachineState.PULLING, 4: MachineState.FAILED}[count]
 
 
 def test_a_refused_item_is_answered_with_the_reason_and_nothing_of_the_mission_is_kept():
     receiver = MissionReceiver(
-        VEHICLE, check=lambda seq, item: MissionResult.UNSUPPORTED if item == ITEMS[1] and seq else MissionResult(0)
+        talking(), check=lambda seq, item: MissionResult.UNSUPPORTED if item == ITEMS[1] and seq else MissionResult(0)
     )
     told(receiver, "MISSION_COUNT", 10.0, count=3)
     given(receiver, 0, 10.1)
     assert given(receiver, 1, 10.2) == (f"ACK {int(MissionResult.UNSUPPORTED)}", None)
     assert "the mission of vehicle 4 was refused: item 1: " in str(receiver.error)
     assert receiver.progress == 0
-    nowhere = MissionReceiver(VEHICLE)
+    nowhere = MissionReceiver(Exchange(VEHICLE, estimates=False))
     told(nowhere, "MISSION_COUNT", 10.0, count=1)
     fields = {**item_to_message(ITEMS[0], 0, GROUND).fields, "x": math.nan, "y": 1.0}
     del fields["target_system"], fields["target_component"], fields["mission_type"]
@@ -222,7 +238,7 @@ def test_a_doubt_ends_with_the_answer_and_does_not_prolong_the_wait():
 
 
 def test_what_was_not_asked_for_yet_cannot_be_refused():
-    receiver = MissionReceiver(VEHICLE)
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     assert told(receiver, "MISSION_ACK", 10.0, type=1) == ("", None)
     assert receiver.error is None
 
@@ -244,12 +260,13 @@ def test_each_autopilot_is_read_with_as_many_requests_as_it_bears(autopilot):
     link = autopilot.traits.link
     quick = SteadyTrip()
     quick.wait_s = lambda repeats=0: 0.01
-    receiver = reader(VEHICLE, autopilot, mission_type=1, round_trip=quick)
+    receiver = MissionReceiver(Exchange(VEHICLE, autopilot, round_trip=quick), mission_type=1)
     assert line(receiver.start(10.0)) == "REQUEST_LIST"
     assert until(receiver) == pytest.approx(10.0 + max(0.01, link.timers.mission.request_again_min_s))
     requests = told(receiver, "MISSION_COUNT", 10.1, count=90, kind=1)[0]
     assert requests == ", ".join(f"REQUEST_INT {n}" for n in range(link.requests_in_flight))
     for timers, give_up_s in ((None, link.timers.mission.give_up_s), (MissionTimers(give_up_s=0.1), 0.1)):
-        alone = reader(VEHICLE, autopilot, timers=timers, round_trip=SteadyTrip())
+        own = timers and ProtocolTimers(mission=timers)
+        alone = MissionReceiver(Exchange(VEHICLE, autopilot, timers=own, round_trip=SteadyTrip()))
         alone.start(10.0)
         assert ticks(alone)[-1] == (10.0 + give_up_s, "ACK 15")

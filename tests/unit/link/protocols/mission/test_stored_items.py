@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from gcs.autopilots.mission_commands import has_position
 from gcs.autopilots.stored_fields import FieldRule, StorageSource, StoredAs
 from gcs.autopilots.traits import Autopilot
+from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.item_messages import item_from_message
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.verified_upload import VerifiedUpload
@@ -205,7 +206,7 @@ def test_px4_gets_rally_points_in_a_frame_that_it_can_return_to(autopilot: int, 
     """PX4 stores the frame that was sent, and ignores rally points of frames 5 and 6. Careful with unknown ones too."""
     point = MissionItem(FenceCommand.RALLY_POINT, frame, (0.0, 0.0, 0.0, 0.0), 473977420, 85455939, 20.0)
     vehicle = Station(1, 1)
-    upload = VerifiedUpload([point], vehicle, autopilot, mission_type=MissionType.RALLY)
+    upload = VerifiedUpload([point], Exchange(vehicle, autopilot), mission_type=MissionType.RALLY)
     upload.start(0.0)
     request = {"target_system": 255, "target_component": 190, "seq": 0, "mission_type": int(MissionType.RALLY)}
     (sent,) = upload.receive(Message("MISSION_REQUEST_INT", request, *vehicle), 0.1)

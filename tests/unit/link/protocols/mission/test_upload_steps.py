@@ -11,13 +11,25 @@ import pytest
 from gcs.autopilots.protocol_timers import MissionTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.item_messages import item_to_message
 from gcs.link.protocols.mission.rules import MissionRefused
-from gcs.link.protocols.mission.verified_upload import UploadState, VerifiedUpload
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
 from gcs.link.wire.message import GROUND
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
-from tests.unit.link.protocols.mission.conversation import VEHICLE, SteadyTrip, line, missions, said, ticks, told, until
+from tests.unit.link.protocols.mission.conversation import (
+    VEHICLE,
+    SteadyTrip,
+    line,
+    missions,
+    said,
+    talking,
+    ticks,
+    told,
+    until,
+)
 
 ITEMS = missions(2)
 OTHER = replace(ITEMS[1], alt_m=90.0)
@@ -26,7 +38,7 @@ TIMERS = MissionTimers(give_up_s=9.0, ack_s=2.5, doubt_s=1.2, busy_s=6.0)
 
 def started(count: int = 2, **how: Any) -> VerifiedUpload:
     """An upload that made its offer at 10 s, with waits of 0.5 s."""
-    upload = VerifiedUpload(missions(count), VEHICLE, Autopilot.PX4, timers=TIMERS, round_trip=SteadyTrip(), **how)
+    upload = VerifiedUpload(missions(count), talking(Autopilot.PX4, timers=TIMERS, round_trip=SteadyTrip()), **how)
     assert (upload.deadline_s, upload.tick(50.0)) == (None, [])
     assert line(upload.start(10.0)) == f"COUNT {count}"
     return upload
@@ -50,7 +62,7 @@ def sent(upload: VerifiedUpload, now_s: float = 10.0) -> VerifiedUpload:
 
 def reading(upload: VerifiedUpload, now_s: float = 10.0) -> VerifiedUpload:
     assert told(sent(upload, now_s), "MISSION_ACK", now_s, type=0)[0] == "REQUEST_LIST"
-    assert (upload.state, upload.sending_ended_s) == (UploadState.READING, now_s)
+    assert (upload.state, upload.sending_ended_s) == (MachineState.READING, now_s)
     return upload
 
 
@@ -71,7 +83,7 @@ def turns(upload: VerifiedUpload) -> list[tuple[float, str]]:
 def test_what_reads_back_equal_is_on_board() -> None:
     upload = reading(started())
     assert read(upload, *ITEMS) == "ACK 0"
-    assert (upload.state, upload.error, upload.sent, upload.deadline_s) == (UploadState.DONE, None, 1, None)
+    assert (upload.state, upload.error, upload.sent, upload.deadline_s) == (MachineState.DONE, None, 1, None)
     assert upload.receive(said("MISSION_COUNT", count=2), 11.0) == upload.tick(11.0) == []
 
 
@@ -80,7 +92,7 @@ def test_what_reads_back_equal_is_on_board() -> None:
 def test_item_0_of_ardupilots_missions_is_home_and_reads_back_as_its_own(
     autopilot: int, equal: bool, kind: MissionType
 ) -> None:
-    upload = VerifiedUpload(ITEMS, VEHICLE, autopilot, timers=TIMERS, round_trip=SteadyTrip(), mission_type=kind)
+    upload = VerifiedUpload(ITEMS, talking(autopilot, timers=TIMERS, round_trip=SteadyTrip()), mission_type=kind)
     differences = upload._differences((replace(ITEMS[0], lat_degE7=5), ITEMS[1]))
     assert (differences == []) is (equal and kind is MissionType.MISSION)
 
@@ -108,10 +120,10 @@ def test_a_busy_vehicle_is_waited_for_and_named_if_it_stays_so() -> None:
     upload, at_s = started(tries=3), 10.0
     for n in range(3):
         told(upload, "MISSION_ACK", at_s, type=int(MissionResult.ERROR))
-        refused_s, _ = quiet(upload, lambda _: upload.state is not UploadState.SENDING)
+        refused_s, _ = quiet(upload, lambda _: upload.state is not MachineState.SENDING)
         assert refused_s == at_s + 2.0  # the doubt: four waits
         if n < 2:
-            assert (upload.state, until(upload)) == (UploadState.WAITING, refused_s + TIMERS.busy_s)
+            assert (upload.state, until(upload)) == (MachineState.WAITING, refused_s + TIMERS.busy_s)
             assert told(upload, "MISSION_REQUEST_INT", refused_s + 1.0, seq=0)[0] == ""
             assert upload.tick(refused_s + 5.9) == []
             at_s = refused_s + 6.0
@@ -128,7 +140,7 @@ def test_a_transfer_that_broke_off_is_cancelled_on_board_and_begun_again(result:
     told(upload, "MISSION_ACK", 10.0, type=int(result))
     assert quiet(upload, lambda _: upload.sent > 1) == (12.0, "ACK 15, COUNT 4")
     told(upload, "MISSION_ACK", 12.1, type=1)  # the first transfer may still be open: no refusal
-    assert (upload.state, upload.error) == (UploadState.SENDING, None)
+    assert (upload.state, upload.error) == (MachineState.SENDING, None)
 
 
 def test_who_never_answers_is_asked_once_and_who_falls_silent_again() -> None:
@@ -175,7 +187,15 @@ def test_a_read_back_that_is_refused(counted: bool, said_then: str) -> None:
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_cancelled_upload_tells_the_vehicle(begun: bool) -> None:
-    upload = started() if begun else VerifiedUpload(ITEMS, VEHICLE, Autopilot.PX4)
+    upload = started() if begun else VerifiedUpload(ITEMS, Exchange(VEHICLE, Autopilot.PX4))
     assert line(upload.cancel()) == ("ACK 15" if begun else "")
     assert isinstance(upload.error, PeerError) and "the upload of the mission to vehicle 4" in upload.error.message
     assert upload.cancel() == upload.tick(99.0) == []
+
+
+@pytest.mark.parametrize("in_read_back", [False, True])
+def test_what_breaks_off_in_the_last_try_is_cancelled_on_board_and_reported(in_read_back: bool) -> None:
+    upload = reading(started(tries=1)) if in_read_back else started(tries=1)
+    told(upload, "MISSION_ACK", 10.0, type=int(MissionResult.OPERATION_CANCELLED))
+    assert quiet(upload, lambda _: upload.done)[1] == ("ACK 15, ACK 15" if in_read_back else "ACK 15")
+    assert upload.state is MachineState.FAILED and isinstance(upload.error, MissionRefused)

@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 from gcs.autopilots.protocol_timers import STANDARD, RoundTripTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.protocols.mission.sender import MissionSender
-from gcs.link.protocols.mission.verified_upload import UploadState, VerifiedUpload
+from gcs.link.protocols.mission.verified_upload import VerifiedUpload
 from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import FenceCommand, MissionResult, MissionType
@@ -95,7 +97,7 @@ def test_another_station_in_the_way_is_waited_for_and_named_if_it_stays(autopilo
     assert arrived.error is None
     assert arrived.total_s > STANDARD.mission.busy_s / 2
     air = Air(autopilot, CALM, 0)
-    machine = VerifiedUpload(ITEMS, VEHICLE, autopilot)
+    machine = VerifiedUpload(ITEMS, Exchange(VEHICLE, autopilot))
     machine.start(0.0)
     refusals, now_s = 0, 0.0
     while not machine.done:
@@ -111,7 +113,7 @@ def test_another_station_in_the_way_is_waited_for_and_named_if_it_stays(autopilo
 
 def begun(air, items, taken):
     """An upload of ours that broke off after so many items."""
-    sender = MissionSender(items, VEHICLE)
+    sender = MissionSender(items, Exchange(VEHICLE, estimates=False))
     (count,) = sender.start(0.0)
     (request,) = air.shelf.receive(said_by(count, GROUND), 0.0)
     for _ in range(taken):
@@ -183,7 +185,7 @@ def test_fences_and_rally_points_are_delivered_the_same_way(autopilot):
     ]
     rally = [MissionItem(FenceCommand.RALLY_POINT, 3, (0.0,) * 4, 10, 10, 20.0)]
     for kind, items in ((MissionType.FENCE, polygon), (MissionType.RALLY, rally)):
-        machine = run(air, VerifiedUpload(items, VEHICLE, autopilot, mission_type=kind))
+        machine = run(air, VerifiedUpload(items, Exchange(VEHICLE, autopilot), mission_type=kind))
         assert machine.error is None
         assert [(i.lat_degE7, i.params[0]) for i in air.shelf.items(kind)] == [
             (i.lat_degE7, i.params[0]) for i in items
@@ -196,7 +198,7 @@ def test_a_fence_of_a_wrong_shape_is_not_believed_on_either():
         MissionItem(FenceCommand.POLYGON_INCLUSION, 0, (5.0, 0.0, 0.0, 0.0), 10 * n, 7 * n * n, 0.0) for n in range(4)
     ]
     air = Air(Autopilot.ARDUPILOT, CALM, 1)
-    machine = run(air, VerifiedUpload(polygon, VEHICLE, Autopilot.ARDUPILOT, mission_type=MissionType.FENCE))
+    machine = run(air, VerifiedUpload(polygon, Exchange(VEHICLE, Autopilot.ARDUPILOT), mission_type=MissionType.FENCE))
     assert isinstance(machine.error, MissionRefused)
     assert machine.error.result == MissionResult.ERROR
 
@@ -218,11 +220,11 @@ def test_nobody_there_ends_in_one_patience(autopilot):
 
 
 def test_cancelling_tells_the_vehicle_and_claims_nothing():
-    machine = VerifiedUpload(ITEMS, VEHICLE, Autopilot.PX4)
+    machine = VerifiedUpload(ITEMS, Exchange(VEHICLE, Autopilot.PX4))
     machine.start(0.0)
     (told,) = machine.cancel()
     assert told.fields["type"] == MissionResult.OPERATION_CANCELLED
-    assert machine.state is UploadState.FAILED
+    assert machine.state is MachineState.FAILED
     assert machine.cancel() == []
     assert machine.tick(1.0) == machine.receive(told, 1.0) == []
     with pytest.raises(ProtocolMisuse):
@@ -230,7 +232,7 @@ def test_cancelling_tells_the_vehicle_and_claims_nothing():
 
 
 def test_a_copy_of_the_count_does_not_begin_a_download_anew():
-    receiver = MissionReceiver(VEHICLE, round_trip=RttEstimator())
+    receiver = MissionReceiver(Exchange(VEHICLE))
     receiver.start(0.0)
     count = Message(
         "MISSION_COUNT", {"target_system": 255, "target_component": 190, "count": 2, "mission_type": 0}, *VEHICLE

@@ -166,6 +166,18 @@ def test_fences_are_areas_to_stay_in_and_no_fly_zones(loaded: Any) -> None:
     assert [one.label for one in flight.left_out] == ["Placemark 3"]
 
 
+def test_a_hole_is_kept_though_another_polygon_of_the_same_name_is_left_out(loaded: Any) -> None:
+    """The polygons of one Placemark have one name."""
+    areas = (
+        DrawnArea(square(900, -350, -350), "Placemark 1", holes=(square(30, 200, 200),)),
+        DrawnArea(square(40, 60, 60), "Placemark 1", holes=(square(5, 70, 70),)),
+    )
+    flight = route_flight(drawing(point(0, 0), point(100, 0), areas=areas))
+    (hole,) = loaded(flight).no_fly
+    assert np.array(hole.polygon_m).min(axis=0) == pytest.approx([200.0, 200.0], abs=0.05)
+    assert [one.label for one in flight.left_out] == ["Placemark 1"]
+
+
 def test_fences_that_only_together_contain_the_route_are_joined(loaded: Any) -> None:
     two = (DrawnArea(square(300, -100, -100), "polygon 1", True), DrawnArea(square(300, 100, -100), "polygon 2", True))
     flight = route_flight(drawing(point(0, 0), point(350, 0), areas=two), count=2)

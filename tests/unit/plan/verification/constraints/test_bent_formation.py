@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.plan.formation.coordinates import Name, composed
+from gcs.plan.formation.coordinates import CoordinateName, composed
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.timeline import lay
 from gcs.plan.trajectory.plan import Plan
@@ -94,7 +94,7 @@ def test_margins_worked_by_hand(
 
 
 def moving(
-    planned: Planned, scenario: Scenario, names: tuple[Name, ...], values: Array, base: Shape | None = None
+    planned: Planned, scenario: Scenario, names: tuple[CoordinateName, ...], values: Array, base: Shape | None = None
 ) -> Plan:
     """A plan whose coordinates (C+1, A), highest power of t first, move as long as the base shape is laid out."""
     plan, _ = planned("turn")
@@ -108,7 +108,7 @@ def moving(
 
 # Coordinates at 0 s, and their rates: within their ranges until END_S.
 FREE = np.array([[-0.05, 0.2, 0.11], [1.0, -0.6, 0.05]])
-EVERY: tuple[Name, ...] = ("scale", "heading", "blend")
+EVERY = tuple(CoordinateName)
 ALL = (auto(SHRINK), WIDE, auto(TO_FILE))
 
 
@@ -169,7 +169,7 @@ def test_many_intervals_are_bounded_as_few_are(
 def test_bounds_are_no_more_than_the_margin_at_any_instant(planned: Planned, simulation1: Scenario) -> None:
     """A shape that is out of its ranges, in a scenario that allows little: intervals of all lengths."""
     scenario = fleet(simulation1, 5, "wedge", (auto({**SHRINK, "scale": 0.9}), auto({**TURN, "angle_deg": 20.0})))
-    plan = moving(planned, scenario, ("scale", "heading"), FREE[:, :2])
+    plan = moving(planned, scenario, EVERY[:2], FREE[:, :2])
     law, random = family(plan), np.random.default_rng(6)
     joints = plan.shape.joints_s
     start = random.uniform(0.0, END_S, 40)

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.plan.verification.proof import subdivision as module
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, prove
-from gcs.plan.verification.proof.verdict import Check
+from gcs.plan.verification.proof.verdict import verdict_of
 from gcs.types import Array
 
 END_S = 8.0
@@ -27,7 +27,7 @@ class Wave:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        return (Constraint("wave", "m", self.tolerance, 1e-3), Constraint("far", "m", self.tolerance, 1e-3))
+        return (Constraint(self.tolerance, 1e-3), Constraint(self.tolerance, 1e-3))
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         self.cells += len(cells)
@@ -70,7 +70,7 @@ def test_where_a_constraint_does_not_apply_nothing_is_known() -> None:
 def verdict(family: Wave) -> str:
     proof = prove(family, begin(), 2)
     proved = float(min(proof.proved[0, 0], proof.seen[0, 0]))
-    return Check("wave", "p", "m", float(proof.seen[0, 0]), family.tolerance, 1, 0.0, proved).verdict
+    return verdict_of(float(proof.seen[0, 0]), family.tolerance, proved)
 
 
 @pytest.mark.parametrize(
