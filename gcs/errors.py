@@ -124,9 +124,3 @@ class JudgementError(GcsError):
     """The flight ended, and violated a limit of the scenario."""
 
     exit_code = 10
-
-
-class UndecidedError(JudgementError):
-    """The flight ended without a known violation, but what the vehicles reported does not decide every limit."""
-
-    exit_code = 14

@@ -23,6 +23,7 @@ from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import Event
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import GROUND, Message
@@ -84,7 +85,8 @@ class StandingLoop(SteadyLoop):
 class Point:
     """One vehicle. `deaf`: it acknowledges orders and does not carry them out; `silent`: nothing of it is heard.
 
-    `off_ned_m` is where the wind has blown it, from its setpoint.
+    `off_ned_m` is where the wind has blown it, from its setpoint. `mission` is its motion (6,) while it flies the
+    mission on board.
     """
 
     def __init__(self, sysid: int, plan: Plan, t_s: float, host_now_s: Callable[[], float]) -> None:
@@ -96,6 +98,7 @@ class Point:
         self.mode, self.armed, self.battery_pct = ARDUPILOT.guided, True, 90
         self.silent = self.deaf = self.critical = False
         self.off_ned_m: Array = np.zeros(3)
+        self.mission: Callable[[], Array] | None = None
         self.modes_ordered: list[int] = []
         self.setpoints: list[tuple[float, Array]] = []  # (6,) each, with its host time
         self.session: VehicleSession | None = None
@@ -118,6 +121,9 @@ class Point:
         now_s = self._host_s()
         if now_s - self._moved_s > _STOPS_AFTER_S:
             self.velocity_ned_mps = np.zeros(3)
+        if self.mission is not None and self.mode == ARDUPILOT.mission:
+            self.position_ned_m, self.velocity_ned_mps = self.mission().reshape(2, 3)
+            self._moved_s = now_s
         north_m, east_m, down_m = (self.position_ned_m + self.off_ned_m - self.pad_ned_m).tolist()
         vx, vy, vz = self.velocity_ned_mps.tolist()
         boot_ms = round(1e3 * now_s)
@@ -149,7 +155,14 @@ class Point:
 class PointFleet:
     """The formation on its plan from plan time `t_s` on, and what flies it."""
 
-    def __init__(self, plan: Plan, returns: ReturnPlan, options: FlightOptions, t_s: float) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        returns: ReturnPlan,
+        options: FlightOptions,
+        t_s: float,
+        tracks: PredictedTracks | None = None,
+    ) -> None:
         self.loop = asyncio.get_running_loop()
         self.plan = plan
         self.points = {sysid: Point(sysid, plan, t_s, lambda: host_s(self.loop)) for sysid in plan.sysids}
@@ -167,7 +180,7 @@ class PointFleet:
         self.streamer = Streamer(plan, build_stream(plan, 10.0), self.vehicles, self.time, options)
         self.events: list[Event] = []
         self.carrier = OrderCarrier(lambda i: self.sessions[i].armed, lambda i: self.sessions[i].silent_s() < 5.0)
-        fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options)
+        fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
         self.executor = ContingencyExecutor(fleet, self.carrier, returns, battery_model(plan), self.events.append)
         self.error: BaseException | None = None
         self._begin_s = t_s
@@ -224,11 +237,12 @@ def flown(
     options: FlightOptions | None = None,
     t_s: float = 10.0,
     starting: bool = False,
+    tracks: PredictedTracks | None = None,
 ) -> PointFleet:
     """Fly one story in virtual time."""
 
     async def run() -> PointFleet:
-        fleet = PointFleet(plan, returns, options or FlightOptions(), t_s)
+        fleet = PointFleet(plan, returns, options or FlightOptions(), t_s, tracks)
         await fleet.fly(story, starting=starting)
         return fleet
 

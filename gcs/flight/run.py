@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -25,9 +25,9 @@ from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
-    Event,
     FlightHooks,
     FlightTimes,
     NearestPair,
@@ -59,7 +59,7 @@ from gcs.flight.setup.build_loads import (
     refuse_no_hour,
     refuse_other_autopilots,
 )
-from gcs.flight.setup.preflight import go_or_no_go
+from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
@@ -77,7 +77,6 @@ from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
-from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -335,7 +334,19 @@ class _LinkedFlight:
             stream=self._now.stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
+            tracks=self._tracks(),
         )
+
+    def _tracks(self) -> PredictedTracks | None:
+        """The tracks of missions on board: by the model of the autopilot, or the plan's own; None: not predicted."""
+        exported = self._now.exported
+        if self._order.keeping.mode is FlightMode.STREAM:
+            return None
+        if self._now.navigator is NavigatorChoice.IDEAL:
+            return PredictedTracks.of_plan(self._plan)
+        if exported.report is None or exported.timing is None:
+            return None
+        return PredictedTracks.of_missions(self._plan, exported.missions, exported.report)
 
     async def _loads(self, autopilots: Mapping[int, int]) -> tuple[VehicleLoad, ...]:
         order, plan = self._order, self._plan
@@ -351,7 +362,7 @@ class _LinkedFlight:
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
             self._checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
-            for event in _waived(self._checks, sessions):
+            for event in waived_events(self._checks, sessions):
                 self._journal.on_event(event)
             await self._before.read(sessions, self._loaded)
             await watcher.confirm()
@@ -362,23 +373,6 @@ class _LinkedFlight:
 
 async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
     return await _LinkedFlight(now, ctrl_c).run()
-
-
-def _waived(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
-    """Return an event for each check that failed and was waived, for the flight's folder."""
-    now_s = host_s(asyncio.get_running_loop())
-    times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
-    return [
-        Event(
-            math.nan if (unix_s := times[c.sysid]) is None else unix_s,
-            math.nan,
-            c.sysid,
-            f"failed the pre-flight check {c.name}, waived: {c.measured} (required: {c.required})",
-            f"The operator waived it for this flight: --waive {c.name}",
-        )
-        for c in checks
-        if c.waived
-    ]
 
 
 def _skew(late_s: dict[int, float]) -> dict[str, object]:

@@ -57,7 +57,7 @@ class _StoredMargins:
 
     worst: float
     tolerance: float
-    proved: float | None
+    proved: float | None = None  # older files have none
 
 
 _PHASES = TypeAdapter(tuple[Phase, ...])

@@ -108,8 +108,8 @@ def fly(
 ) -> int:
     """Plan a mission, upload it to every vehicle, read it back, fly it and judge the flight.
 
-    Exit status 0 when the flight met every criterion of the scenario's table `judge`, 10 when it did not, 14 when what
-    the vehicles reported does not decide that, 9 when it was aborted.
+    Exit status 0 when the flight violated no criterion of the scenario's table `judge` as far as is known, 10 when it
+    did, 9 when it was aborted.
 
     Examples: gcs fly missions/simulation1 --sim
 

@@ -14,12 +14,12 @@ from gcs.cli.flights.flight_table import FlightTable
 from gcs.cli.flights.report import verdict_table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
-from gcs.errors import JudgementError, UndecidedError, UsageError, counted
+from gcs.errors import JudgementError, UsageError, counted
 from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.monitoring.monitor import skew_s
 from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
 from gcs.flight.monitoring.progress import InFlight, Snapshot, Watcher
-from gcs.flight.recording.flight_folder import limit_text, planned_text
+from gcs.flight.recording.flight_folder import REPORTS, TELEMETRY, limit_text, planned_text
 from gcs.flight.run import FlightRun, Flown, fly_run
 
 CONFIRMATION = "arm"
@@ -83,7 +83,7 @@ class FlightView(Watcher):
 
 
 def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
-    """The exit status of the flight; raises JudgementError when it did not meet a criterion, or is not decided.
+    """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
     Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation.
     """
@@ -100,20 +100,17 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
 
 
 def _failure(flown: Flown) -> JudgementError | None:
-    """What the verdict is as an error; None for a flight that is ok."""
-    verdict, hint = flown.verdict, f"read {flown.folder / 'report.md'} and its pictures"
-    if verdict is None:
-        return UndecidedError("the flight ended, and its telemetry is missing: nothing is known about it.")
+    """What the verdict is as an error; None for a flight that is ok, or not known to have failed."""
+    verdict = flown.verdict
+    if verdict is None or verdict.outcome is not FlightOutcome.FAILED:
+        return None
     said = "; ".join(
-        f"{c.name} {c.value:.3f} {c.unit} ({c.verdict}), limit {limit_text(c)}"
+        f"{c.name} {c.value:.3f} {c.unit}, limit {limit_text(c)}"
         for c in verdict.criteria
-        if c.outcome is verdict.outcome
+        if c.outcome is FlightOutcome.FAILED
     )
-    if verdict.outcome is FlightOutcome.FAILED:
-        return JudgementError(f"the flight failed its criteria: {said}", hint=hint)
-    if verdict.outcome is FlightOutcome.UNKNOWN:
-        return UndecidedError(f"the flight ended, and what its vehicles reported does not decide: {said}", hint=hint)
-    return None
+    hint = f"read {flown.folder / 'report.md'} and its pictures"
+    return JudgementError(f"the flight failed its criteria: {said}", hint=hint)
 
 
 async def _say_progress(screen: Screen, flight: InFlight) -> None:
@@ -161,9 +158,11 @@ def _skew_text(late_s: dict[int, float]) -> str | None:
 
 
 def _show(screen: Screen, flown: Flown) -> None:
-    verdict, judged = flown.verdict, flown.data["judged"]
+    verdict, judged, telemetry = flown.verdict, flown.data["judged"], flown.folder / TELEMETRY
+    if judged == REPORTS:
+        screen.say(f"landed. Telemetry: {telemetry}" if telemetry.is_file() else "landed.")
     if verdict is None:
-        screen.say("landed.")
+        screen.say("flight not known: its telemetry is missing.")
         return
     table = verdict_table(verdict, judged)
     if (skew := _skew_text(flown.late_s)) is not None:

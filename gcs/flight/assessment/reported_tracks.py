@@ -20,8 +20,13 @@ _AXES = ("north", "east", "down")
 _FORMS = ("{}_m", "v_{}_mps")
 
 
-def judge_reports(plan: Plan, tracks: Tracks) -> Verdict:
-    """Return the verdict on a flight from `reported_tracks`. It counts what `judge` counts, in plan time."""
+def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
+    """Return the verdict on a flight from `reported_tracks`. It counts what `judge` counts, in plan time.
+
+    None where nothing was reported between T0 and the planned arrival.
+    """
+    if not ((tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s)).any() or np.isnan(tracks.ned_m).any():
+        return None
     landing_s = plan.phase("landing").start_s
     return judge_tracks(plan, tracks, tracks.during((tracks.t_s >= plan.airborne_s) & (tracks.t_s <= landing_s)))
 

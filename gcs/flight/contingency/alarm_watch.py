@@ -17,6 +17,7 @@ from gcs.mavlink_names import sensor_names
 
 _FALLS_MPS = 2.0  # faster than any landing
 _BATTERY_BIT = 0x2000000  # MAV_SYS_STATUS_SENSOR_BATTERY
+_OTHERWISE_TOLD = PREARM_CHECK | 0x20 | 0x100000  # about arming, and GNSS and fence, which are incidents of their own
 _SURE = 2  # reports in a row
 _UNEXPLAINED_S = 2.0  # a failsafe's mode may come after the status
 
@@ -115,7 +116,7 @@ class AlarmWatch:
             self.most_pct, self.battery_text, self._lowered_s = cap_pct, said, unix_s
 
     def _sense(self, unhealthy: int, unix_s: float) -> None:
-        unhealthy &= ~PREARM_CHECK
+        unhealthy &= ~_OTHERWISE_TOLD
         if self._known is None:
             self._known = unhealthy
         found = unhealthy & self._ailing & ~self._known

@@ -53,3 +53,4 @@ class Choices:
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
     follow: bool = False
+    own_missions: bool = False  # vehicles fly missions on board: nobody else keeps them in time

@@ -1,8 +1,13 @@
 """Predicts loss of separation between two vehicles within the next seconds, from their reports.
 
-A vehicle on the plan continues along it with its present deviation, which drifts on for about half a second until its
-controller acts. A vehicle off the plan continues straight on. The relative motion of two vehicles on the plan was
-verified, so only their deviations bring them too close.
+There are two hypotheses, and a conflict under either one counts:
+
+- Each vehicle on the plan goes on as it is flown. With setpoints it continues along the plan with its present
+  deviation, which drifts on for about half a second until its controller acts. With a mission of its own it continues
+  along its own predicted track, from where it is and as much slower or faster as it is now. A vehicle off the plan
+  continues straight on; that counts for `STRAIGHT_S` only, because orders make it brake and turn.
+- Both vehicles on the plan go straight on. Where the plan itself has two vehicles fly so towards each other that they
+  would come within `PLANNED` times the limit, this hypothesis says nothing.
 
 Before T0 a vehicle climbs on at its present rate up to its hover, as far to the side of its pad as it is: gusts move
 it, and it comes back. A vehicle more than `COLUMN_M` to the side is off the plan.
@@ -14,14 +19,18 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
-HORIZON_S, STEP_S = 3.0, 0.25
+HORIZON_S, STEP_S = 6.0, 0.25
+STRAIGHT_S = 3.0
+PLANNED = 2.0
 FADE_S = 0.5
 COLUMN_M = 1.0
 _GRAVITY_MPS2 = 9.81
@@ -40,9 +49,11 @@ class Conflict:
 class SeparationWatch:
     """Checks all pairs; it reports a conflict at every check while it lasts."""
 
-    def __init__(self, plan: Plan, limit_m: float) -> None:
+    def __init__(self, plan: Plan, limit_m: float, tracks: PredictedTracks | None = None) -> None:
+        """`tracks`: of vehicles that fly missions of their own."""
         self._plan = plan
         self._limit_m = limit_m
+        self._tracks = tracks
         self._hover_down_m = plan.states(np.array([plan.airborne_s]))[:, 0, POSITION][:, 2]
         self._seen: dict[tuple[int, int], int] = {}
         self._ahead_s = np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S)
@@ -63,17 +74,27 @@ class SeparationWatch:
         motors.
         """
         sysids = [i for i in aloft if np.isfinite(views[i].position_ned_m).all()]
-        paths = self._paths([views[i] for i in sysids], t_s, unix_s, on_plan, starting, falling)
+        fly = np.array([i in on_plan and i not in starting for i in sysids], dtype=np.bool_)
+        paths, lines, planned = self._motions([views[i] for i in sysids], t_s, unix_s, fly, starting, falling)
+        late = self._ahead_s[:-1] >= STRAIGHT_S
         found: dict[tuple[int, int], Conflict] = {}
         for a in range(len(sysids) - 1):
-            between = paths[a + 1 :] - paths[a]
+            rest = slice(a + 1, None)
+            between = paths[rest] - paths[a]
             distances, _ = least_distance(
                 between[:, :-1], between[:, 1:]
             )  # (rest, T - 1): fast vehicles meet between samples
-            for b in np.flatnonzero((distances < self._limit_m).any(axis=1)).tolist():
-                first = int(np.argmax(distances[b] < self._limit_m))
+            both = fly[rest] & fly[a]
+            distances[~both[:, None] & late] = np.inf
+            straight_m, first_s = self._straight(lines[rest] - lines[a], planned[rest] - planned[a])
+            straight_m[~both] = np.inf
+            near = distances < self._limit_m
+            for b in np.flatnonzero(near.any(axis=1) | (straight_m < self._limit_m)).tolist():
+                by_path_s = float(self._ahead_s[int(np.argmax(near[b]))]) if near[b].any() else np.inf
+                by_line_s = float(first_s[b]) if straight_m[b] < self._limit_m else np.inf
                 pair = sysids[a], sysids[a + 1 + b]
-                found[pair] = Conflict(pair, float(self._ahead_s[first]), float(distances[b].min()))
+                least_m = min(float(distances[b].min()), float(straight_m[b]))
+                found[pair] = Conflict(pair, min(by_path_s, by_line_s), least_m)
         self._seen = {pair: self._seen.get(pair, 0) + 1 for pair in found}
         return [conflict for pair, conflict in found.items() if self._seen[pair] >= _LOOKS]
 
@@ -82,16 +103,29 @@ class SeparationWatch:
         pad_ned_m = self._plan.pads_ned_m[self._plan.sysids.index(view.sysid)]
         return float(np.hypot(*(view.place_ned_m - pad_ned_m)[:2]))
 
-    def _paths(
+    def _straight(self, flown: Array, planned: Array) -> tuple[Array, Array]:
+        """The least distances (P,) of pairs that go straight on, and when they come within the limit.
+
+        Rows of `flown` and `planned` (P, 2, 3) are relative positions and velocities.
+        """
+        least_m, _ = least_distance(flown[:, 0], flown[:, 0] + HORIZON_S * flown[:, 1])
+        planned_m, _ = least_distance(planned[:, 0], planned[:, 0] + HORIZON_S * planned[:, 1])
+        least_m[planned_m < PLANNED * self._limit_m] = np.inf
+        closing, squared = np.sum(flown[:, 0] * flown[:, 1], axis=-1), np.sum(flown[:, 1] ** 2, axis=-1)
+        inside = np.sum(flown[:, 0] ** 2, axis=-1) - self._limit_m**2
+        root = np.sqrt(np.maximum(closing**2 - squared * inside, 0.0))
+        return least_m, np.maximum(-(closing + root) / np.maximum(squared, 1e-9), 0.0)
+
+    def _motions(
         self,
         views: list[VehicleView],
         t_s: float,
         unix_s: float,
-        on_plan: Collection[int],
+        fly: NDArray[np.bool_],
         starting: Collection[int],
         falling: Collection[int],
-    ) -> Array:
-        """Predicted positions (V, T, 3)."""
+    ) -> tuple[Array, Array, Array]:
+        """Predicted positions (V, T, 3); positions and velocities (V, 2, 3), as reported and as planned."""
         plan, ahead = self._plan, self._ahead_s
         latest_s = float(np.nextafter(plan.t_end_s, -np.inf))
         rows = [plan.sysids.index(v.sysid) for v in views]
@@ -103,19 +137,24 @@ class SeparationWatch:
         rates = leader[:, VELOCITY] + plan.shape.offsets(instants, 1)[rows]
         drift_s = FADE_S * (1.0 - np.exp(-ahead / FADE_S))
         paths = np.empty((len(views), len(ahead), 3))
+        lines = np.empty((len(views), 2, 3))
         for n, view in enumerate(views):
+            age_s = max(unix_s - view.unix_s, 0.0)
+            lines[n] = view.position_ned_m + age_s * view.velocity_ned_mps, view.velocity_ned_mps
             if view.sysid in starting:
-                paths[n] = self._climb(view, max(unix_s - view.unix_s, 0.0))
-            elif view.sysid in on_plan:
+                paths[n] = self._climb(view, age_s)
+            elif fly[n]:
                 reported = len(ahead) + n
                 off, off_rate = view.position_ned_m - places[n, reported], view.velocity_ned_mps - rates[n, reported]
                 paths[n] = places[n, : len(ahead)] + off + np.outer(drift_s, off_rate)
             else:
-                age_s = max(unix_s - view.unix_s, 0.0)
                 paths[n] = view.position_ned_m + np.outer(ahead + age_s, view.velocity_ned_mps)
                 if view.sysid in falling:
                     paths[n, :, 2] += 0.5 * _GRAVITY_MPS2 * (ahead + age_s) ** 2
-        return paths
+        if self._tracks is not None and fly.any():
+            own = [view for view, flies in zip(views, fly, strict=True) if flies]
+            paths[fly] = self._tracks.ahead(own, unix_s - t_s, unix_s, ahead)
+        return paths, lines, np.stack([places[:, 0], rates[:, 0]], axis=1)
 
     def _climb(self, view: VehicleView, age_s: float) -> Array:
         """Predicted positions (T, 3) of a vehicle before T0, from a report of this age."""

@@ -65,7 +65,7 @@ class ContingencyPolicy:
         row, ordered = applying_row(incident.kind, now)
         if row is None:
             return []
-        (sysid,) = ordered
+        sysid = incident.sysid if incident.sysid in ordered else ordered[0]
         before = self.states[sysid]
         orders = self._apply(row, ordered, incident.unix_s, because)
         left = before in IN_FORMATION and self.states[sysid] not in IN_FORMATION

@@ -13,8 +13,10 @@ from enum import StrEnum
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.flight.contingency.alarm_watch import UNKNOWN_PLACE, AlarmWatch, Place
+from gcs.flight.contingency.conflict_prediction import HORIZON_S
 from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.mode_changes import ModeSigns, Taken
+from gcs.flight.monitoring.predicted_tracks import BAND_S, CONFIRMED_S
 from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 
@@ -34,6 +36,7 @@ class IncidentKind(StrEnum):
     FAILSAFE = "failsafe took over"
     MODE_LEFT = "pilot took over"
     CONFLICT = "separation in danger"
+    OFF_TRACK = "off its predicted track"
     STRANDED = "no setpoints for some time"
     MOTORS_STOPPED = "disarmed in the air"
     ALARM = "raises an alarm"
@@ -86,7 +89,9 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.FENCE: "FENCE_STATUS, or a STATUSTEXT of the autopilot",
     IncidentKind.FAILSAFE: "HEARTBEAT: a mode that was not ordered, with a failsafe's STATUSTEXT or system_status",
     IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.mode_told_s:g} s",
-    IncidentKind.CONFLICT: "separation below `[judge]` predicted within 3 s, three times in a row",
+    IncidentKind.CONFLICT: f"separation below `[judge]` predicted within {HORIZON_S:g} s, three times in a row",
+    IncidentKind.OFF_TRACK: f"mission mode: for {CONFIRMED_S:g} s more than {BAND_S:g} s late or early on its "
+    "predicted track, or farther from it than the navigation error",
     IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
     IncidentKind.MOTORS_STOPPED: "HEARTBEAT: not armed above ground, twice or with a fall faster than 2 m/s",
     IncidentKind.ALARM: "SYS_STATUS: a sensor that is not healthy any more; HEARTBEAT: system status critical",

@@ -33,7 +33,7 @@ MEANING = {
     State.STARTING: "takes off, or hovers over its pad until T0",
     State.FLYING: "flies the plan",
     State.SILENT: "is not heard; its setpoint stream continues",
-    State.HOLDING: "yielded in a conflict; holds its position",
+    State.HOLDING: "yielded in a conflict, or a vehicle was off its track; holds its position",
     State.SPREAD: "yielded in a conflict; holds 2 m higher",
     State.RETURNING: "returns (RTL), or flies to the nearest safe landing point",
     State.LANDING: "lands at its position",
@@ -112,6 +112,11 @@ def every_vehicle(now: Situation) -> tuple[int, ...]:
     return tuple(now.states)
 
 
+def formation_of_vehicle(now: Situation) -> tuple[int, ...]:
+    """All vehicles of the formation; none if the vehicle of the incident is not in it."""
+    return tuple(now.states) if now.states[now.sysid] in IN_FORMATION else ()
+
+
 def clear_vehicles(now: Situation) -> tuple[int, ...]:
     """The vehicles without a conflict for `CLEAR_S`."""
     return now.clear
@@ -158,6 +163,16 @@ ALWAYS = Condition("", lambda now: True)
 IN_PLACE = Condition(f"{USABLE_M:g} m or less off, in the ordered mode", lambda now: now.usable)
 SAFE_WAY = Condition("a common way back to the plan was checked and keeps all limits", lambda now: now.usable)
 OWN_STANDSTILL = Condition("it has a position, and this program stood still", lambda now: now.ours and now.takeable)
+COMPANY = Condition("others fly the plan too", lambda now: sum(s in IN_FORMATION for s in now.states.values()) > 1)
+ON_MISSIONS = Condition(
+    f"{BRAKE_S:g} s ahead or more, and both fly missions on board",
+    lambda now: (
+        now.choices.own_missions
+        and now.in_s >= BRAKE_S
+        and now.states[now.sysid] in IN_FORMATION
+        and now.states[now.other] in IN_FORMATION
+    ),
+)
 TIME_TO_BRAKE = Condition(f"{BRAKE_S:g} s ahead or more", lambda now: now.in_s >= BRAKE_S)
 ENOUGH_TO_FINISH = Condition("energy for the rest of its flight", lambda now: now.outcome is Outcome.FINISH)
 ENOUGH_TO_DIVERT = Condition("energy for the nearest safe point", lambda now: now.outcome is Outcome.NEAREST)

@@ -13,9 +13,7 @@ import numpy as np
 
 from gcs.autopilots.columns import FailsafeCause
 from gcs.errors import FlightError
-from gcs.flight.contingency.alarm_watch import Place
 from gcs.flight.contingency.choices import Choices, FlightMode
-from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
@@ -26,29 +24,24 @@ from gcs.flight.contingency.policy import (
     AIRBORNE,
     IN_FORMATION,
     NOT_OBEYED_AFTER,
-    USABLE_M,
-    YIELDED,
     Action,
     Order,
     State,
 )
 from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.progress import Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
-from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
 from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _STAMPED_S = 0.005  # local time in which many messages get one stamp
 _REJOIN_S = 8.0
-_IN_AIR_M = 2.0
-_FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
 _ALARMS = frozenset(
     {IncidentKind.ALARM, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL}
 )
@@ -72,7 +65,7 @@ class ContingencyExecutor:
         self.policy = ContingencyPolicy(
             plan.sysids,
             plan.sysids[plan.leader],
-            Choices(options.on_loss, options.on_leader_loss, options.follow),
+            Choices(options.on_loss, options.on_leader_loss, options.follow, options.mode is FlightMode.MISSION),
         )
         self.over = asyncio.Event()
         self.returns = returns
@@ -81,7 +74,7 @@ class ContingencyExecutor:
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
         self._loop = asyncio.get_running_loop()
         self._on_event = on_event
-        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario))
+        self._positions = PositionChecks(fleet, self.policy)
         self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in fleet.vehicles.items()}
         self._now_s = self._stamped_s = -math.inf  # fleet time, and the local time at which it was computed
         self._returning: dict[int, WayBack] = {}
@@ -94,8 +87,6 @@ class ContingencyExecutor:
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
         self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
         self._told: set[tuple[int, IncidentKind]] = set()
-        self._fell_s: dict[int, float] = {}  # when motors stopped in the air
-        self._lands = False
         self._began_s = math.nan
 
     def _watch(self, vehicle: FlightVehicle) -> VehicleWatch:
@@ -169,7 +160,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         self._standstill.land()
-        self._lands = True
+        self._positions.lands = True
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
@@ -209,17 +200,22 @@ class ContingencyExecutor:
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
+        for incident in self._positions.off_track(now_s):
+            self._decide(incident, t_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)
             if not (self._vehicles[sysid].session.armed or watch.alarms.stopped):
                 continue  # no incidents on the ground
-            error_m, ours = self._monitor.views[sysid].error_m, self._standstill.ours(now_s)
+            ours = self._standstill.ours(now_s)
             self.charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
-            for incident in watch.look(now_s, usable=not error_m > USABLE_M, ours=ours, place=self._place(sysid)):
+            for incident in watch.look(
+                now_s, usable=self._positions.usable(sysid), ours=ours, place=self._positions.place(sysid)
+            ):
                 if incident.kind is IncidentKind.MOTORS_STOPPED:
-                    self._fell_s[sysid] = now_s
+                    self._positions.falls(sysid, now_s)
                 self._decide(self._with_energy(incident, t_s), t_s)
-        self._check_separation(now_s, t_s)
+        for incident in self._positions.conflicts(now_s, t_s, gathers=self._standstill.gathers):
+            self._decide(incident, t_s)
         if not self._t0_known:
             self._standstill.close()
             return
@@ -241,14 +237,6 @@ class ContingencyExecutor:
         self._monitor.watch_formation([i for i in formation if self.policy.states[i] is State.FLYING])
         if not formation:
             self.over.set()
-
-    def _place(self, sysid: int) -> Place:
-        """Where a vehicle is above the ground; a reported height may be off by the navigation error."""
-        scenario = self._plan.scenario
-        north_m, east_m, down_m = self._monitor.views[sysid].position_ned_m
-        above_m = float(-down_m - ground_height_m(scenario.terrain, north_m, east_m))
-        flies = self.policy.states[sysid] in IN_FORMATION | YIELDED and not self._lands
-        return Place(above_m, flies, _IN_AIR_M + navigation_error(scenario).vertical_m)
 
     def _tell_clocks(self, now_s: float) -> None:
         for change in self._time.changes():
@@ -296,30 +284,6 @@ class ContingencyExecutor:
             if other != sysid and gone and not near:
                 points.append(SafePoint(f"landing point of vehicle {other}", place))
         return points
-
-    def _check_separation(self, now_s: float, t_s: float) -> None:
-        states, views = self.policy.states, self._monitor.views
-        armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]
-        starting = [i for i, s in states.items() if s is State.STARTING]
-        # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
-        airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
-        falling = [i for i, fell_s in self._fell_s.items() if now_s - fell_s < _FALL_S]
-        airborne += falling
-        self._monitor.watch_separation(airborne)
-        on_plan = [i for i in airborne if states[i] in IN_FORMATION and not self._standstill.gathers]
-        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting, falling):
-            farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
-            higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
-            distance = f"{conflict.distance_m:.2f} m"
-            incident = Incident(
-                IncidentKind.CONFLICT, farther, now_s, distance, other=other, in_s=conflict.in_s, higher=higher
-            )
-            self._decide(incident, t_s)
-
-    def _off_m(self, sysid: int) -> float:
-        """How far a vehicle is from its place in the plan; before T0, to the side of its pad."""
-        view = self._monitor.views[sysid]
-        return float(np.nan_to_num(view.error_m)) if self._t0_known else self._separation.off_pad_m(view)
 
     def _decide(self, incident: Incident, t_s: float) -> None:
         battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)

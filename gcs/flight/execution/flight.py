@@ -40,6 +40,7 @@ from gcs.flight.execution.text_watch import TextWatch
 from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Completion, Monitor
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CLOCK, MESSAGES
 from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.monitoring.reported_now import ReportedNow
@@ -74,8 +75,12 @@ class FlightSequence:
         stream: SetpointStream,
         returns: ReturnPlan | None = None,
         hooks: FlightHooks | None = None,
+        tracks: PredictedTracks | None = None,
     ) -> None:
-        """`returns`: those of the export for the vehicles' autopilot; None: they are planned before take-off."""
+        """`returns`: those of the export for the vehicles' autopilot; None: they are planned before take-off.
+
+        `tracks`: what is predicted of missions on board; None: nothing is.
+        """
         self.plan = plan
         self.loads = tuple(loads)
         self.held: Holdings | None = None
@@ -104,7 +109,7 @@ class FlightSequence:
         self._leaving_s = self.loads[0].mission.leaves_s
         self._start: CommonStart | None = None
         self._contingency: ContingencyExecutor | None = None
-        self._fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options)
+        self._fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
         self.landing = FleetLanding(
             self._fleet,
             lambda: self._contingency.policy.states if self._contingency else {},

@@ -11,6 +11,7 @@ from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.plan.trajectory.plan import Plan
 
 
@@ -24,6 +25,7 @@ class FlyingFleet:
     streamer: Streamer
     time: FleetTime
     options: FlightOptions
+    tracks: PredictedTracks | None = None  # of vehicles that fly missions of their own
 
     async def land(self, sysid: int) -> None:
         """Order a vehicle to land, once, and end its stream. Raises as switching modes does."""

@@ -249,8 +249,8 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
 
 
 def _placed(event: Event, plan_time: PlanTime) -> Event:
-    """Return an event with its plan time: before T0 was known, and in a standstill, it was noted without."""
-    return replace(event, t_s=float(plan_time.t_s(np.array(event.unix_s))))
+    """Return an event from before T0 was known with its plan time."""
+    return replace(event, t_s=float(plan_time.t_s(np.array(event.unix_s)))) if math.isnan(event.t_s) else event
 
 
 def _bare(name: str, logs: list[Tlog]) -> LoadedRecording:

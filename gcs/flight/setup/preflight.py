@@ -12,7 +12,8 @@ assumed to hover for `endurance_s`, and the flight needs its own duration of tha
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Mapping
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import BATTERY, CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
+from gcs.flight.monitoring.progress import Event
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import VehicleReport, status_report
@@ -301,6 +303,23 @@ async def preflight_report(session: VehicleSession, where: str = "") -> VehicleR
     except PeerError:
         return replace(report, capacity_parameter=name)
     return replace(report, capacity_parameter=name, capacity_mAh=float(capacity_mAh))
+
+
+def waived_events(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
+    """Return an event for each check that failed and was waived, for the flight's folder."""
+    now_s = host_s(asyncio.get_running_loop())
+    times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
+    return [
+        Event(
+            math.nan if (unix_s := times[c.sysid]) is None else unix_s,
+            math.nan,
+            c.sysid,
+            f"failed the pre-flight check {c.name}, waived: {c.measured} (required: {c.required})",
+            f"The operator waived it for this flight: --waive {c.name}",
+        )
+        for c in checks
+        if c.waived
+    ]
 
 
 _KINDS = {

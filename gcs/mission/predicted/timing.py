@@ -141,6 +141,11 @@ def _leaving_s(mission: VehicleMission, flight: PredictedFlight) -> float:
     return float(flight.t_s[min(int(np.argmax(flight.item >= first)), len(flight.t_s) - 1)])
 
 
+def knots_in_plan_time_s(mission: VehicleMission, flight: PredictedFlight) -> Array:
+    """The plan times (K,) of the knots of a flight that leaves the end of its take-off with all others."""
+    return flight.t_s - _leaving_s(mission, flight) + mission.leaves_s
+
+
 def _holds(mission: VehicleMission) -> set[int]:
     """The indices of waypoints at which the vehicle waits for a time of its own, not at a gate."""
     delays = {index for index, item in enumerate(mission.items) if item.command == Command.NAV_DELAY}

@@ -30,9 +30,25 @@ RECORDS = "tests/unit/flight/recording/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
 HOLDING = (NEAR, "test_a_vehicle_with_time_to_brake_holds_and_returns")
 CLIMBING = (NEAR, "test_a_vehicle_without_time_to_brake_climbs")
+NEAR_MISS = "tests/unit/flight/execution/test_near_miss.py"
 
 # Each rule of the contingency policy, and the flight or test that proves it.
 POLICY_PROOFS = {
+    "A vehicle without motors falls: no order can help it": [
+        (
+            "tests/unit/flight/execution/test_executor.py",
+            "test_a_vehicle_that_is_disarmed_in_the_air_is_lost_and_the_others_land",
+        )
+    ],
+    "It is told; the vehicle keeps its order, and its autopilot its failsafes": [
+        ("tests/unit/flight/contingency/test_alarm_watch.py", "test_the_others_follow_on_loss_when_one_falls")
+    ],
+    "A vehicle is off its predicted track: all vehicles brake and hold": [
+        (NEAR_MISS, "test_without_the_conflict_the_late_vehicle_is_seen_off_its_track")
+    ],
+    "Vehicles that fly missions on board all brake and hold": [
+        (NEAR_MISS, "test_all_hold_a_minute_and_a_half_before_it_and_come_home_apart")
+    ],
     "The setpoint stream continues": [(MISHAPS, "test_a_link_that_comes_back_soon")],
     "A vehicle heard again in its place rejoins; its deviation fades in 8 s": [
         (MISHAPS, "test_a_link_that_comes_back_soon")

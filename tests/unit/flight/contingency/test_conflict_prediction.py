@@ -9,6 +9,7 @@ import pytest
 
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from tests.unit.flight.contingency.straight_plan import reported, straight_plan
@@ -76,9 +77,10 @@ def straight(
     on_plan: tuple[int, ...] = (1, 2, 3),
     aloft: tuple[int, ...] = (1, 2, 3),
     starting: tuple[int, ...] = (),
+    tracks: PredictedTracks | None = None,
 ) -> dict[tuple[int, int], tuple[float, float]]:
     """Conflicts of the straight plan at the third look, as (seconds ahead, metres) by pair."""
-    ours = SeparationWatch(straight_plan(), limit_m)
+    ours = SeparationWatch(straight_plan(), limit_m, tracks)
     for looks in range(3):
         views = reported(t_s, T0, ages_s)
         move(views)
@@ -122,6 +124,28 @@ def test_a_deviations_rate_fades_with_half_a_second() -> None:
     assert straight(0.0, 3.0, move=moved(1, off_mps=(4.0, 0.0, 0.0))) == {}
     assert straight(0.0, 2.0, move=moved(1, (3.5, 0.0, 0.0))) == {(1, 3): (0.0, 1.5)}  # a deviation stays as it is
     assert straight(0.0, 2.0, move=moved(1, (3.5, 0.0, 0.0)), on_plan=()) == {(1, 3): (0.0, 1.5)}
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.5])
+def test_two_who_fly_towards_each_other_are_seen_six_seconds_ahead(age_s: float) -> None:
+    """Vehicle 1 catches up 0.6 m/s on vehicle 3, which is 5 m ahead: 2 m are left after 5 s."""
+    found = straight(0.0, 2.0, {1: age_s}, move=moved(1, off_mps=(0.6, 0.0, 0.0)))
+    assert found == {(1, 3): (pytest.approx(5.1 - age_s, abs=0.1), pytest.approx(1.52 - 0.54 * age_s, abs=0.01))}
+    assert straight(0.0, 2.0, move=moved(1, off_mps=(0.45, 0.0, 0.0))) == {}, "that takes longer"
+    assert straight(0.0, 2.0, move=moved(1, off_mps=(0.6, 0.0, 0.0)), on_plan=(2, 3)) == {}, "it has an order"
+    assert straight(0.0, 2.55, move=moved(1, off_mps=(1.0, 0.0, 0.0))) == {}, "the plan's own 5 m are too near"
+
+
+def test_vehicles_on_missions_go_on_along_their_own_tracks_at_their_own_speeds() -> None:
+    """Vehicle 3 flies at half its predicted speed, and vehicle 1 comes 1 m/s nearer from 5 m behind: 3 m after 2 s."""
+    t_s = np.arange(0.0, 60.0, 0.1)
+    tracks = PredictedTracks((3, 1, 2), 0.0, straight_plan().states(t_s)[..., :3])
+    slow = moved(3, off_mps=(-1.0, 0.0, 0.0))
+    assert straight(1.0, 3.0, move=slow) == {}, "by setpoints it keeps its time"
+    found = straight(1.0, 3.0, move=slow, tracks=tracks)
+    assert found == {(1, 3): (2.0, pytest.approx(np.hypot(1.0, 0.1), abs=0.7))}
+    late = moved(3, (-2.5, 0.0, 0.0))
+    assert straight(0.0, 2.0, move=late, tracks=tracks) == {}, "late at full speed it comes no nearer"
 
 
 def test_only_vehicles_aloft_with_a_position_count() -> None:
@@ -217,4 +241,4 @@ def test_every_vehicle_climbs_to_its_own_hover() -> None:
         pad = straight_plan().pads_ned_m[straight_plan().sysids.index(sysid)]
         path = ours._climb(views[sysid], 0.25)
         np.testing.assert_allclose(path[:, :2], np.tile(pad[:2], (len(path), 1)))
-        np.testing.assert_allclose(path[:, 2], np.maximum(-4.0 * (0.25 * np.arange(13) + 0.25), hover_down_m))
+        np.testing.assert_allclose(path[:, 2], np.maximum(-4.0 * (0.25 * np.arange(25) + 0.25), hover_down_m))

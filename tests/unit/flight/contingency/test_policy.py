@@ -43,7 +43,7 @@ def ordered(orders: list[Order]) -> dict[int, Action]:
 
 def situations() -> list[Situation]:
     """A vehicle and another one in every state, with every choice and every value that a condition looks at."""
-    choices = [Choices(a, b, follow=True) for a, b in product(OnLoss, OnLeaderLoss)]
+    choices = [Choices(a, b, follow=True) for a, b in product(OnLoss, OnLeaderLoss)] + [Choices(own_missions=True)]
     return [
         Situation(
             {2: mine, 3: other}, choice, 2, 2, 3, in_s, usable, acting=frozenset({3} if acting else ()), clear=(2, 3)
@@ -68,7 +68,7 @@ def test_every_row_is_reached_and_done(row: Row) -> None:
         assert row.when.true(now)
         assert {now.states[i] for i in vehicles} <= row.states
     if isinstance(row.trigger, IncidentKind):
-        now, (sysid,) = reached[0]
+        now, vehicles = reached[0]
         ours = ContingencyPolicy((2, 3), 2, replace(now.choices, on_loss=OnLoss.CONTINUE, follow=False))
         ours.states.update(now.states)
         ours._ordered_s.update({2: 0.0, 3: 0.0} | dict.fromkeys(now.acting, 100.0))
@@ -81,10 +81,10 @@ def test_every_row_is_reached_and_done(row: Row) -> None:
             higher=now.first_is_upper,
         )
         orders = ours.take(incident)
-        assert ours.states[sysid] == (row.to or now.states[sysid])
+        assert all(ours.states[i] == (row.to or now.states[i]) for i in vehicles)
         others = {i for i in (2, 3) if now.states[i] is State.STARTING} if State.STARTING in row.states else set()
-        own = [order for order in orders if order.sysid not in others - {sysid}]
-        assert ordered(own) == ({} if row.action is None else {sysid: row.action})
+        own = [order for order in orders if order.sysid not in others - set(vehicles)]
+        assert ordered(own) == ({} if row.action is None else dict.fromkeys(vehicles, row.action))
         assert all(order.rule.startswith(row.rule) for order in own)
 
 
@@ -527,3 +527,21 @@ def test_whatever_happens(story: list[Incident], follow: bool, loss: OnLoss, lea
                 if order.action is Action.PROMOTE:
                     assert order.sysid == ours.leader
                     assert ours.states[order.sysid] in IN_FORMATION
+
+
+@pytest.mark.parametrize(
+    ("states", "held"),
+    [
+        ((State.FLYING, State.SILENT, State.FLYING, State.RETURNING), (1, 2, 3)),
+        ((State.FLYING, State.LANDING, State.LOST, State.RETURNING), ()),  # nobody else flies the plan
+        ((State.RETURNING, State.FLYING, State.FLYING, State.FLYING), ()),  # it does not fly the plan any more
+    ],
+)
+def test_all_who_fly_the_plan_hold_for_one_off_its_track(states: tuple[State, ...], held: tuple[int, ...]) -> None:
+    ours = ContingencyPolicy(FOUR, 1, Choices(own_missions=True))
+    ours.states.update(zip(FOUR, states, strict=True))
+    orders = ours.take(Incident(IncidentKind.OFF_TRACK, 1, 100.0, "2 s late"))
+    assert ordered(orders) == dict.fromkeys(held, Action.HOLD)
+    assert [trouble.sysid for trouble in ours.troubles] == [1] * bool(held)
+    assert ordered(ours.clear(104.9)) == {}
+    assert ordered(ours.clear(105.1)) == dict.fromkeys(held, Action.RETURN)

@@ -17,10 +17,11 @@ import pytest
 from gcs.errors import FlightError
 from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.conflict_prediction import Conflict
-from gcs.flight.contingency.detection import DetectionLimits, Incident
+from gcs.flight.contingency.detection import DetectionLimits
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.position_checks import PositionChecks
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.states import POSITION
@@ -434,20 +435,17 @@ def test_landing_points_of_lost_and_landed_vehicles_are_free_unless_another_is_n
 def test_the_vehicle_farther_from_its_place_yields_whether_it_is_above_or_below(
     off_m: tuple[float, float], down_m: tuple[float, float]
 ) -> None:
-    ours: Any = object.__new__(ContingencyExecutor)
-    told: list[Incident] = []
-    ours.policy = SimpleNamespace(states=dict.fromkeys((1, 2), State.FLYING))
+    ours: Any = object.__new__(PositionChecks)
+    ours._policy = SimpleNamespace(states=dict.fromkeys((1, 2), State.FLYING))
     ours._vehicles = dict.fromkeys((1, 2), SimpleNamespace(session=SimpleNamespace(armed=True)))
     views = {
         sysid: SimpleNamespace(error_m=off, position_ned_m=np.array([0.0, 0.0, down]))
         for sysid, off, down in zip((1, 2), off_m, down_m, strict=True)
     }
     ours._monitor = SimpleNamespace(views=views, t0_unix_s=0.0, watch_separation=lambda aloft: None)
-    ours._standstill, ours._fell_s = SimpleNamespace(gathers=False), {}
+    ours._fell_s = {}
     ours._separation = SimpleNamespace(look=lambda *_: [Conflict((1, 2), 0.75, 1.234)])
-    ours._decide = lambda incident, t_s: told.append(incident)
-    ours._check_separation(20.0, 20.0)
-    (incident,) = told
+    (incident,) = ours.conflicts(20.0, 20.0, gathers=False)
     farther = 1 + int(np.argmax(off_m))
     assert (incident.sysid, incident.other, incident.in_s, incident.detail) == (farther, 3 - farther, 0.75, "1.23 m")
     assert incident.higher is (int(np.argmin(down_m)) == farther - 1)

@@ -1,0 +1,86 @@
+"""Incidents of positions: vehicles in danger of coming too close, and vehicles off their predicted tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.flight.contingency.alarm_watch import Place
+from gcs.flight.contingency.conflict_prediction import SeparationWatch
+from gcs.flight.contingency.decisions import ContingencyPolicy
+from gcs.flight.contingency.detection import Incident, IncidentKind
+from gcs.flight.contingency.policy import IN_FORMATION, USABLE_M, YIELDED, State
+from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.monitoring.predicted_tracks import TrackWatch
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
+
+_IN_AIR_M = 2.0
+_FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
+
+
+class PositionChecks:
+    """What the last reports of a fleet mean for its policy. `lands`: the plan is over."""
+
+    def __init__(self, fleet: FlyingFleet, policy: ContingencyPolicy) -> None:
+        plan = fleet.plan
+        self.lands = False
+        self._plan, self._vehicles, self._monitor = plan, fleet.vehicles, fleet.monitor
+        self._policy = policy
+        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks)
+        self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
+        self._fell_s: dict[int, float] = {}  # when motors stopped in the air
+
+    def falls(self, sysid: int, now_s: float) -> None:
+        """The motors of a vehicle have stopped in the air."""
+        self._fell_s[sysid] = now_s
+
+    def place(self, sysid: int) -> Place:
+        """Where a vehicle is above the ground; a reported height may be off by the navigation error."""
+        scenario = self._plan.scenario
+        north_m, east_m, down_m = self._monitor.views[sysid].position_ned_m
+        above_m = float(-down_m - ground_height_m(scenario.terrain, north_m, east_m))
+        flies = self._policy.states[sysid] in IN_FORMATION | YIELDED and not self.lands
+        return Place(above_m, flies, _IN_AIR_M + navigation_error(scenario).vertical_m)
+
+    def usable(self, sysid: int) -> bool:
+        """Whether a vehicle is where the plan, or its own mission, has it."""
+        if self._tracks is not None:
+            return self._tracks.inside(sysid)
+        return not self._monitor.views[sysid].error_m > USABLE_M
+
+    def off_track(self, now_s: float) -> list[Incident]:
+        """Return an incident for each vehicle that left the band of its predicted track."""
+        t0_unix_s = self._monitor.t0_unix_s
+        if self._tracks is None or t0_unix_s is None:
+            return []
+        flying = [i for i in self._policy.in_formation if self._vehicles[i].session.armed]
+        found = self._tracks.look(self._monitor.views, t0_unix_s, flying)
+        return [Incident(IncidentKind.OFF_TRACK, off.sysid, now_s, str(off)) for off in found]
+
+    def conflicts(self, now_s: float, t_s: float, *, gathers: bool) -> list[Incident]:
+        """Return an incident for each conflict; its first vehicle is farther from its place than the other one.
+
+        `gathers`: after a standstill of this program no vehicle flies the plan.
+        """
+        states, views = self._policy.states, self._monitor.views
+        armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]
+        starting = [i for i, s in states.items() if s is State.STARTING]
+        # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
+        airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
+        falling = [i for i, fell_s in self._fell_s.items() if now_s - fell_s < _FALL_S]
+        airborne += falling
+        self._monitor.watch_separation(airborne)
+        on_plan = [i for i in airborne if states[i] in IN_FORMATION and not gathers]
+        found = []
+        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting, falling):
+            farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
+            higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
+            words, in_s = f"{conflict.distance_m:.2f} m", conflict.in_s
+            found.append(Incident(IncidentKind.CONFLICT, farther, now_s, words, other=other, in_s=in_s, higher=higher))
+        return found
+
+    def _off_m(self, sysid: int) -> float:
+        """How far a vehicle is from its place in the plan; before T0, to the side of its pad."""
+        view = self._monitor.views[sysid]
+        known = self._monitor.t0_unix_s is not None
+        return float(np.nan_to_num(view.error_m)) if known else self._separation.off_pad_m(view)
