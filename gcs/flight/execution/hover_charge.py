@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from statistics import median
 
 from gcs.errors import FlightError, counted
@@ -11,10 +11,8 @@ from gcs.flight.contingency.energy_choice import ChargeWatch
 from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.link.wire.message import Message
-from gcs.util.aio import ended
 
-_SAMPLES = 3  # of SYS_STATUS, which comes twice a second
-_LONGEST_S = 3.0  # of vehicle time: one that does not report holds nobody up for longer
+_LISTEN_S = 2.0  # of vehicle time: SYS_STATUS comes twice a second
 _LISTED = 6
 _RULE = "The current in the hover replaces that of the plan"
 
@@ -58,26 +56,10 @@ async def check_hover(
 
 
 async def _statuses(fleet: FlyingFleet) -> Mapping[int, Sequence[Message]]:
-    """The SYS_STATUS messages of every vehicle from now on, `_SAMPLES` of each or what came in time."""
+    """The SYS_STATUS messages of every vehicle in the next `_LISTEN_S`."""
     found: dict[int, list[Message]] = {sysid: [] for sysid in fleet.vehicles}
-    enough = asyncio.Event()
-
-    def listener(kept: list[Message]) -> Callable[[Message], None]:
-        def receive(message: Message) -> None:
-            if message.name == "SYS_STATUS":
-                kept.append(message)
-                if all(len(one) >= _SAMPLES for one in found.values()):
-                    enough.set()
-
-        return receive
-
-    stops = [vehicle.session.subscribe(listener(found[sysid])) for sysid, vehicle in fleet.vehicles.items()]
-    end_s = fleet.time.sure_s() + _LONGEST_S
-    waits = (asyncio.ensure_future(enough.wait()), asyncio.ensure_future(fleet.time.until(end_s)))
-    try:
-        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for stop in stops:
-            stop()
-        await ended(*waits)
-    return found
+    with ExitStack() as stack:
+        for sysid, vehicle in fleet.vehicles.items():
+            stack.callback(vehicle.session.subscribe(found[sysid].append))
+        await fleet.time.until(fleet.time.sure_s() + _LISTEN_S)
+    return {sysid: [one for one in every if one.name == "SYS_STATUS"] for sysid, every in found.items()}

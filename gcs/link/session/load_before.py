@@ -8,7 +8,8 @@ import struct
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from gcs.autopilots.parameter_names import in_units_of
 from gcs.autopilots.traits import link_behaviour
@@ -78,6 +79,9 @@ class LoadBefore:
             "as_planned": sorted(kind.name.lower() for kind in self.same),
             "fence_enabled": None if self.fence is None else bool(self.fence.value),
         }
+
+
+_BEFORE = TypeAdapter(tuple[LoadBefore, ...])
 
 
 def part_words(kind: MissionType, count: int) -> str:
@@ -219,22 +223,8 @@ def change_data(change: ParameterChange) -> JsonObject:
 
 def record_before(path: Path, plan_hash: str, digests: Mapping[int, str], before: Sequence[LoadBefore]) -> None:
     """Write what vehicles had before an upload. NaN of an item is NaN, which JSON lacks. Raises `OSError`."""
-    rows = [
-        {
-            "vehicle": one.sysid,
-            "autopilot": one.autopilot,
-            "items": {k.name: [_row(item) for item in items] for k, items in one.items.items() if k not in one.same},
-            "unread": {kind.name: reason for kind, reason in one.unread.items()},
-        }
-        for one in before
-    ]
-    record = {
-        "format": _FORMAT,
-        "plan_hash": plan_hash,
-        "digests": {str(sysid): digest for sysid, digest in digests.items()},
-        "parameters": [change_data(change) for one in before for change in one.changes],
-        "before": rows,
-    }
+    rows = _BEFORE.dump_python(tuple(before), mode="json")
+    record = {"format": _FORMAT, "plan_hash": plan_hash, "digests": dict(digests), "before": rows}
     atomic_write(path, json.dumps(record) + "\n")
 
 
@@ -247,37 +237,15 @@ def recorded_before(path: Path) -> tuple[LoadBefore, ...]:
         data = read_json(read_file(path, UPLOAD_RECORD, hint=_HINT), not_finite=True)
         if data["format"] != _FORMAT:
             raise ValueError(data["format"])
-        changes: dict[int, list[ParameterChange]] = {}
-        for row in data["parameters"]:
-            name, kind = str(row["name"]), int(row["type"])
-            before, after = (Parameter(name, row[key], kind) for key in ("before", "after"))
-            if not all(isinstance(p.value, int | float) for p in (before, after)):
-                raise TypeError(name)
-            changes.setdefault(int(row["vehicle"]), []).append(ParameterChange(int(row["vehicle"]), before, after))
-        rows = {int(row["vehicle"]): row for row in data.get("before", [])}
-        return tuple(
-            LoadBefore(
-                sysid,
-                int(rows[sysid]["autopilot"]) if sysid in rows else 0,
-                tuple(changes.get(sysid, ())),
-                {MissionType[k]: tuple(map(_item, v)) for k, v in rows.get(sysid, {}).get("items", {}).items()},
-                unread={MissionType[k]: str(v) for k, v in rows.get(sysid, {}).get("unread", {}).items()},
-            )
-            for sysid in sorted({*changes, *rows})
-        )
+        changes: dict[int, list[JsonObject]] = {}
+        for row in data.get("parameters", ()):
+            sides = ({"name": row["name"], "kind": row["type"], "value": row[key]} for key in ("before", "after"))
+            change = dict(zip(("before", "after"), sides, strict=True))
+            changes.setdefault(int(row["vehicle"]), []).append({"sysid": row["vehicle"], **change})
+        older = [{"sysid": sysid, "autopilot": 0, "changes": rows} for sysid, rows in changes.items()]
+        found = _BEFORE.validate_python(data.get("before", older))
+        for one in found:
+            packed([item for items in one.items.values() for item in items])  # else no vehicle can have had them
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, struct.error) as error:
         raise FileFormatError(f"{path}: not the record of an upload.", hint=_HINT) from error
-
-
-def _row(item: MissionItem) -> list[float | bool]:
-    place = (item.lat_degE7, item.lon_degE7, item.alt_m)
-    return [item.command, item.frame, *item.params, *place, item.autocontinue]
-
-
-def _item(row: Sequence[Any]) -> MissionItem:
-    """The item of a row. Raises ValueError, TypeError or struct.error for one that no vehicle can have had."""
-    command, frame, *params, lat, lon, alt, autocontinue = row
-    p1, p2, p3, p4 = map(float, params)
-    item = MissionItem(command, frame, (p1, p2, p3, p4), lat, lon, float(alt), bool(autocontinue))
-    packed([item])
-    return item
+    return found

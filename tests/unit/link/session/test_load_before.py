@@ -40,6 +40,15 @@ def item(number: int, command: int = 16) -> MissionItem:
 
 OLD, NEW = (item(1), item(2)), (item(3), item(4), item(5))
 EVERYTHING = "RTL_RETURN_ALT 60 (now 30), RTL_CONE 45 (now 0), mission of 2 items"
+BARE: dict[str, object] = {"sysid": 1, "autopilot": 3}
+ITEM: dict[str, object] = {
+    "command": 16,
+    "frame": 3,
+    "params": [0, 0, 0, 0],
+    "lat_degE7": 0,
+    "lon_degE7": 0,
+    "alt_m": 0,
+}
 AREA = tuple(item(number, 5001) for number in range(3))
 
 
@@ -159,7 +168,8 @@ def test_the_record_gives_back_the_same(tmp_path: Path) -> None:
     record_before(tmp_path / "record.json", "ab", {1: "cd"}, [before, LoadBefore(7, int(Autopilot.ARDUPILOT))])
     first, second = recorded_before(tmp_path / "record.json")
     assert (first.changes, first.autopilot, dict(first.unread)) == (before.changes, 12, {RALLY: "refused"})
-    assert repr(first.items) == repr({MISSION: OLD})  # NaN is not equal to itself
+    assert repr(first.items) == repr(before.items)  # NaN is not equal to itself
+    assert first.same == {FENCE, RALLY}
     assert (second.sysid, second.autopilot, second.changes, second.items) == (7, 3, (), {})
 
 
@@ -171,20 +181,25 @@ def test_an_older_record_has_parameters_alone(tmp_path: Path) -> None:
     assert (one.sysid, one.changes, one.items) == (3, (change,), {})
 
 
+def recorded(tmp_path: Path, rows: object) -> tuple[LoadBefore, ...]:
+    (tmp_path / "record.json").write_text(json.dumps({"format": "skein-upload", "before": rows}))
+    return recorded_before(tmp_path / "record.json")
+
+
 @pytest.mark.parametrize(
     "rows",
     [
-        [{"vehicle": 1}],
-        [{"vehicle": 1, "autopilot": 3, "items": {"MISSION": [[1e9, 3, 0, 0, 0, 0, 0, 0, 0, True]]}}],
-        [{"vehicle": 1, "autopilot": 3, "items": {"MISSION": [[16, 3, 0, 0, 0, 0, 0.5, 0, 0, True]]}}],
-        [{"vehicle": 1, "autopilot": 3, "items": {"MISSION": [[16, 3]]}}],
-        [{"vehicle": 1, "autopilot": 3, "items": {"WISHES": []}}],
-        [{"vehicle": 1, "autopilot": 3, "items": [1]}],
-        {"vehicle": 1},
+        [{"sysid": 1}],
+        [{**BARE, "items": {"0": [{**ITEM, "command": 1e9}]}}],
+        [{**BARE, "items": {"0": [{**ITEM, "lat_degE7": 0.5}]}}],
+        [{**BARE, "items": {"0": [{"command": 16}]}}],
+        [{**BARE, "items": {"9": []}}],
+        [{**BARE, "items": [1]}],
+        {"sysid": 1},
         7,
     ],
 )
 def test_a_record_of_something_else_is_refused(tmp_path: Path, rows: object) -> None:
-    (tmp_path / "bad.json").write_text(json.dumps({"format": "skein-upload", "parameters": [], "before": rows}))
+    assert recorded(tmp_path, [{**BARE, "items": {"0": [ITEM]}}])
     with pytest.raises(FileFormatError, match="not the record of an upload"):
-        recorded_before(tmp_path / "bad.json")
+        recorded(tmp_path, rows)
