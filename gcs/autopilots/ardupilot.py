@@ -201,6 +201,7 @@ ARDUPILOT = columns.AutopilotTraits(
     ),
     link=columns.LinkBehaviour(
         prearm_bit=True,
+        cured_text="PreArm: Mode requires mission",
         home_is_item_0=True,
         mission_files=True,  # 4.1 and newer
         requests_in_flight=8,  # it answers requests for items in any order

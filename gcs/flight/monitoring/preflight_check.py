@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from gcs.errors import FlightError, UsageError
 from gcs.types import JsonObject
 
-BATTERY, CLOCK, DISARMED, MESSAGES = "battery", "clock", "disarmed", "messages"
+BATTERY, CAN_ARM, CLOCK, DISARMED, MESSAGES = "battery", "can arm", "clock", "disarmed", "messages"
 CHECKS = {
     DISARMED: "the vehicle is not armed",
+    CAN_ARM: "its own checks pass, where SYS_STATUS says so, and it has lately told no reason against arming",
     "position estimate": "the estimator's flags are those that a flight needs",
     "sensors": "every enabled sensor is healthy, those excepted that are only mentioned",
     "pad": "the vehicle stands on its own pad",

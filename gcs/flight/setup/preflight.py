@@ -23,11 +23,19 @@ from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
-from gcs.flight.monitoring.preflight_check import BATTERY, CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
+from gcs.flight.monitoring.preflight_check import (
+    BATTERY,
+    CAN_ARM,
+    CLOCK,
+    NOT_REPORTED,
+    PreflightCheck,
+    refuse_no_go,
+    waive,
+)
 from gcs.flight.monitoring.progress import Event
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.link.session.status_report import VehicleReport, status_report
+from gcs.link.session.status_report import REPEATED_S, VehicleReport, status_report, until_told_why
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
@@ -119,6 +127,14 @@ def battery_needed(plan: Plan, limits: PreflightTable) -> Array:
 
 def _disarmed(now: _Situation) -> _Measured:
     return _Measured("armed" if now.report.armed else "disarmed", not now.report.armed)
+
+
+def _can_arm(now: _Situation) -> _Measured:
+    """The autopilot's own word; where it is not known, the reasons against arming that were heard."""
+    if texts := now.report.not_ready_texts:
+        return _Measured("; ".join(texts), ok=False)
+    good = now.report.prearm_ok
+    return _ABSENT if good is None else _Measured("yes" if good else "no, reason not told", good)
 
 
 def _estimate(now: _Situation) -> _Measured:
@@ -267,6 +283,7 @@ async def go_or_no_go(
     plan: Plan,
     limits: PreflightTable,
     show: Callable[[tuple[PreflightCheck, ...]], None],
+    say: Callable[[str], None],
     waived: Collection[str] = (),
 ) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
     """Return the checks of all vehicles, after `show`, and the charge to end with; None if that is waived.
@@ -275,7 +292,7 @@ async def go_or_no_go(
 
     Raises `FlightError` for a no-go, `DuplicateSystemId`.
     """
-    requests = ((sysid, preflight_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
+    requests = ((sysid, preflight_report(s, say, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
     sysids, surveys = zip(*requests, strict=True)
     reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
     fleet.check()
@@ -292,10 +309,26 @@ async def go_or_no_go(
     return checks, ChargeRule(limits.reserve, limits.effort, batteries)
 
 
-async def preflight_report(session: VehicleSession, where: str = "") -> VehicleReport:
-    """Return the status report of a vehicle, with the battery capacity that it is set to."""
-    name = link_behaviour(session.autopilot).capacity_parameter
+async def preflight_report(session: VehicleSession, say: Callable[[str], None], where: str = "") -> VehicleReport:
+    """Return the status report of a vehicle, with the battery capacity that it is set to.
+
+    `prearm_ok` is True where it depends on the mode or mission that the flight replaces. One that cannot be armed
+    has REPEATED_S to tell the reason.
+    """
+    behaviour = link_behaviour(session.autopilot)
+    name, cured = behaviour.capacity_parameter, behaviour.cured_text
     report = await status_report(session, where)
+    if behaviour.prearm_bit and report.prearm_ok is False and not report.not_ready_texts:
+        say(f"vehicle {session.sysid} reports that it cannot be armed; waiting {REPEATED_S:g} s for its reason")
+        await until_told_why(session)
+        report = await status_report(session, where)
+    told = report.not_ready_texts
+    report = replace(
+        report,
+        prearm_ok=report.prearm_ok if behaviour.prearm_bit and {*told} != {cured} else True,
+        not_ready_texts=tuple(text for text in told if text != cured),
+        critical_texts=tuple(text for text in report.critical_texts if text != cured),
+    )
     if name is None:
         return report
     try:
@@ -324,6 +357,7 @@ def waived_events(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleS
 
 _KINDS = {
     "disarmed": _Kind(lambda _, __: "disarmed", _disarmed),
+    CAN_ARM: _Kind(lambda _, __: "yes", _can_arm),
     "position estimate": _Kind(lambda _, __: "healthy", _estimate),
     "sensors": _Kind(_sensors_required, _sensors),
     "pad": _Kind(lambda _, limits: f"within {limits.pad_m:g} m", _pad),

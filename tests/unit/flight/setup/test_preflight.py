@@ -55,6 +55,8 @@ def moved(plan, row, north_m, down_m=0.0):
     ("name", "change"),
     [
         ("disarmed", lambda plan: {"armed": True}),
+        ("can arm", lambda plan: {"prearm_ok": False}),
+        ("can arm", lambda plan: {"not_ready_texts": ("Preflight Fail: Accel 0 uncalibrated",)}),
         ("position estimate", lambda plan: {"estimate_ok": False}),
         ("position estimate", lambda plan: {"estimate_ok": None}),
         ("sensors", lambda plan: {"ailing": ("compass",)}),
