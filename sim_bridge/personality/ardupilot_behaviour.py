@@ -171,6 +171,7 @@ _FAILSAFES = FailsafeSettings(
     ),
     stream={},
     estimate=EstimateFailsafe(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
+    low_is_critical=True,
 )
 
 _STREAMS = StreamTraits(
