@@ -22,7 +22,7 @@ from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.fleet_arming import arm_all
-from gcs.flight.execution.fleet_landing import FleetLanding
+from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.hover_charge import check_hover
@@ -148,8 +148,9 @@ class FlightSequence:
         span = self.plan.t_end_s - self.plan.t_start_s
         progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
         nearest = self.monitor.nearest_now()
+        left = self.landing.of_pilots() if self.step is Step.LAND else []
         return Snapshot(
-            self.step.value,
+            f"{named(left)} flown by a pilot" if left else self.step.value,
             1.0 if self.step is Step.DONE else progress,
             t_s,
             self.monitor.errors_m,
