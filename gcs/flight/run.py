@@ -22,10 +22,10 @@ from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
-    Event,
     FlightHooks,
     FlightTimes,
     NearestPair,
@@ -34,6 +34,7 @@ from gcs.flight.monitoring.progress import (
     flown_plan_time,
 )
 from gcs.flight.recording.flight_folder import (
+    BEFORE,
     EVENTS,
     PLAN,
     REPORTS,
@@ -49,6 +50,7 @@ from gcs.flight.recording.flight_report import emulation_data, repeat_command, w
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.recording.record_table import write_record
+from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
     export_for_flight,
     loads_built_aside,
@@ -56,7 +58,7 @@ from gcs.flight.setup.build_loads import (
     refuse_no_hour,
     refuse_other_autopilots,
 )
-from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
+from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
@@ -74,7 +76,6 @@ from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
-from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -255,6 +256,9 @@ class _LinkedFlight:
         self._journal = FlightJournal(now.folder, state, now.watcher.say, now.watcher.warn)
         self._checks: tuple[PreflightCheck, ...] = ()
         self._sent: Mapping[int, SentAs] = {}
+        self._loaded: tuple[VehicleLoad, ...] = ()
+        kept, say = self._journal.record.gaps.kept, self._journal.say
+        self._before = BoardBefore(now.folder / BEFORE, self._plan.hash, kept, say)
 
     async def run(self) -> _Ended:
         """Fly, and restore what was changed on board, however the flight ends."""
@@ -277,7 +281,9 @@ class _LinkedFlight:
             finally:
                 await ended(showing)
                 if flight.held is not None:
-                    await insisted(restore_parameters(sessions, flight.held.changes, journal.say))
+                    await insisted(self._before.give_back(sessions))
+                elif flight.step is Step.UPLOAD:
+                    self._before.tell_kept()
 
     def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
         folder, port = self._now.folder, fleet.local_address[1]
@@ -292,6 +298,7 @@ class _LinkedFlight:
 
     def _note_sent(self, held: Holdings) -> None:
         self._sent = held.sent_as
+        self._before.uploaded(held)
         self._journal.on_sent(held.sent_as)
         self._journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
 
@@ -301,6 +308,8 @@ class _LinkedFlight:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.options.follow and len(set(autopilots.values())) > 1:
             self._now.watcher.warn(MIXED_FOLLOWING)
+        emulated = order.link is None
+        self._loaded = missions_only(exported.missions) if emulated else await self._loads(autopilots)
         hooks = FlightHooks(
             self._journal.on_event, self._journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
         )
@@ -313,7 +322,7 @@ class _LinkedFlight:
                 lead_s=SIM_LEAD_S if order.link is None else 0.0,
                 watched_elsewhere=bool(order.also_to),
             ),
-            loads=missions_only(exported.missions) if order.link is None else await self._loads(autopilots),
+            loads=self._loaded,
             stream=self._now.stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
@@ -340,25 +349,18 @@ class _LinkedFlight:
         warn, exported = self._now.watcher.warn, self._now.exported
         return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
 
-    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> None:
-        order, plan, watcher = self._order, self._plan, self._now.watcher
+    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
+        order, plan, watcher, charge = self._order, self._plan, self._now.watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
-            self._checks = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
-            now_s = host_s(asyncio.get_running_loop())
-            times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
-            for check in self._checks:
-                if check.waived:
-                    unix_s = times[check.sysid]
-                    what = f"failed the pre-flight check {check.name}, waived: {check.measured}"
-                    what += f" (required: {check.required})"
-                    rule = f"The operator waived it for this flight: --waive {check.name}"
-                    self._journal.on_event(
-                        Event(math.nan if unix_s is None else unix_s, math.nan, check.sysid, what, rule)
-                    )
+            self._checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, watcher.say, waived)
+            for event in waived_events(self._checks, sessions):
+                self._journal.on_event(event)
+            await self._before.read(sessions, self._loaded)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
+        return charge
 
 
 async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
