@@ -6,6 +6,19 @@ Vehicles send plain ints: unknown values must survive.
 from __future__ import annotations
 
 from enum import IntEnum, IntFlag
+from typing import Self
+
+
+class WordedEnum(IntEnum):
+    """Values, each with its `words` for people."""
+
+    words: str
+
+    def __new__(cls, value: int, words: str = "") -> Self:
+        """Make a member of `NAME = value, words`."""
+        member = int.__new__(cls, value)
+        member._value_, member.words = value, words
+        return member
 
 
 class MavType(IntEnum):
@@ -301,48 +314,48 @@ class ParameterType(IntEnum):
     REAL32 = 9
 
 
-class MissionType(IntEnum):
+class MissionType(WordedEnum):
     """MAV_MISSION_TYPE."""
 
-    MISSION = 0
-    FENCE = 1
-    RALLY = 2
-    ALL = 255
+    MISSION = 0, "mission"
+    FENCE = 1, "fence"
+    RALLY = 2, "rally points"
+    ALL = 255, "mission, fence and rally points"
 
 
-class MissionResult(IntEnum):
+class MissionResult(WordedEnum):
     """MAV_MISSION_RESULT: MISSION_ACK.type."""
 
-    ACCEPTED = 0
-    ERROR = 1
-    UNSUPPORTED_FRAME = 2
-    UNSUPPORTED = 3
-    NO_SPACE = 4
-    INVALID = 5
-    INVALID_PARAM1 = 6
-    INVALID_PARAM2 = 7
-    INVALID_PARAM3 = 8
-    INVALID_PARAM4 = 9
-    INVALID_PARAM5_X = 10
-    INVALID_PARAM6_Y = 11
-    INVALID_PARAM7 = 12
-    INVALID_SEQUENCE = 13
-    DENIED = 14
-    OPERATION_CANCELLED = 15
+    ACCEPTED = 0, "accepted"
+    ERROR = 1, "not accepting missions right now"
+    UNSUPPORTED_FRAME = 2, "altitude frame not supported"
+    UNSUPPORTED = 3, "command not supported"
+    NO_SPACE = 4, "too many items for its memory"
+    INVALID = 5, "invalid value"
+    INVALID_PARAM1 = 6, "invalid parameter 1"
+    INVALID_PARAM2 = 7, "invalid parameter 2"
+    INVALID_PARAM3 = 8, "invalid parameter 3"
+    INVALID_PARAM4 = 9, "invalid parameter 4"
+    INVALID_PARAM5_X = 10, "invalid latitude"
+    INVALID_PARAM6_Y = 11, "invalid longitude"
+    INVALID_PARAM7 = 12, "invalid altitude"
+    INVALID_SEQUENCE = 13, "item out of sequence"
+    DENIED = 14, "busy with another station or operation"
+    OPERATION_CANCELLED = 15, "transfer cancelled"
 
 
-class MavResult(IntEnum):
+class MavResult(WordedEnum):
     """MAV_RESULT: COMMAND_ACK.result."""
 
-    ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
-    DENIED = 2
-    UNSUPPORTED = 3
-    FAILED = 4
-    IN_PROGRESS = 5
-    CANCELLED = 6
-    COMMAND_LONG_ONLY = 7
-    COMMAND_INT_ONLY = 8
+    ACCEPTED = 0, "accepted"
+    TEMPORARILY_REJECTED = 1, "not possible at this time"
+    DENIED = 2, "invalid parameters"
+    UNSUPPORTED = 3, "command not known"
+    FAILED = 4, "execution failed"
+    IN_PROGRESS = 5, "in progress"
+    CANCELLED = 6, "cancelled"
+    COMMAND_LONG_ONLY = 7, "only accepted as COMMAND_LONG"
+    COMMAND_INT_ONLY = 8, "only accepted as COMMAND_INT"
 
 
 def px4_mode(main: int, sub: int = 0) -> int:

@@ -2,47 +2,7 @@
 
 from __future__ import annotations
 
-from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity
-
-_MISSION_RESULT_WORDS = {
-    MissionResult.ACCEPTED: "accepted",
-    MissionResult.ERROR: "not accepting missions right now",
-    MissionResult.UNSUPPORTED_FRAME: "altitude frame not supported",
-    MissionResult.UNSUPPORTED: "command not supported",
-    MissionResult.NO_SPACE: "too many items for its memory",
-    MissionResult.INVALID: "invalid value",
-    MissionResult.INVALID_PARAM1: "invalid parameter 1",
-    MissionResult.INVALID_PARAM2: "invalid parameter 2",
-    MissionResult.INVALID_PARAM3: "invalid parameter 3",
-    MissionResult.INVALID_PARAM4: "invalid parameter 4",
-    MissionResult.INVALID_PARAM5_X: "invalid latitude",
-    MissionResult.INVALID_PARAM6_Y: "invalid longitude",
-    MissionResult.INVALID_PARAM7: "invalid altitude",
-    MissionResult.INVALID_SEQUENCE: "item out of sequence",
-    MissionResult.DENIED: "busy with another station or operation",
-    MissionResult.OPERATION_CANCELLED: "transfer cancelled",
-}
-
-_RESULT_WORDS = {
-    MavResult.ACCEPTED: "accepted",
-    MavResult.TEMPORARILY_REJECTED: "not possible at this time",
-    MavResult.DENIED: "invalid parameters",
-    MavResult.UNSUPPORTED: "command not known",
-    MavResult.FAILED: "execution failed",
-    MavResult.IN_PROGRESS: "in progress",
-    MavResult.CANCELLED: "cancelled",
-    MavResult.COMMAND_LONG_ONLY: "only accepted as COMMAND_LONG",
-    MavResult.COMMAND_INT_ONLY: "only accepted as COMMAND_INT",
-}
-
-
-_MISSION_TYPE_WORDS = {
-    MissionType.MISSION: "mission",
-    MissionType.FENCE: "fence",
-    MissionType.RALLY: "rally points",
-    MissionType.ALL: "mission, fence and rally points",
-}
-
+from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity, WordedEnum
 
 # MAV_SYS_STATUS_SENSOR: one word or two for every bit of SYS_STATUS, from bit 0 on
 SENSORS = (
@@ -93,23 +53,22 @@ def severity_name(value: int) -> str:
 
 def mission_type_words(value: int) -> str:
     """Return a MAV_MISSION_TYPE in words. An unknown value keeps its number."""
-    return _MISSION_TYPE_WORDS[MissionType(value)] if value in _MISSION_TYPE_WORDS else f"items of type {value}"
+    return MissionType(value).words if value in tuple(MissionType) else f"items of type {value}"
 
 
 def mission_result_words(value: int) -> str:
     """Return a MAV_MISSION_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
-    if value in _MISSION_RESULT_WORDS:
-        result = MissionResult(value)
-        return f"{_MISSION_RESULT_WORDS[result]} (MAV_MISSION_{result.name})"
-    return f"MAV_MISSION_RESULT {value}"
+    return named_words(MissionResult, value, "MAV_MISSION", f"MAV_MISSION_RESULT {value}")
 
 
 def result_words(value: int) -> str:
     """Return a MAV_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
-    if value in _RESULT_WORDS:
-        result = MavResult(value)
-        return f"{_RESULT_WORDS[result]} (MAV_RESULT_{result.name})"
-    return f"MAV_RESULT {value}"
+    return named_words(MavResult, value, "MAV_RESULT", f"MAV_RESULT {value}")
+
+
+def named_words(kind: type[WordedEnum], value: int, prefix: str, unknown: str) -> str:
+    """Return the words of a value, with its MAVLink name in brackets: "accepted (MAV_RESULT_ACCEPTED)"."""
+    return f"{kind(value).words} ({prefix}_{kind(value).name})" if value in tuple(kind) else unknown
 
 
 def command_name(command: int) -> str:

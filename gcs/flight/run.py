@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError
-from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
-from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+from gcs.flight.assessment.judge import Tracks, Verdict, judge, judge_reports, load_truth, reported_tracks
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
 from gcs.flight.monitoring.own_battery import ChargeRule
-from gcs.flight.monitoring.plan_time import PlanTime
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
@@ -33,6 +31,7 @@ from gcs.flight.monitoring.progress import (
     NearestPair,
     Step,
     Watcher,
+    flown_plan_time,
 )
 from gcs.flight.recording.flight_folder import (
     BEFORE,
@@ -46,7 +45,7 @@ from gcs.flight.recording.flight_folder import (
     read_events,
     report_data,
 )
-from gcs.flight.recording.flight_journal import FlightJournal
+from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
@@ -172,8 +171,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with held_folder(folder):
         flew = ctrl_c.run(_fly(now, ctrl_c))
     watcher.lap("fly")
-    noted = ((event.unix_s, event.t_s) for event in read_events(folder / EVENTS))
-    times = replace(flew.times, clock=PlanTime.of(flew.times.t0_unix_s, noted))
+    times = replace(flew.times, clock=flown_plan_time(flew.times.t0_unix_s, read_events(folder / EVENTS)))
     verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
     extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
     watcher.lap("judge")
@@ -193,7 +191,6 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
 
 
 def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
-    """The verdict on emulated vehicles, their true tracks, and what the report says of the emulation."""
     order, plan = now.order, now.order.plan
     truth = load_truth(now.folder / "truth.npz")
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
@@ -206,7 +203,6 @@ def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, 
 
 
 def _judged_reports(now: _Prepared, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
-    """The verdict on vehicles of a link, and their reported tracks; no verdict without telemetry."""
     plan, link = now.order.plan, now.order.link
     record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
     tracks = reported_tracks(plan, record, times.plan_time)
@@ -221,8 +217,6 @@ def refuse_late_starts(scenario: Scenario) -> None:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """A flight whose folder and files are made."""
-
     order: FlightRun
     watcher: Watcher
     folder: Path
@@ -243,8 +237,6 @@ class _Ended:
 
 
 class _LinkedFlight:
-    """One flight between the opening and the closing of its links."""
-
     def __init__(self, now: _Prepared, ctrl_c: Stoppable) -> None:
         order = now.order
         self._now, self._order, self._plan, self._ctrl_c = now, order, order.plan, ctrl_c
@@ -376,7 +368,6 @@ async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
 
 
 def _skew(late_s: dict[int, float]) -> dict[str, object]:
-    """Return the spread of the delays and the delay of each vehicle, in seconds; null for one that never flew."""
     skew = skew_s(late_s.values())
     late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
     return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}

@@ -24,7 +24,7 @@ from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry, until_placed
 from gcs.flight.monitoring.progress import FlightHooks
 from gcs.flight.recording.flight_folder import BEFORE
-from gcs.flight.recording.flight_journal import FlightJournal
+from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.session.connection import Connection

@@ -18,14 +18,13 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
-from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
-from gcs.flight.execution.fleet_arming import arm_all
+from gcs.flight.execution.fleet_arming import arm_all, climb_to_hover
 from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.execution.flight_guard import FlightGuard
-from gcs.flight.execution.flying_fleet import FlyingFleet
 from gcs.flight.execution.hover_charge import check_hover
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,
@@ -190,7 +189,8 @@ class FlightSequence:
         return vehicle.session.subscribe(receive)
 
     async def _run(self) -> FlightTimes:
-        self._check_mode()
+        if self.options.mode is FlightMode.MISSION:
+            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
@@ -266,12 +266,7 @@ class FlightSequence:
             return await in_own_process(battery_model, self.plan)
         return battery_model(self.plan)
 
-    def _check_mode(self) -> None:
-        if self.options.mode is FlightMode.MISSION:
-            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
-
     async def _fly_stream(self) -> float:
-        """Stream setpoints to all vehicles from one T0; return T0."""
         async with alongside(self.streamer.run()):
             t0_unix_s = await self.streamer.begin()
             await self.watch_over(t0_unix_s)
@@ -306,7 +301,6 @@ class FlightSequence:
         await self.landing.until_landed()
 
     def _on_plan(self) -> list[int]:
-        """The vehicles that fly the plan, or flew it to its end, and are heard."""
         return [i for i, state in self.contingency.policy.states.items() if state is State.FLYING]
 
     async def _until_landing(self) -> None:

@@ -8,7 +8,7 @@ from statistics import median
 
 from gcs.errors import FlightError, counted
 from gcs.flight.contingency.energy_choice import ChargeWatch
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.link.wire.message import Message
 

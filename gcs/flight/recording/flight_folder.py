@@ -91,6 +91,7 @@ def criteria_data(verdict: Verdict) -> JsonObject:
         "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
         "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
         "formation_error_max_m": _finite(verdict.formation_error_m),
+        **({"off_plan_s": verdict.off_plan_s} if verdict.off_plan_s else {}),
     }
 
 

@@ -15,7 +15,7 @@ from gcs.autopilots.parameter_names import in_units_of
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import FileFormatError, GcsError, PeerError, PeerTimeout, UsageError, counted
 from gcs.link.protocols.mission.read_back import compare_missions
-from gcs.link.protocols.parameter import Parameter, as_kind
+from gcs.link.protocols.parameter_transfer import Parameter, as_kind
 from gcs.link.session.vehicle_api import Loadable
 from gcs.link.session.vehicle_load import VehicleLoad, packed
 from gcs.mavlink import MissionType

@@ -185,7 +185,6 @@ def _state(status: int) -> str:
 
 
 def _sensors(status: Message, *, healthy: bool) -> tuple[str, ...]:
-    """Return the enabled sensors that are healthy, or that are not."""
     fields = status.fields
     enabled, health = fields["onboard_control_sensors_enabled"], fields["onboard_control_sensors_health"]
     return sensor_names(enabled & (health if healthy else ~health) & ~PREARM_CHECK)

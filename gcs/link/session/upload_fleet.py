@@ -60,8 +60,6 @@ class UploadFailed(PeerError):
 
 @dataclass
 class _Loading:
-    """One vehicle during the upload."""
-
     session: Loadable
     load: VehicleLoad
     changes: list[ParameterChange] = field(default_factory=list)
@@ -162,7 +160,6 @@ async def _set(one: _Loading, on_step: Callable[[int, str], None]) -> None:
 
 
 async def _roll_back(every: Sequence[_Loading]) -> dict[int, str]:
-    """Clear what was sent and restore parameters. Return the state of each vehicle in words."""
     states = await asyncio.gather(*(asyncio.shield(_roll_back_one(one)) for one in every))
     return {one.session.sysid: state for one, state in zip(every, states, strict=True)}
 

@@ -13,7 +13,7 @@ from gcs.errors import FlightError, OrderError
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.fleet_landing import HANDED_OVER, FleetLanding
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.fleet_time import FleetTime

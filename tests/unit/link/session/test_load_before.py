@@ -14,7 +14,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, PeerError, PeerTimeout
-from gcs.link.protocols.parameter import Parameter
+from gcs.link.protocols.parameter_transfer import Parameter
 from gcs.link.session.load_before import (
     LoadBefore,
     ParameterChange,
