@@ -11,7 +11,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -27,12 +26,10 @@ from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _GRID_S = 0.2
 _SAMPLES = 9  # of every piece of a flight
