@@ -72,9 +72,10 @@ def test_a_smaller_battery_than_the_scenarios_is_a_no_go(fly: Fly) -> None:
     assert not any(vehicle.autopilot.armed for vehicle in fleet._world.vehicles)
 
 
-def test_a_hover_that_draws_twice_as_much_ends_the_flight_before_t0(fly: Fly, hop: Plan) -> None:
+@pytest.mark.parametrize("mode", ["stream", "mission"])
+def test_a_hover_that_draws_twice_as_much_ends_the_flight_before_t0(fly: Fly, hop: Plan, mode: str) -> None:
     """Pre-flight says that half of the battery is enough."""
-    code, said, fleet, flown = fly(0.5, 2.0)
+    code, said, fleet, flown = fly(0.5, 2.0, "--mode", mode)
     assert code == 9, said
     assert "the start was aborted: vehicle 1 draws " in said
     assert "25% must be left at the end" in said

@@ -64,7 +64,12 @@ def upload(
     wanted = _Upload(plan, known, backend, timed=not untimed, safety=not missions_only, record=record)
     held, before = Stoppable().run(_upload(wanted, screen, watch))
     if held is not None:
-        _show_missions(screen, held)
+        from rich.table import Table
+
+        table = Table("vehicle", "mission sent", "why", title="missions on board, read back and equal")
+        for sysid, way in sorted(held.sent_as.items()):
+            table.add_row(str(sysid), way.transfer.value, way.reason)
+        screen.show(table)
         have = counted(len(held.digests), "vehicle has its mission", "vehicles have their missions")
         screen.say(f"{have} of plan {plan.hash[:12]}; the read-back is equal")
         screen.say(f"to give back what was on board before: gcs restore {record}")
@@ -182,13 +187,4 @@ def _show(screen: Screen, changes: Sequence[ParameterChange], why: dict[tuple[in
     for change in changes:
         before, after = f"{change.before.value:g}", f"{change.after.value:g}"
         table.add_row(str(change.sysid), change.before.name, before, after, why[change.sysid, change.before.name])
-    screen.show(table)
-
-
-def _show_missions(screen: Screen, held: Holdings) -> None:
-    from rich.table import Table
-
-    table = Table("vehicle", "mission sent", "why", title="missions on board, read back and equal")
-    for sysid, way in sorted(held.sent_as.items()):
-        table.add_row(str(sysid), way.transfer.value, way.reason)
     screen.show(table)
