@@ -67,7 +67,7 @@ class Vehicle:
             if message.name == "MISSION_COUNT":
                 self.machine = MissionReceiver(self.exchange)
             elif message.name == "MISSION_ITEM_INT" and message.fields["seq"] == self.refuses:
-                result = {"type": MissionResult.UNSUPPORTED, "mission_type": 0, "opaque_id": 0}
+                result = {"type": MissionResult.UNSUPPORTED, "mission_type": 0}
                 self.say(Message("MISSION_ACK", {**GROUND.target, **result}))
                 continue
             elif message.name == "MISSION_REQUEST_LIST":
