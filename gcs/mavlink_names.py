@@ -1,9 +1,6 @@
-"""Sentences about MAVLink results, commands, mission types, sensors and severities. An unknown value keeps its number."""
-
-from __future__ import annotations
+"""MAVLink results, commands, mission types, sensors and severities in words. An unknown value keeps its number."""
 
 from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity
-
 
 # MAV_SYS_STATUS_SENSOR: one word or two for every bit of SYS_STATUS, from bit 0 on
 SENSORS = (
