@@ -9,8 +9,6 @@ tests near the changed module: those of its folder, and those that import it. `-
 `unit`, `property` and `golden`. A survivor is a missing test, or code that nothing needs.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os

@@ -4,8 +4,6 @@ An archive of 2 MB can hold 2 GB of zeros. Its directory says how large each mem
 its type and shape: both are compared with what the reader expects, and no more than that is unpacked.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import struct

@@ -1,7 +1,5 @@
 """Start-up and arming: the reasons against arming, the spin-up of the motors, and idle disarming."""
 
-from __future__ import annotations
-
 import math
 
 from gcs.mavlink import Severity

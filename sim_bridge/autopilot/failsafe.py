@@ -5,8 +5,6 @@ the ground station is measured in wall time `now_s`, because links are real; eve
 autopilot itself detects the loss of a setpoint stream (`OffboardTimeout`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

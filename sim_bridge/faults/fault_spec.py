@@ -7,8 +7,6 @@ WHEN is `A..B` or `A`, in simulated seconds after take-off. `start:A..B` counts 
 `upload:N` begins when item N of an upload arrives. Without WHEN the fault is always active.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib

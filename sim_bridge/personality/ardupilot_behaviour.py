@@ -4,8 +4,6 @@ It is ready after 4 s, not 40: the real one waits for the slow start of its GNSS
 ground station.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from gcs.autopilots.ardupilot import ARDUPILOT as ROW

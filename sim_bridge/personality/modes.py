@@ -1,7 +1,5 @@
 """The parts of a personality: flight modes, start-up stages, occasions for texts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto

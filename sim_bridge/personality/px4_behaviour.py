@@ -3,8 +3,6 @@
 Texts that are also sent as an event end in a tab.
 """
 
-from __future__ import annotations
-
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import (
     PX4_HOLD,

@@ -1,7 +1,5 @@
 """Carries out COMMAND_LONG and COMMAND_INT, and acknowledges them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -8,8 +8,6 @@
 - Written files may have holes, which read as zeros.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 from gcs.link.protocols.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, read_payload

@@ -1,7 +1,5 @@
 """One of each kind of picture that `gcs show`, `gcs fly` and `gcs replay` draw, for docs/gallery.md."""
 
-from __future__ import annotations
-
 import lzma
 import shutil
 import tempfile

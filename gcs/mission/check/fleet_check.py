@@ -1,7 +1,5 @@
 """The check of a fleet's missions: items, flights, limits, fences and rally points, in this order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

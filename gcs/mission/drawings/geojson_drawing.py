@@ -1,7 +1,5 @@
 """Drawings in GeoJSON: lines, polygons with holes, and points in their order, with the names in their properties."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

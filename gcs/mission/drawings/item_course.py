@@ -1,7 +1,5 @@
 """The route in mission items: points, holds and speeds. Every other item is reported as left out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

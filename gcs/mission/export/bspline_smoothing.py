@@ -7,8 +7,6 @@ Distances are bounded along chords; a path is never farther from a chord over h 
 acceleration.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The index of an export: a JSON file beside the others, with their hashes, checks and predictions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 

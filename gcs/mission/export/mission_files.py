@@ -1,7 +1,5 @@
 """The missions of an export: built for each vehicle's autopilot, written, read back, flown by a model, verified."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ MAVProxy splits rows at blanks, skips comments and blank lines, and numbers the 
 at tabs, and reads an empty cell as 0. Version 100 has 13 columns and commands of its own. Version 120 has no home row.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

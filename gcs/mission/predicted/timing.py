@@ -5,8 +5,6 @@ same orders differ by at most `AutopilotTraits.apart_s`, and each by what its au
 open. The least distance is therefore taken with any two vehicles shifted against each other by up to these times.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Areas are shapely polygons with (north, east) as coordinates, m.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ Keep-in areas cut the hull; straight return tracks may leave a concave one.
 `rtl_altitudes` chooses return altitudes; `gcs.mission.check.fence_and_rally` checks the result.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ An interval in which the shape is rigid may be long: the leader's whole track co
 for all vehicles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Tracks are divided along their length, and by the instants at which they begin. 
 rectangle that holds it. Parts whose bound is below a height that was seen need no further division.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -4,8 +4,6 @@ Pairs of groups of vehicles are bounded over long intervals. Groups are divided 
 not enough. Pairs of vehicles that move against each other are then bounded as those of small fleets are.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 

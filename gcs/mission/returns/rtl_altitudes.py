@@ -11,8 +11,6 @@ Nothing here depends on the last bits of a plan. The lowest altitude is rounded 
 counts as kept within `KEPT_M`; a slower return must be better by `BETTER_M`.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ All begin at once, climb, fly straight to their ends, and descend. Return altitu
 chooses them.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Plans are piecewise polynomials of time. So their Taylor coefficients about the 
 vehicle is from its middle place, and how much two vehicles move against each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

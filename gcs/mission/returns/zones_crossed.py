@@ -4,8 +4,6 @@ All tracks of an interval of start times lie in the hull of the places where the
 are halved where a hull meets a zone, down to `_SHORTEST_S`; what is left counts as crossing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The times at which a formation passes its waypoints, and the commanded speeds of its vehicles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

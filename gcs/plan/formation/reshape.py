@@ -1,7 +1,5 @@
 """Reshape (§2.2.3): an assignment of places and collision-free paths to them; the leader keeps its place."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

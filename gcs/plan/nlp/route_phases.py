@@ -1,7 +1,5 @@
 """The legs of a drawn route as phases of the program: first mesh, durations, and rows about the points between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -5,8 +5,6 @@ So a thousand vehicles cost no more constraints than a few. `violations` checks 
 choice then includes what this one missed.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

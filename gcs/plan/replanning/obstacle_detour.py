@@ -3,8 +3,6 @@
 A guess need not be flyable.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ instants `h` apart it is within h² / 8 times the largest acceleration, which Ta
 the chain moves it by at most `_CHORD_M`. Circles are polygons inside of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ difference of two errors: with standard deviation sigma of one vehicle and one a
 Errors are independent here. Real receivers side by side share a part of theirs, which leaves more.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Heights are AMSL, as elevation models give them. Every pixel is converted to the
 missions, which includes the Earth's curvature.
 """
 
-from __future__ import annotations
-
 import os
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Telemetry of state and health: HEARTBEAT, sensors, filter, battery, receiver, ground contact."""
 
-from __future__ import annotations
-
 import math
 
 from gcs.mavlink import PREARM_CHECK, MavState, MavType, MessageId, ModeFlag

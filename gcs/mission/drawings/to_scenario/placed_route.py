@@ -3,8 +3,6 @@
 There are as many as a scenario may have, and no two of them at one place; a recorded line is thinned.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

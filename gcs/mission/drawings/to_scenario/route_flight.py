@@ -1,7 +1,5 @@
 """The scenario of a drawn route: the values for its template, with names and heights as drawn."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ A third coordinate would be a height above the ellipsoid (RFC 7946, section 4). 
 so they are properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

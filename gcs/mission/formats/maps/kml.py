@@ -3,8 +3,6 @@
 What KML has no tag for (a circle's radius, the vehicle, the plan) is in ExtendedData, which other programs ignore.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import zipfile

@@ -3,8 +3,6 @@
 Altitudes are AMSL. Times are plan times; formats that need a date show T0 as `T0_SHOWN`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """State and control of one vehicle over a whole plan, as CSV: for plots and comparisons, not for flying."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

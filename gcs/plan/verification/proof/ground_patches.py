@@ -4,8 +4,6 @@ A patch is a rectangle in the ground's own coordinates: north and east in metres
 elevation model, which is bilinear between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
