@@ -353,7 +353,10 @@ class _LinkedFlight:
         order, plan, watcher, charge = self._order, self._plan, self._now.watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
-            self._checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, watcher.say, waived)
+            timed = self._loaded if order.keeping.mode is FlightMode.MISSION else ()
+            self._checks, charge = await go_or_no_go(
+                fleet, sessions, plan, limits, watcher.checks, watcher.say, waived, timed
+            )
             for event in waived_events(self._checks, sessions):
                 self._journal.on_event(event)
             await self._before.read(sessions, self._loaded)

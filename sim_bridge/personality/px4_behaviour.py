@@ -225,6 +225,7 @@ _PARAMS = (
     Param("MPC_TILTMAX_AIR", 45.0, _REAL32),
     Param("MPC_TKO_SPEED", 1.5, _REAL32, 1.0, 5.0, Setting.TAKEOFF_MPS),
     Param("MPC_XY_CRUISE", 5.0, _REAL32, 3.0, 20.0, Setting.CRUISE_MPS),
+    Param("MPC_XY_ERR_MAX", 2.0, _REAL32),
     Param("MPC_XY_TRAJ_P", 0.5, _REAL32),
     Param("MPC_XY_VEL_MAX", 12.0, _REAL32),
     Param("MPC_YAW_MODE", 0.0, _INT32),

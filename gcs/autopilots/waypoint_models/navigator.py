@@ -114,6 +114,13 @@ class Navigator(Protocol):
         The first obeys a slow-down if in doubt, the last does not.
         """
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters on board that arrival times rest on, each in its own unit.
+
+        Cruising speed is none of them: a mission sets it for every leg.
+        """
+
     def within(self, ability: Ability) -> Navigator:
         """Return the same navigator for a vehicle with this ability."""
 

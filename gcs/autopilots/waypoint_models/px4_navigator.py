@@ -39,6 +39,23 @@ class Px4Navigator(Approach):
         """A new speed holds from the change of the leg, up or down. How PX4 brakes is in `apart_s` of its row."""
         return ()
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters on board that arrival times rest on."""
+        return {
+            "MPC_ACC_HOR": self.acceleration_mps2,
+            "MPC_ACC_UP_MAX": self.up_mps2,
+            "MPC_ACC_DOWN_MAX": self.down_mps2,
+            "MPC_JERK_AUTO": self.jerk_mps3,
+            "MPC_XY_ERR_MAX": self.behind_max_m,
+            "MPC_XY_TRAJ_P": self.turn_share,
+            "MPC_XY_VEL_MAX": self.fastest_mps,
+            "MPC_Z_V_AUTO_UP": self.climb_mps,
+            "MPC_Z_V_AUTO_DN": self.sink_mps,
+            "NAV_ACC_RAD": self.radius_m,
+            "NAV_MC_ALT_RAD": self.height_radius_m,
+        }
+
     def within(self, ability: Ability) -> Px4Navigator:
         """Return the same navigator for a vehicle with this ability."""
         acceleration = min(self.acceleration_mps2, ability.horizontal_mps2)

@@ -9,6 +9,7 @@ from gcs.errors import FlightError, UsageError
 from gcs.types import JsonObject
 
 BATTERY, CAN_ARM, CLOCK, DISARMED, MESSAGES = "battery", "can arm", "clock", "disarmed", "messages"
+TIMING = "timing"
 CHECKS = {
     DISARMED: "the vehicle is not armed",
     CAN_ARM: "its own checks pass, where SYS_STATUS says so, and it has lately told no reason against arming",
@@ -22,6 +23,7 @@ CHECKS = {
     BATTERY: "the charge is enough for the plan and the reserve, also by the current in the hover before T0",
     "capacity": "the capacity that it is set to is that of [vehicle.power]; a difference is a warning",
     MESSAGES: "it has sent no STATUSTEXT of severity CRITICAL or worse",
+    TIMING: "in mission mode, parameters that its arrival times rest on are those assumed",
 }
 _PROOFS = {
     "read-back": "what is on board must be what was sent",

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,9 +33,11 @@ from gcs.flight.monitoring.preflight_check import (
     waive,
 )
 from gcs.flight.monitoring.progress import Event
+from gcs.flight.setup.timing_check import timing_check
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import REPEATED_S, VehicleReport, status_report, until_told_why
+from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
@@ -285,10 +287,11 @@ async def go_or_no_go(
     show: Callable[[tuple[PreflightCheck, ...]], None],
     say: Callable[[str], None],
     waived: Collection[str] = (),
+    timed: Sequence[VehicleLoad] = (),
 ) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
     """Return the checks of all vehicles, after `show`, and the charge to end with; None if that is waived.
 
-    Failed checks that `waived` names do not stop the flight.
+    Failed checks that `waived` names do not stop the flight. `timed` are loads whose missions keep the plan's times.
 
     Raises `FlightError` for a no-go, `DuplicateSystemId`.
     """
@@ -299,7 +302,8 @@ async def go_or_no_go(
     clocks = {sysid: session.clock for sysid, session in sessions.items()}
     for sysid, off_s in differences_s(clocks, host_s(asyncio.get_running_loop())).items():
         reports[sysid] = replace(reports[sysid], gnss_off_s=off_s)
-    checks = waive(preflight(plan, reports, limits), waived)
+    timings = await asyncio.gather(*(timing_check(sessions[load.sysid], load) for load in timed))
+    checks = waive((*preflight(plan, reports, limits), *timings), waived)
     show(checks)
     refuse_no_go(checks)
     if BATTERY in waived:
