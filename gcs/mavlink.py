@@ -7,13 +7,13 @@ from enum import IntEnum, IntFlag
 from typing import Self
 
 
-class Worded(IntEnum):
-    """Values that people read in words."""
+class WordedEnum(IntEnum):
+    """Values, each with its `words` for people."""
 
     words: str
 
     def __new__(cls, value: int, words: str = "") -> Self:
-        """A member is written as its value and its words."""
+        """Make a member of `NAME = value, words`."""
         member = int.__new__(cls, value)
         member._value_, member.words = value, words
         return member
@@ -312,7 +312,7 @@ class ParameterType(IntEnum):
     REAL32 = 9
 
 
-class MissionType(Worded):
+class MissionType(WordedEnum):
     """MAV_MISSION_TYPE."""
 
     MISSION = 0, "mission"
@@ -321,7 +321,7 @@ class MissionType(Worded):
     ALL = 255, "mission, fence and rally points"
 
 
-class MissionResult(Worded):
+class MissionResult(WordedEnum):
     """MAV_MISSION_RESULT: MISSION_ACK.type."""
 
     ACCEPTED = 0, "accepted"
@@ -342,7 +342,7 @@ class MissionResult(Worded):
     OPERATION_CANCELLED = 15, "transfer cancelled"
 
 
-class MavResult(Worded):
+class MavResult(WordedEnum):
     """MAV_RESULT: COMMAND_ACK.result."""
 
     ACCEPTED = 0, "accepted"

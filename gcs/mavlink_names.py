@@ -1,6 +1,6 @@
-"""MAVLink results, commands, mission types, sensors and severities in words. An unknown value keeps its number."""
+"""Words for MAVLink results, commands, mission types, sensors and severities. An unknown value keeps its number."""
 
-from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity
+from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity, WordedEnum
 
 # MAV_SYS_STATUS_SENSOR: one word or two for every bit of SYS_STATUS, from bit 0 on
 SENSORS = (
@@ -51,23 +51,22 @@ def severity_name(value: int) -> str:
 
 def mission_type_words(value: int) -> str:
     """Return a MAV_MISSION_TYPE in words. An unknown value keeps its number."""
-    return MissionType(value).words if value in MissionType.__members__.values() else f"items of type {value}"
+    return MissionType(value).words if value in tuple(MissionType) else f"items of type {value}"
 
 
 def mission_result_words(value: int) -> str:
     """Return a MAV_MISSION_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
-    if value in MissionResult.__members__.values():
-        result = MissionResult(value)
-        return f"{result.words} (MAV_MISSION_{result.name})"
-    return f"MAV_MISSION_RESULT {value}"
+    return named_words(MissionResult, value, "MAV_MISSION", f"MAV_MISSION_RESULT {value}")
 
 
 def result_words(value: int) -> str:
     """Return a MAV_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
-    if value in MavResult.__members__.values():
-        result = MavResult(value)
-        return f"{result.words} (MAV_RESULT_{result.name})"
-    return f"MAV_RESULT {value}"
+    return named_words(MavResult, value, "MAV_RESULT", f"MAV_RESULT {value}")
+
+
+def named_words(kind: type[WordedEnum], value: int, prefix: str, unknown: str) -> str:
+    """Return the words of a value, with its MAVLink name in brackets: "accepted (MAV_RESULT_ACCEPTED)"."""
+    return f"{kind(value).words} ({prefix}_{kind(value).name})" if value in tuple(kind) else unknown
 
 
 def command_name(command: int) -> str:

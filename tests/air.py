@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
-from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.exchange import Exchange, RttEstimator
 from gcs.link.protocols.machine import Machine
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.strategy import Preferred, Transfer, planned
 from gcs.link.protocols.mission.verified_upload import VerifiedUpload
-from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem

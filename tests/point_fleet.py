@@ -17,8 +17,7 @@ import numpy as np
 from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.executor import ContingencyExecutor
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier
+from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.fleet_time import FleetTime

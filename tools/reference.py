@@ -210,7 +210,7 @@ def policy_tables() -> str:
 
 def _rule(row: Row) -> tuple[str, ...]:
     states = "any" if row.states == ALL else ", ".join(state for state in State if state in row.states)
-    return str(row.trigger), states, row.when.words, row.to or "", row.action or "", row.rule
+    return str(row.trigger), states, row.when.words, row.after or "", row.action or "", row.rule
 
 
 MACHINES: dict[str, Table[Any]] = {

@@ -5,6 +5,10 @@ Which command an autopilot executes, and how that is known, stands in its row (`
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from gcs.autopilots.columns import CommandSource
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import FenceCommand, MavCommand
@@ -54,3 +58,28 @@ def has_position(command: int) -> bool:
 def known_position(command: int) -> bool:
     """Return whether this is a known mission command that names a position."""
     return command in _MISSION_COMMANDS and has_position(command)
+
+
+_MILLIMETRES = 3
+
+
+def kept_alt_m(alt_m: float, firmware: Autopilot) -> float:
+    """Return the altitude that the vehicle stores when `alt_m` is sent; infinite beyond single precision."""
+    decimals = firmware.traits.missions.altitude_decimals
+    with np.errstate(over="ignore"):
+        single = np.float32(alt_m)
+        if decimals is None:
+            return float(single)
+        steps_pm = 10.0**decimals
+        return float(np.trunc(single * np.float32(steps_pm))) / steps_pm
+
+
+def written_alt_m(alt_m: float, firmware: Autopilot) -> float:
+    """Return the altitude to write, in whole millimetres, for which the vehicle stores the value nearest to `alt_m`."""
+    decimals = firmware.traits.missions.altitude_decimals
+    if decimals is None:
+        return round(alt_m, _MILLIMETRES)
+    whole = round(alt_m, decimals)
+    if kept_alt_m(whole, firmware) == whole:
+        return whole
+    return round(whole + math.copysign(0.001, whole), _MILLIMETRES)  # 2.10 would be stored as 2.09

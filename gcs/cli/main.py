@@ -183,7 +183,6 @@ def _run(arguments: list[str], stops: StopSignals) -> int:
 
 
 def _say_os_error(screen: Screen, error: OSError, code: int) -> None:
-    """Print why a file could not be read or written; other errors of the system are bugs of this program."""
     if code == BUG:
         _say_bug(screen, error)
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -16,25 +16,25 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError
-from gcs.flight.assessment.judge import Tracks, Verdict, judge, load_truth
-from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+from gcs.flight.assessment.judge import Tracks, Verdict, judge, judge_reports, load_truth, reported_tracks
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
-from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
-    Event,
     FlightHooks,
     FlightTimes,
     NearestPair,
     Step,
     Watcher,
+    flown_plan_time,
 )
 from gcs.flight.recording.flight_folder import (
+    BEFORE,
     EVENTS,
     PLAN,
     REPORTS,
@@ -45,11 +45,12 @@ from gcs.flight.recording.flight_folder import (
     read_events,
     report_data,
 )
-from gcs.flight.recording.flight_journal import FlightJournal
+from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.recording.record_table import write_record
+from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
     export_for_flight,
     loads_built_aside,
@@ -57,7 +58,7 @@ from gcs.flight.setup.build_loads import (
     refuse_no_hour,
     refuse_other_autopilots,
 )
-from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
+from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
@@ -75,7 +76,6 @@ from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
-from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -171,8 +171,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with held_folder(folder):
         flew = ctrl_c.run(_fly(now, ctrl_c))
     watcher.lap("fly")
-    noted = ((event.unix_s, event.t_s) for event in read_events(folder / EVENTS))
-    times = replace(flew.times, clock=PlanTime.of(flew.times.t0_unix_s, noted))
+    times = replace(flew.times, clock=flown_plan_time(flew.times.t0_unix_s, read_events(folder / EVENTS)))
     verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
     extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
     watcher.lap("judge")
@@ -192,7 +191,6 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
 
 
 def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
-    """The verdict on emulated vehicles, their true tracks, and what the report says of the emulation."""
     order, plan = now.order, now.order.plan
     truth = load_truth(now.folder / "truth.npz")
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
@@ -205,7 +203,6 @@ def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, 
 
 
 def _judged_reports(now: _Prepared, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
-    """The verdict on vehicles of a link, and their reported tracks; no verdict without telemetry."""
     plan, link = now.order.plan, now.order.link
     record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
     tracks = reported_tracks(plan, record, times.plan_time)
@@ -220,8 +217,6 @@ def refuse_late_starts(scenario: Scenario) -> None:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """A flight whose folder and files are made."""
-
     order: FlightRun
     watcher: Watcher
     folder: Path
@@ -242,8 +237,6 @@ class _Ended:
 
 
 class _LinkedFlight:
-    """One flight between the opening and the closing of its links."""
-
     def __init__(self, now: _Prepared, ctrl_c: Stoppable) -> None:
         order = now.order
         self._now, self._order, self._plan, self._ctrl_c = now, order, order.plan, ctrl_c
@@ -263,6 +256,9 @@ class _LinkedFlight:
         self._journal = FlightJournal(now.folder, state, now.watcher.say, now.watcher.warn)
         self._checks: tuple[PreflightCheck, ...] = ()
         self._sent: Mapping[int, SentAs] = {}
+        self._loaded: tuple[VehicleLoad, ...] = ()
+        kept, say = self._journal.record.gaps.kept, self._journal.say
+        self._before = BoardBefore(now.folder / BEFORE, self._plan.hash, kept, say)
 
     async def run(self) -> _Ended:
         """Fly, and restore what was changed on board, however the flight ends."""
@@ -285,7 +281,9 @@ class _LinkedFlight:
             finally:
                 await ended(showing)
                 if flight.held is not None:
-                    await insisted(restore_parameters(sessions, flight.held.changes, journal.say))
+                    await insisted(self._before.give_back(sessions))
+                elif flight.step is Step.UPLOAD:
+                    self._before.tell_kept()
 
     def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
         folder, port = self._now.folder, fleet.local_address[1]
@@ -300,6 +298,7 @@ class _LinkedFlight:
 
     def _note_sent(self, held: Holdings) -> None:
         self._sent = held.sent_as
+        self._before.uploaded(held)
         self._journal.on_sent(held.sent_as)
         self._journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
 
@@ -309,6 +308,8 @@ class _LinkedFlight:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.options.follow and len(set(autopilots.values())) > 1:
             self._now.watcher.warn(MIXED_FOLLOWING)
+        emulated = order.link is None
+        self._loaded = missions_only(exported.missions) if emulated else await self._loads(autopilots)
         hooks = FlightHooks(
             self._journal.on_event, self._journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
         )
@@ -321,7 +322,7 @@ class _LinkedFlight:
                 lead_s=SIM_LEAD_S if order.link is None else 0.0,
                 watched_elsewhere=bool(order.also_to),
             ),
-            loads=missions_only(exported.missions) if order.link is None else await self._loads(autopilots),
+            loads=self._loaded,
             stream=self._now.stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
@@ -348,41 +349,25 @@ class _LinkedFlight:
         warn, exported = self._now.watcher.warn, self._now.exported
         return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
 
-    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> None:
-        order, plan, watcher = self._order, self._plan, self._now.watcher
+    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
+        order, plan, watcher, charge = self._order, self._plan, self._now.watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
-            self._checks = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
-            for event in _waived(self._checks, sessions):
+            self._checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, watcher.say, waived)
+            for event in waived_events(self._checks, sessions):
                 self._journal.on_event(event)
+            await self._before.read(sessions, self._loaded)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
+        return charge
 
 
 async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
     return await _LinkedFlight(now, ctrl_c).run()
 
 
-def _waived(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
-    """Return an event for each check that failed and was waived, for the flight's folder."""
-    now_s = host_s(asyncio.get_running_loop())
-    times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
-    return [
-        Event(
-            math.nan if (unix_s := times[c.sysid]) is None else unix_s,
-            math.nan,
-            c.sysid,
-            f"failed the pre-flight check {c.name}, waived: {c.measured} (required: {c.required})",
-            f"The operator waived it for this flight: --waive {c.name}",
-        )
-        for c in checks
-        if c.waived
-    ]
-
-
 def _skew(late_s: dict[int, float]) -> dict[str, object]:
-    """Return the spread of the delays and the delay of each vehicle, in seconds; null for one that never flew."""
     skew = skew_s(late_s.values())
     late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
     return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}

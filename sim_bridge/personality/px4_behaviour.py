@@ -87,6 +87,7 @@ _WORDS = {
     Note.DISARMED_IDLE: (Severity.INFO, "Disarmed by auto preflight disarming\t"),
     Note.DISARMED_LANDED: (Severity.INFO, "Disarmed by landing\t"),
     Note.ARM_REFUSED: (Severity.CRITICAL, "Arming denied: Resolve system health failures first\t"),
+    Note.SENSOR_FAILS: (Severity.CRITICAL, "Preflight Fail: Accel 0 uncalibrated"),
     Note.DISARM_REFUSED: (Severity.CRITICAL, "Disarming denied: not landed\t"),
     Note.MODE_REFUSED: (Severity.CRITICAL, "Switching to mode '{mode}' is currently not possible\t"),
     Note.LIFTED_OFF: (Severity.INFO, "Takeoff detected\t"),

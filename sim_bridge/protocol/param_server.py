@@ -10,7 +10,7 @@ import struct
 import zlib
 from collections.abc import Iterable
 
-from gcs.link.protocols.parameter import RANGES
+from gcs.link.protocols.parameter_transfer import RANGES
 from gcs.link.wire.message import Message
 from gcs.mavlink import ParameterType
 from sim_bridge.personality import Personality, Setting

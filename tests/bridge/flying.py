@@ -120,8 +120,13 @@ class Flown:
         return [e.what.removeprefix("ordered to ") for e in self.events if e.sysid == sysid and is_order(e)]
 
     def happened(self, sysid: int) -> list[str]:
-        """The incidents of a vehicle, oldest first."""
-        return [e.what for e in self.events if e.sysid == sysid and not is_order(e)]
+        """The incidents of a vehicle, oldest first, without what it says itself."""
+        own = [e.what for e in self.events if e.sysid == sysid and not is_order(e)]
+        return [what for what in own if not what.startswith("reports: ")]
+
+    def said(self, sysid: int) -> list[str]:
+        """The alarms that a vehicle says in words, oldest first."""
+        return [e.what for e in self.events if e.sysid == sysid and e.what.startswith("reports: ")]
 
     def at_s(self, sysid: int, what: str) -> float:
         """Plan time of an event."""

@@ -52,7 +52,7 @@ class Vehicle:
         self.mute = False
         self.swallow_ack = False
         self.spoil = lambda items: items
-        self.check = lambda seq, item: MissionResult.ACCEPTED
+        self.refuses = None
 
     def say(self, *messages):
         for message in messages:
@@ -65,7 +65,11 @@ class Vehicle:
             if self.mute or not message.is_for(self.me):
                 continue
             if message.name == "MISSION_COUNT":
-                self.machine = MissionReceiver(self.exchange, int_requests=False, check=self.check)
+                self.machine = MissionReceiver(self.exchange)
+            elif message.name == "MISSION_ITEM_INT" and message.fields["seq"] == self.refuses:
+                result = {"type": MissionResult.UNSUPPORTED, "mission_type": 0}
+                self.say(Message("MISSION_ACK", {**GROUND.target, **result}))
+                continue
             elif message.name == "MISSION_REQUEST_LIST":
                 self.machine = MissionSender(self.stored, self.exchange)
                 self.say(*self.machine.start(now_s))
@@ -149,7 +153,7 @@ def test_a_vehicle_that_stores_something_else_is_found_out():
 def test_a_refused_item_is_named():
     async def scene():
         vehicle = Vehicle(1)
-        vehicle.check = lambda seq, _: MissionResult.UNSUPPORTED if seq == 3 else MissionResult.ACCEPTED
+        vehicle.refuses = 3
         async with flying(vehicle), LinkedFleet(SPEC).open() as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             with pytest.raises(MissionRefused, match="item 3"):

@@ -102,6 +102,7 @@ def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
     flown = fly(hop, "3:push=-2,7@23..25.5", "2:push=2,-7@23..25.5", safety=True, during=only_tell)
     assert isinstance(flown.error, FlightError)
     assert flown.happened(3) == ["fence breached"]
+    assert any("fence breached" in text.lower() for text in flown.said(3))
     assert flown.orders(3) == ["return"]
     assert {"failsafe took over", "fence breached"} >= set(flown.happened(2)) != set()
     assert set(flown.orders(2)) == {"return"}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.monitoring.monitor import lateness_s, skew_s
-from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.record_table import write_record
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly

@@ -44,7 +44,6 @@ SANS_IO = (
     "gcs/flight/contingency/order_book.py",
     "gcs/flight/contingency/policy.py",
     "gcs/flight/contingency/policy_rows.py",
-    "gcs/flight/contingency/reference_trajectory.py",
     "gcs/flight/execution/leader_follower.py",
     "gcs/flight/execution/setpoint_messages.py",
     "gcs/link/protocols",

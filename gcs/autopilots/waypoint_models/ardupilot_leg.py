@@ -94,7 +94,6 @@ class LegMotion:
         self._stop_after(self._start.reversed())
 
     def _stop_after(self, stop: Ramp) -> None:
-        """Cruise until the ramp `stop`, which ends at the end of the leg."""
         self._stop = stop
         self._started_m = self._begin_m + self._start.distance_m
         self._changed_m = self._started_m + self._change.distance_m

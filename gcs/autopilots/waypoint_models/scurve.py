@@ -104,17 +104,14 @@ class Ramp:
 
     @cached_property
     def _rise_m(self) -> float:
-        """The distance of the rise, from rest."""
         middle_m, _, _ = self._easing(0.5 * self.rise_s)
         return 2.0 * middle_m + 0.125 * self.peak_mps2 * self.rise_s**2
 
     @cached_property
     def _eased(self) -> State:
-        """The state at the end of the cosine, from rest."""
         return self._cosine(self.ease_s)
 
     def _easing(self, t_s: float) -> State:
-        """Return the state from rest, up to half the rise."""
         if t_s <= self.ease_s:
             return self._cosine(t_s)
         distance, speed, acceleration = self._eased

@@ -130,7 +130,6 @@ def _status(snapshot: Snapshot, width: int) -> list[Text]:
 
 
 def _separations(snapshot: Snapshot) -> list[tuple[str, str]]:
-    """The nearest pair and the formation error, each with its style; nothing before they are known."""
     parts = []
     if (nearest := snapshot.nearest) is not None:
         limit_m = snapshot.separation_min_m
@@ -143,7 +142,6 @@ def _separations(snapshot: Snapshot) -> list[tuple[str, str]]:
 
 
 def _edges(vehicles: Sequence[VehicleNow]) -> list[tuple[str, str]]:
-    """The least margins of all vehicles to fence and ceiling, each with its style; nothing before they are known."""
     parts = []
     for name, margin in _EDGES:
         known = [v for v in vehicles if math.isfinite(margin(v))]
@@ -155,7 +153,6 @@ def _edges(vehicles: Sequence[VehicleNow]) -> list[tuple[str, str]]:
 
 
 def _packed(parts: Sequence[tuple[str, str]], width: int) -> list[Text]:
-    """Return lines of whole parts, as many in each as fit."""
     lines: list[Text] = []
     for text, style in parts:
         if not lines or len(lines[-1]) + 3 + len(text) > width:

@@ -142,7 +142,12 @@ def fly(
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
 
     def refuse(scenario: Scenario) -> None:
-        _refuse_large(scenario)
+        count = len(scenario.formation.sysids)
+        if max(scenario.formation.sysids) > shared.LARGEST_SYSTEM:
+            raise UsageError(
+                f"{count} vehicles: one MAVLink network has at most {shared.LARGEST_SYSTEM} system ids",
+                hint="fly a smaller formation; `gcs export` writes files for all vehicles",
+            )
         if keeping.mode is FlightMode.MISSION:
             refuse_late_starts(scenario)
         if sim and (fault or wind is not None or gusts is not None):
@@ -160,15 +165,6 @@ def fly(
         plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
     )
     return fly_and_judge(run, screen, watch, asks=not yes_arm)
-
-
-def _refuse_large(scenario: Scenario) -> None:
-    count = len(scenario.formation.sysids)
-    if max(scenario.formation.sysids) > shared.LARGEST_SYSTEM:
-        raise UsageError(
-            f"{count} vehicles: one MAVLink network has at most {shared.LARGEST_SYSTEM} system ids",
-            hint="fly a smaller formation; `gcs export` writes files for all vehicles",
-        )
 
 
 def _check(keeping: TimeKeeping, speedup: str, *, on_link: bool, follow: bool) -> None:

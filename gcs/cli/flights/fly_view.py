@@ -100,7 +100,6 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
 
 
 def _failure(flown: Flown) -> JudgementError | None:
-    """What the verdict is as an error; None for a flight that is ok, or not known to have failed."""
     verdict = flown.verdict
     if verdict is None or verdict.outcome is not FlightOutcome.FAILED:
         return None
@@ -171,14 +170,10 @@ def _show(screen: Screen, flown: Flown) -> None:
     planned = [f"{c.name} {planned_text(c)}" for c in verdict.criteria if planned_text(c)]
     screen.say(f"limits of the plan, by the scenario: {', '.join(planned)}")
     screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1, from the {judged})")
-    _show_nearest(screen, flown)
-    where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
-    screen.say(f"flight {'FAILED' if verdict.outcome is FlightOutcome.FAILED else verdict.outcome}.{where}")
-
-
-def _show_nearest(screen: Screen, flown: Flown) -> None:
     if flown.nearest:
         screen.say(f"least separation, from telemetry: {', '.join(map(str, flown.nearest))}")
+    where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
+    screen.say(f"flight {'FAILED' if verdict.outcome is FlightOutcome.FAILED else verdict.outcome}.{where}")
 
 
 async def typed_line() -> str:
@@ -204,7 +199,7 @@ async def typed_line() -> str:
 def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
     """Show a table: one row per check, one column per vehicle, failed checks marked, and the requirement."""
     table = checks_table(checks)
-    if _narrowest(table) > screen.console.width:
+    if (sum((column.min_width or 0) + 3 for column in table.columns) + 1) > screen.console.width:
         table = narrow_checks_table(checks)
     screen.show(table)
     vehicles_of: dict[str, list[str]] = {}
@@ -260,11 +255,6 @@ def _title(rows: dict[str, list[PreflightCheck]]) -> str:
     waived = [name for name, row in rows.items() if any(c.waived for c in row)]
     go = all(c.go for row in rows.values() for c in row)
     return ("GO" if go else "NO-GO") + (f", waived: {', '.join(waived)}" if waived else "")
-
-
-def _narrowest(table: Table) -> int:
-    """The width below which words would be broken: of columns, their padding and their lines."""
-    return sum((column.min_width or 0) + 3 for column in table.columns) + 1
 
 
 def _longest_word(texts: list[str]) -> int:

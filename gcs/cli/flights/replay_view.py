@@ -92,8 +92,6 @@ async def _opened(to_link: str | None, stack: AsyncExitStack) -> Endpoint | None
 
 
 class _Frames:
-    """The recorded frames that are not sent yet."""
-
     def __init__(self, loaded: LoadedRecording, window: tuple[float, float]) -> None:
         self._t_s, self._frames = loaded.t_s, loaded.frames
         self._next = int(np.searchsorted(self._t_s, window[0]))

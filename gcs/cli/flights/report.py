@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gcs.flight.assessment.comparison import LandingError
     from gcs.flight.assessment.judge import Truth, Verdict
     from gcs.flight.assessment.route_passing import Track
-    from gcs.flight.monitoring.plan_time import PlanTime
+    from gcs.flight.monitoring.progress import PlanTime
     from gcs.plan.trajectory.plan import Plan
     from gcs.types import JsonObject
 
@@ -37,12 +37,10 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
     from gcs.errors import FileFormatError
     from gcs.flight.assessment.comparison import compare, landing_errors
-    from gcs.flight.assessment.judge import judge, load_truth
-    from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
+    from gcs.flight.assessment.judge import judge, judge_reports, load_truth, reported_tracks
     from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.monitoring.monitor import skew_s
-    from gcs.flight.monitoring.plan_time import PlanTime
-    from gcs.flight.monitoring.progress import FlightTimes
+    from gcs.flight.monitoring.progress import FlightTimes, flown_plan_time
     from gcs.flight.recording.flight_folder import EVENTS, REPORTS, TRUE_STATES, criteria_data, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record
@@ -56,10 +54,10 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
         )
     plan, _ = read_plan(folder / "plan.skein")
     happened = read_events(folder / EVENTS)
-    plan_time = PlanTime.of(book.t0_unix_s, ((event.unix_s, event.t_s) for event in happened))
+    plan_time = flown_plan_time(book.t0_unix_s, happened)
     record = write_record(folder, plan, plan_time, book.systems)
     truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
-    found = compare(plan, record, truth)
+    found = compare(plan, record, truth, plan_time)
     title = f"{book.mission}: m RMS from T0 to the planned arrival"
     table = Table("vehicle", "plan - estimate", "estimate - truth", "plan - truth", "late", title=title)
     for c in found:
@@ -116,7 +114,6 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
 
 def _known(values: JsonObject) -> JsonObject:
-    """Values for `--json`: null where a number is not known."""
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
 
 
@@ -142,7 +139,8 @@ def verdict_table(verdict: Verdict, judged: str) -> Table:
 
     from gcs.flight.recording.flight_folder import short_limit
 
-    table = Table("criterion", "measured", "limit", "verdict", title=f"judged from the {judged}")
+    title, caption = f"judged from the {judged}", verdict.not_counted or None
+    table = Table("criterion", "measured", "limit", "verdict", title=title, caption=caption)
     for c in verdict.criteria:
         vehicle = f" ({c.vehicles})" if c.vehicles else ""
         table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", short_limit(c), c.verdict)
@@ -165,7 +163,6 @@ def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:
 
 
 def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:
-    """The largest formation error between T0 and the planned arrival, and its plan time; None without one."""
     import numpy as np
 
     errors, t_s = (record.column(name).to_numpy() for name in ("formation_error_m", "t_s"))

@@ -96,7 +96,6 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
 
 
 def _tell_silent(screen: Screen, reports: list[VehicleReport], listen_s: float) -> None:
-    """Say what to do about vehicles that are not ready and told no reason."""
     from gcs.link.session.status_report import REPEATED_S
 
     silent = [str(r.system) for r in reports if r.prearm_ok is False and not (r.not_ready_texts or r.critical_texts)]

@@ -120,7 +120,6 @@ def check(
 
 
 def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits) -> None:
-    """Show a table of the least and the proved separation and clearance against their limits."""
     from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M, highest_m
     from gcs.scenario.environment.no_fly import in_words
 
@@ -161,7 +160,6 @@ def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetRep
 
 
 def _planned(plan_m: float | None, limit_m: float) -> str:
-    """What the scenario asks of the plan, beside another limit."""
     return "" if plan_m is None or plan_m == limit_m else f" (plan: {plan_m:g} m)"
 
 

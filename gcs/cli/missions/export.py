@@ -173,7 +173,6 @@ def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:
 
 
 def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    """Print the proved clearance and separation of the missions as written."""
     from gcs.mission.machine_independent import rounded_down
 
     report = index.report
@@ -191,7 +190,6 @@ def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
 
 
 def _say_timing(screen: Screen, index: ExportIndex) -> None:
-    """Print each vehicle's predicted delay and distance from the plan."""
     from gcs.mission.predicted.arrival_spread import spread_in_words
 
     timing = index.timing
@@ -219,7 +217,6 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
 
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    """Print the return altitudes, the least separation when all vehicles return at once, and warnings."""
     from gcs.mission.machine_independent import rounded_down
     from gcs.mission.returns.rtl_altitudes import return_warnings
 

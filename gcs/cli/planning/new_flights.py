@@ -101,7 +101,13 @@ def flight_of_survey(
     """The flight; and its origin where that is the area's first corner. Raises UsageError for what cannot be flown."""
     from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
 
-    drawn = _only_area(file)
+    areas = [area for area in read_drawing(file).areas if area.inside is not False]
+    if not areas:
+        raise UsageError(f"{file} has no polygon.", hint="draw the area as a polygon")
+    if len(areas) > 1:
+        named = ", ".join(area.label for area in areas[:_NAMED]) + (", ..." if len(areas) > _NAMED else "")
+        raise UsageError(f"{file} has {len(areas)} polygons: {named}.", hint="keep one of them in the file")
+    drawn = areas[0]
     first_lat_deg, first_lon_deg = drawn.corners[0]
     origin = Origin(*at) if at is not None else Origin(first_lat_deg, first_lon_deg, 0.0)
     area = _in_metres(file, drawn, origin)
@@ -142,20 +148,6 @@ def _sentences(flight: SurveyFlight) -> list[str]:
     if holes and not order.avoid_holes:
         told.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
     return told
-
-
-def _only_area(file: Path) -> DrawnArea:
-    """The polygon of a drawing. Raises UsageError for several or none, and FileFormatError for a file of another kind.
-
-    An area to stay out of is no area to survey.
-    """
-    areas = [area for area in read_drawing(file).areas if area.inside is not False]
-    if not areas:
-        raise UsageError(f"{file} has no polygon.", hint="draw the area as a polygon")
-    if len(areas) > 1:
-        named = ", ".join(area.label for area in areas[:_NAMED]) + (", ..." if len(areas) > _NAMED else "")
-        raise UsageError(f"{file} has {len(areas)} polygons: {named}.", hint="keep one of them in the file")
-    return areas[0]
 
 
 def _in_metres(file: Path, drawn: DrawnArea, at: Origin) -> shapely.Polygon:

@@ -23,22 +23,17 @@ class PlaceCommand(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments, with the numbers of each place in one word."""
-        return super().parse_args(ctx, joined_places(args))
-
-
-def joined_places(arguments: list[str]) -> list[str]:
-    """The arguments with the numbers that follow --at and --end joined by commas."""
-    joined: list[str] = []
-    rest = list(arguments)
-    while rest:
-        word = rest.pop(0)
-        if word in _PLACE_MAX and rest:
-            parts = [rest.pop(0)]
-            while rest and _numbers(parts) < _PLACE_MAX[word] and _numbers([rest[0]]):
-                parts.append(rest.pop(0))
-            word = f"{word}={','.join(part.strip().strip(',') for part in parts)}"
-        joined.append(word)
-    return joined
+        joined: list[str] = []
+        rest = list(args)
+        while rest:
+            word = rest.pop(0)
+            if word in _PLACE_MAX and rest:
+                parts = [rest.pop(0)]
+                while rest and _numbers(parts) < _PLACE_MAX[word] and _numbers([rest[0]]):
+                    parts.append(rest.pop(0))
+                word = f"{word}={','.join(part.strip().strip(',') for part in parts)}"
+            joined.append(word)
+        return super().parse_args(ctx, joined)
 
 
 def parse_place(text: str, option: str = "--at") -> tuple[float, float, float | None]:

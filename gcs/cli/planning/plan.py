@@ -12,7 +12,6 @@ from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
 
 if TYPE_CHECKING:
-    from gcs.plan.formation.timeline import Move
     from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
@@ -54,9 +53,16 @@ def plan(
     show_plan(screen, made, report)
     surveyed = say_coverage(screen, made)
     if alternatives:
-        _show_alternatives(screen, made)
+        from rich.table import Table
+
+        table = Table("route", "length", "cost", "verdict", title="route classes through the map")
+        for number, route in enumerate(made.alternatives, start=1):
+            cost = "–" if route.objective is None else f"{route.objective:.4f}"
+            table.add_row(str(number), f"{route.length_m:.0f} m", cost, route.verdict)
+        screen.show(table)
     screen.say(f"time: {watch}")
     screen.say(f"plan: {path}")
+    sources = made.information_graph(0.0).sources
     screen.result(
         {
             **plan_data(made, report, path),
@@ -67,7 +73,11 @@ def plan(
             "greatest_motion": greatest_motion(made).by_vehicle(made.sysids),
             "changes": [asdict(m) for m in made.moves],
             **({"route_points": route_data(made)} if made.passages else {}),
-            "information": _information(made),
+            "information": {
+                str(sysid): [made.sysids[row] for row in rows]
+                for sysid, rows in zip(made.sysids, sources, strict=True)
+                if rows
+            },
             "alternatives": [asdict(a) for a in made.alternatives],
             "mesh": [asdict(r) for r in made.mesh_history],
             "time_s": watch.laps_s,
@@ -105,7 +115,29 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     if made.passages:
         screen.show(route_table(made))
     _show_changes(screen, made)
-    _show_greatest_motion(screen, made)
+    from gcs.plan.trajectory.greatest_motion import greatest_motion
+
+    found, limits = greatest_motion(made), made.scenario.limits
+    north_mps, east_mps, vertical_mps = limits.speed_ned_mps
+    sideways = f"{north_mps:g} north, {east_mps:g} east"
+    told = []
+    for way, speeds, times, allowed in (
+        ("horizontal speed", found.speed_horizontal_mps, found.speed_horizontal_t_s, sideways),
+        ("vertical", found.speed_vertical_mps, found.speed_vertical_t_s, f"{vertical_mps:g}"),
+    ):
+        row = int(speeds.argmax())
+        where = f"vehicle {made.sysids[row]}, t = {times[row]:.1f} s"
+        told.append(f"{way} {speeds[row]:.2f} m/s ({where}; limit {allowed})")
+    screen.say(f"greatest {', '.join(told)}")
+    told = []
+    for name, unit, sizes, times, most in (
+        ("acceleration", "m/s²", found.accel_mps2, found.accel_t_s, limits.accel_max_mps2),
+        ("jerk", "m/s³", found.jerk_mps3, found.jerk_t_s, limits.jerk_max_mps3),
+    ):
+        row = int(sizes.argmax())
+        limit = "no limit" if most is None else f"limit {most:g}"
+        told.append(f"{name} {sizes[row]:.2f} {unit} (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; {limit})")
+    screen.say(f"greatest {', '.join(told)}")
     _show_verdict(screen, made, report)
     for check in report.failures:
         screen.say(f"  FAILED: {check}")
@@ -132,35 +164,7 @@ def warn_of_position_errors(screen: Screen, made: Plan, report: Report) -> None:
         )
 
 
-def _show_greatest_motion(screen: Screen, made: Plan) -> None:
-    """Print the greatest speed, acceleration and jerk of any vehicle; `gcs show` has those of each."""
-    from gcs.plan.trajectory.greatest_motion import greatest_motion
-
-    found, limits = greatest_motion(made), made.scenario.limits
-    north_mps, east_mps, vertical_mps = limits.speed_ned_mps
-    sideways = f"{north_mps:g} north, {east_mps:g} east"
-    told = []
-    for way, speeds, times, allowed in (
-        ("horizontal speed", found.speed_horizontal_mps, found.speed_horizontal_t_s, sideways),
-        ("vertical", found.speed_vertical_mps, found.speed_vertical_t_s, f"{vertical_mps:g}"),
-    ):
-        row = int(speeds.argmax())
-        where = f"vehicle {made.sysids[row]}, t = {times[row]:.1f} s"
-        told.append(f"{way} {speeds[row]:.2f} m/s ({where}; limit {allowed})")
-    screen.say(f"greatest {', '.join(told)}")
-    told = []
-    for name, unit, sizes, times, most in (
-        ("acceleration", "m/s²", found.accel_mps2, found.accel_t_s, limits.accel_max_mps2),
-        ("jerk", "m/s³", found.jerk_mps3, found.jerk_t_s, limits.jerk_max_mps3),
-    ):
-        row = int(sizes.argmax())
-        limit = "no limit" if most is None else f"limit {most:g}"
-        told.append(f"{name} {sizes[row]:.2f} {unit} (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; {limit})")
-    screen.say(f"greatest {', '.join(told)}")
-
-
 def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
-    """A table of the figures that decide on a plan; `gcs verify` has all criteria."""
     from rich.table import Table
 
     from gcs.cli.shared.plan_argument import verdict_word
@@ -194,45 +198,21 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     screen.show(table)
 
 
-def _information(made: Plan) -> dict[str, list[int]]:
-    """The vehicles whose state each vehicle needs at T0 when it follows telemetry (graph G of §2.2)."""
-    sources = made.information_graph(0.0).sources
-    return {
-        str(sysid): [made.sysids[row] for row in rows] for sysid, rows in zip(made.sysids, sources, strict=True) if rows
-    }
-
-
 def _show_changes(screen: Screen, made: Plan) -> None:
-    """Print the changes of shape on the flight's time line, with the paper's least time beside the planned one."""
     if not made.moves:
         return
     screen.say("changes of shape: the paper's least time (Eqs. 8, 12, 14) → the planned time")
     name = max(len(move.name) for move in made.moves)
     for move in made.moves:
         how = ", ".join(part for part in (move.trigger, move.way, f"limited by {move.limited_by}") if part)
+        first = int(_BAR * move.start_s / made.flight_s)
+        last = max(math.ceil(_BAR * move.end_s / made.flight_s), first + 1)
+        bar = "─" * first + "━" * (last - first) + "─" * (_BAR - last)  # its thick part is the change
         screen.say(
-            f"  {move.start_s:8.1f} s … {move.end_s:6.1f} s  {_bar(move, made.flight_s)}  {move.name:<{name}}  "
+            f"  {move.start_s:8.1f} s … {move.end_s:6.1f} s  {bar}  {move.name:<{name}}  "
             f"{move.paper_time_s:5.1f} s → {move.end_s - move.start_s:5.1f} s"
         )
         screen.say(f"  {'':29}{how}; vehicles at least {move.least_gap_m:.2f} m apart")
-
-
-def _bar(move: Move, flight_s: float) -> str:
-    """A line for the flight; its thick part is the change."""
-    first = int(_BAR * move.start_s / flight_s)
-    last = max(math.ceil(_BAR * move.end_s / flight_s), first + 1)
-    return f"{'─' * first}{'━' * (last - first)}{'─' * (_BAR - last)}"
-
-
-def _show_alternatives(screen: Screen, made: Plan) -> None:
-    """Show every route class through the map, shortest first."""
-    from rich.table import Table
-
-    table = Table("route", "length", "cost", "verdict", title="route classes through the map")
-    for number, route in enumerate(made.alternatives, start=1):
-        cost = "–" if route.objective is None else f"{route.objective:.4f}"
-        table.add_row(str(number), f"{route.length_m:.0f} m", cost, route.verdict)
-    screen.show(table)
 
 
 def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
@@ -260,7 +240,7 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
         # Where the limit is violated, the violation that was found says more than the bound.
         proved = check.proved is not None and check.verdict != "violated"
         bound = check.proved if proved and check.proved is not None else check.worst
-        margin = f"{'≥ ' if proved else ''}{_zeroed(bound):.3g} {check.unit}"
+        margin = f"{'≥ ' if proved else ''}{(bound if abs(bound) > 1e-9 else 0.0):.3g} {check.unit}"
         limit = f"≥ {-check.tolerance:g}" if check.tolerance else "≥ 0"
         verdict = check.verdict if check.ok else check.verdict.upper()
         table.add_row(check.name, margin, limit, verdict, f"{check.phase}{when}{vehicle}")
@@ -278,8 +258,3 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
         }
     )
     return screen.ended(None if report.ok else refusal(report))
-
-
-def _zeroed(margin: float) -> float:
-    """The margin without a sign of rounding alone."""
-    return margin if abs(margin) > 1e-9 else 0.0

@@ -141,14 +141,12 @@ def _scenario(scenario: Scenario) -> JsonObject:
 
 
 def _route(scenario: Scenario) -> str:
-    """The number of route points and of rounds."""
     rounds = "" if scenario.loops == 1 else f", {scenario.loops} times"
     holds = sum(point.hold_s is not None for point in scenario.route)
     return f"{len(scenario.route)} points{rounds}" + (f", {holds} with a hold" if holds else "")
 
 
 def _unchanged(scenario: Scenario) -> str:
-    """How a formation without changes moves."""
     formation = scenario.formation
     if formation.frame == "course":
         return f"none, but it turns with the leader's course, within {formation.course_tolerance_deg:g} degrees"
@@ -156,13 +154,11 @@ def _unchanged(scenario: Scenario) -> str:
 
 
 def _keep_in(scenario: Scenario) -> str:
-    """The keep-in areas, each with its corners and its size."""
     sizes = [f"{len(area.polygon_m)} corners, {area.area.area / 1e4:.2f} ha" for area in scenario.keep_in]
     return "; ".join(sizes)
 
 
 def _margin(scenario: Scenario) -> str:
-    """The margin to zones, as the scenario asks for it."""
     from gcs.scenario.values.navigation_error import planned_margin_m
 
     if not scenario.no_fly and not scenario.keep_in:
@@ -172,7 +168,6 @@ def _margin(scenario: Scenario) -> str:
 
 
 def _autopilots(scenario: Scenario) -> str:
-    """The autopilot of all vehicles, or the vehicles of each."""
     from gcs.scenario.values.si import autopilots, sysids
 
     rows = list(zip(sysids(scenario), autopilots(scenario), strict=True))
@@ -183,7 +178,6 @@ def _autopilots(scenario: Scenario) -> str:
 
 
 def _plan(plan: Plan, report: Report) -> JsonObject:
-    """The figures of a plan, and of its verification when it was loaded."""
     from gcs.plan.cost_terms import cost_terms
     from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
     from gcs.scenario.environment.no_fly import in_words
@@ -207,7 +201,6 @@ def _plan(plan: Plan, report: Report) -> JsonObject:
 
 
 def _ends(scenario: Scenario) -> dict[str, dict[str, float]]:
-    """The leader's position at both ends, in metres and in degrees."""
     import numpy as np
 
     from gcs.frames import ned_to_geodetic
@@ -227,7 +220,6 @@ def _ends(scenario: Scenario) -> dict[str, dict[str, float]]:
 
 
 def _greatest_motion(screen: Screen, plan: Plan) -> list[dict[str, float]]:
-    """Print the greatest speed, acceleration and jerk of each vehicle, and return them."""
     from rich.table import Table
 
     from gcs.plan.trajectory.greatest_motion import greatest_motion

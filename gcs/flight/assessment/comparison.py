@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitoring.monitor import lateness_s
+from gcs.flight.monitoring.progress import PlanTime
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
@@ -29,18 +30,23 @@ class Comparison:
     late_s: float  # mean delay behind the plan, with that of its start
 
 
-def compare(plan: Plan, record: pa.Table, truth: Truth | None) -> tuple[Comparison, ...]:
-    """Return them for every vehicle of the plan. True states are interpolated to the times of the estimates."""
+def compare(plan: Plan, record: pa.Table, truth: Truth | None, plan_time: PlanTime) -> tuple[Comparison, ...]:
+    """Return them for every vehicle of the plan. True states are interpolated to the times of the estimates.
+
+    While a standstill led the vehicles off the plan nothing counts.
+    """
     found = []
     for sysid in plan.sysids:
         columns = {name: record.column(name).to_numpy() for name in record.column_names}
         t_s = columns["t_s"]
         mine = (columns["sysid"] == sysid) & (t_s >= 0.0) & (t_s <= plan.flight_s)
+        mine &= ~plan_time.off_plan(columns["unix_s"])
         if not mine.any():
             found.append(Comparison(sysid, np.nan, np.nan, np.nan, np.nan))
             continue
         estimated, planned, rate = (
-            _vectors(columns, mine, form) for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
+            np.stack([columns[form.format(axis)][mine] for axis in ("north", "east", "down")], axis=1)
+            for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
         )
         true = np.full_like(estimated, np.nan)
         if truth is not None and sysid in truth.sysids:
@@ -57,10 +63,6 @@ def compare(plan: Plan, record: pa.Table, truth: Truth | None) -> tuple[Comparis
             )
         )
     return tuple(found)
-
-
-def _vectors(columns: dict[str, Array], rows: Array, form: str) -> Array:
-    return np.stack([columns[form.format(axis)][rows] for axis in ("north", "east", "down")], axis=1)
 
 
 def _rms(off: Array) -> float:

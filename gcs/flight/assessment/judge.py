@@ -1,7 +1,7 @@
 """The verdict on a flight: the criteria of the scenario's `[judge]`, from true states, or from what vehicles reported.
 
 True states decide every criterion. Reports are only known within an uncertainty: where that spans a limit, the
-criterion is not known (`gcs.flight.assessment.reported_tracks`).
+criterion is not known (`gcs.flight.assessment.judge`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
@@ -18,7 +19,7 @@ from scipy.spatial.distance import pdist
 from gcs.errors import FileFormatError
 from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.route_passing import route_criterion
-from gcs.flight.monitoring.progress import FlightTimes
+from gcs.flight.monitoring.progress import FlightTimes, PlanTime
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
 from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.trajectory.plan import Plan
@@ -55,6 +56,7 @@ class Tracks:
     ned_m: Array  # (V, N, 3)
     horizontal_m: Array = field(default_factory=lambda: np.zeros((1, 1)))  # (V, N), or (1, 1) for true positions
     vertical_m: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    off_plan: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=np.bool_))  # (N,), or (1,)
 
     @property
     def within_m(self) -> Array:
@@ -63,8 +65,13 @@ class Tracks:
 
     def during(self, chosen: NDArray[np.bool_]) -> Tracks:
         """The tracks at some of the times (N,)."""
-        within = [m if m.shape == (1, 1) else m[:, chosen] for m in (self.horizontal_m, self.vertical_m)]
-        return Tracks(self.t_s[chosen], self.ned_m[:, chosen], *within)
+
+        def some(metres: Array) -> Array:
+            return metres if metres.shape == (1, 1) else metres[:, chosen]
+
+        off_plan = np.broadcast_to(self.off_plan, self.t_s.shape)[chosen]
+        places = self.ned_m[:, chosen]
+        return Tracks(self.t_s[chosen], places, some(self.horizontal_m), some(self.vertical_m), off_plan)
 
 
 def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Criterion]:
@@ -127,6 +134,13 @@ class Verdict:
     rms_m: dict[int, float]
     max_m: dict[int, float]
     formation_error_m: float  # Definition 1, the largest between T0 and the arrival
+    off_plan_s: float = 0.0  # of that time, what a standstill led the vehicles off the plan: no position error counts
+
+    @property
+    def not_counted(self) -> str:
+        """The time in which no position error counts, in words; empty without any."""
+        words = f"position errors do not count {self.off_plan_s:g} s from a standstill until all were on the plan again"
+        return words if self.off_plan_s else ""
 
     @property
     def outcome(self) -> FlightOutcome:
@@ -146,7 +160,8 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     Separation counts from T0 to the order to land, and again in the ground phases: from the pads to T0, and from the
     order to land to the last stop. The distance to the exact ground, in any direction, counts from the hover after
     take-off to the order to land, and so does the height; no-fly zones and the fence count from the pads to the last
-    stop. The position error counts from T0 to the planned arrival. The arrival is the last entry into the circle of
+    stop. The position error counts from T0 to the planned arrival, but for the time in which a
+    standstill of this program led the vehicles off the plan. The arrival is the last entry into the circle of
     `arrival_position_m` around the goal, against the time at which the plan enters it. Every vehicle must come as near
     to its place at each route point, within 3 s (or `arrival_time_s`) of the planned time.
     """
@@ -156,7 +171,8 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     path = CubicHermiteSpline(truth.t_s(times.t0_unix_s), states[..., POSITION], states[..., VELOCITY], axis=1)
     t_s = times.plan_time.t_s(grid_s + times.t0_unix_s)
     everywhere = Tracks(times.plan_time.t_s(truth.unix_s), states[..., POSITION])
-    return judge_tracks(plan, everywhere, Tracks(t_s, np.asarray(path(grid_s))))
+    off_plan = times.plan_time.off_plan(grid_s + times.t0_unix_s)
+    return judge_tracks(plan, everywhere, Tracks(t_s, np.asarray(path(grid_s)), off_plan=off_plan))
 
 
 def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
@@ -165,6 +181,8 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
     planned = plan.states(np.clip(t_s, plan.t_start_s, plan.t_end_s))[..., POSITION]
     error = np.linalg.norm(flown - planned, axis=-1)
     mission = (t_s >= 0.0) & (t_s <= plan.flight_s)
+    off_plan = mission & airborne.off_plan
+    mission &= ~off_plan
     rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
     worst = int(np.argmax(rms))
     criteria = [
@@ -191,6 +209,7 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
         dict(zip(plan.sysids, rms.tolist(), strict=True)),
         dict(zip(plan.sysids, error[:, mission].max(axis=1).tolist(), strict=True)),
         float(plan.formation_error_m(t_s[mission], flown[:, mission]).max()),
+        round(GRID_S * int(off_plan.sum()), 1),
     )
 
 
@@ -328,3 +347,48 @@ def load_truth(path: Path | str) -> Truth:
         return Truth(tuple(found["sysid"].tolist()), found["t_unix_s"], found["state"])
     except (OSError, ValueError) as problem:
         raise FileFormatError(f"{path} has no true states of a simulated flight: {problem}.", hint=hint) from problem
+
+
+_ACCELERATION_MPS2 = 5.0  # of a vehicle that leans by 27 degrees
+_ENDS_S = 3.0  # a vehicle whose reports end with those of all others was not lost
+_AXES = ("north", "east", "down")
+_FORMS = ("{}_m", "v_{}_mps")
+
+
+def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
+    """Return the verdict on a flight from `reported_tracks`. It counts what `judge` counts, in plan time.
+
+    None where nothing was reported between T0 and the planned arrival.
+    """
+    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s) & ~tracks.off_plan
+    if not on_plan.any() or np.isnan(tracks.ned_m).any():
+        return None
+    landing_s = plan.phase("landing").start_s
+    return judge_tracks(plan, tracks, tracks.during((tracks.t_s >= plan.airborne_s) & (tracks.t_s <= landing_s)))
+
+
+def reported_tracks(plan: Plan, record: pa.Table, plan_time: PlanTime) -> Tracks | None:
+    """Return the tracks of a flight's record from its first armed report to its last one; None without any."""
+    columns = {name: record.column(name).to_numpy() for name in record.column_names}
+    armed_s = columns["unix_s"][columns["armed"]]
+    if not len(armed_s):
+        return None
+    unix_s = np.arange(armed_s.min(), armed_s.max(), GRID_S)
+    places = np.full((len(plan.sysids), len(unix_s), 3), np.nan)
+    horizontal_m, vertical_m = np.full((2, len(plan.sysids), len(unix_s)), np.inf)
+    for row, sysid in enumerate(plan.sysids):
+        mine = np.flatnonzero(columns["sysid"] == sysid)
+        mine = mine[np.unique(columns["unix_s"][mine], return_index=True)[1]]
+        if len(mine) < 2:
+            continue
+        told_s = columns["unix_s"][mine]
+        at = {form: np.stack([columns[form.format(axis)][mine] for axis in _AXES], axis=1) for form in _FORMS}
+        places[row] = CubicHermiteSpline(told_s, *at.values())(np.clip(unix_s, told_s[0], told_s[-1]))
+        after = np.clip(np.searchsorted(told_s, unix_s), 1, len(mine) - 1)
+        strayed_m = _ACCELERATION_MPS2 * (told_s[after] - told_s[after - 1]) ** 2 / 8.0
+        lost = (unix_s > told_s[-1] + _ENDS_S) & bool(columns["armed"][mine[-1]])
+        for name, within in (("horizontal_within_m", horizontal_m), ("vertical_within_m", vertical_m)):
+            told_m = columns[name][mine]
+            within[row] = np.maximum(told_m[after - 1], told_m[after]) + strayed_m
+            within[row, lost] = np.inf
+    return Tracks(plan_time.t_s(unix_s), places, horizontal_m, vertical_m, plan_time.off_plan(unix_s))

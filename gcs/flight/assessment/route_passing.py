@@ -120,7 +120,6 @@ def _nearest(t_s: Array, away_m: Array) -> tuple[float, float]:
 
 
 def _entry_s(t_s: Array, away_m: Array, within_m: float) -> float:
-    """When a track first comes within a distance of 0."""
     return float(t_s[int(np.argmax(np.linalg.norm(away_m, axis=1) <= within_m))])
 
 

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from gcs.autopilots.alarms import CHARGE_STATES, Alarm
 from gcs.autopilots.columns import FlightBehaviour
-from gcs.link.wire.local_motion import local_motion
-from gcs.link.wire.message import Message
+from gcs.link.wire.message import Message, local_motion
 from gcs.mavlink import PREARM_CHECK, MavState, ModeFlag
 from gcs.mavlink_names import sensor_names
 

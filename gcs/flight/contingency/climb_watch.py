@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 
-from gcs.link.wire.local_motion import local_motion
-from gcs.link.wire.message import Message
+from gcs.link.wire.message import Message, local_motion
 from gcs.mavlink import ModeFlag
 
 CLIMB_M, CLIMB_S = 1.0, 8.0  # so high, or half the ordered height, within so much vehicle time

@@ -86,8 +86,8 @@ def common_rejoin(plan: Plan, routes: ReturnRoutes, here: Stranded, now_s: float
     in_time = now_s + FADE_S <= plan.phase("landing").start_s
     if off_now_m <= (NEAR_M if in_time else THERE_M):
         found = _checked(plan, routes, here, _within(plan, now_s), FADE_S, apart_m)
-        if isinstance(found, _Flown):
-            return Rejoin(now_s, FADE_S, found.separation_m)
+        if not isinstance(found, str):
+            return Rejoin(now_s, FADE_S, found[0])
         reasons.append(found)
     if any(zone.moves for zone in plan.scenario.no_fly):
         return "; ".join([*reasons, "no-fly zones move, so the plan cannot wait"])
@@ -100,32 +100,26 @@ def common_rejoin(plan: Plan, routes: ReturnRoutes, here: Stranded, now_s: float
     if off_m[best] > FAR_M:
         return f"a vehicle is {off_m[best]:.1f} m from the plan at its nearest instant (limit {FAR_M:g} m)"
     for fade_s in _FADES_S:
-        flown: list[tuple[float, float, _Flown]] = []
+        flown: list[tuple[float, float, float]] = []  # peak, begin, separation
         for share in _SHARES:
             t_s = min(float(instants[best]) - share * fade_s, plan.phase("landing").start_s - fade_s)
             if t_s < plan.airborne_s:
                 continue
             found = _checked(plan, routes, here, t_s, fade_s, apart_m)
-            if isinstance(found, _Flown):
-                flown.append((found.peak_mps2, t_s, found))
-            else:
+            if isinstance(found, str):
                 reasons.append(found)
+            else:
+                flown.append((found[1], t_s, found[0]))
         if flown:
-            _, t_s, way = min(flown, key=lambda one: one[0])
-            return Rejoin(t_s, fade_s, way.separation_m)
+            _, t_s, separation_m = min(flown, key=lambda one: one[0])
+            return Rejoin(t_s, fade_s, separation_m)
     return reasons[-1] if reasons else "the plan has not begun"
-
-
-@dataclass(frozen=True)
-class _Flown:
-    separation_m: float
-    peak_mps2: float
 
 
 def _checked(
     plan: Plan, routes: ReturnRoutes, here: Stranded, t_s: float, fade_s: float, apart_m: float
-) -> _Flown | str:
-    """What a rejoin that begins at plan time `t_s` keeps, or the first limit that it violates."""
+) -> tuple[float, float] | str:
+    """The least separation, m, and the peak acceleration, m/s^2, of a rejoin at plan time `t_s`; or what forbids it."""
     scenario, rows = plan.scenario, list(here.rows)
     s = np.linspace(0.0, 1.0, round(fade_s / _STEP_S) + 1)
     at_s = np.minimum(t_s + s * fade_s, plan.t_end_s)
@@ -153,7 +147,7 @@ def _checked(
     outside_m = routes.outside_fence_m(places[..., :2])
     if (outside_m > outside_m[:, :1]).any():
         return f"the way back leads {outside_m.max():.1f} m outside the fence"
-    return _Flown(separation_m, peak_mps2)
+    return separation_m, peak_mps2
 
 
 def _least_separation_m(places: Array) -> float:

@@ -76,11 +76,11 @@ class ContingencyPolicy:
                 self.troubles.append(replace(incident, sysid=sysid, detail=because or incident.detail))
                 orders += self._trigger(Trigger.START_ABORTED, incident.unix_s)
             return orders
-        if left or row.to is State.LOST:
+        if left or row.after is State.LOST:
             self.troubles.append(replace(incident, sysid=sysid, detail=because or incident.detail))
         if left and self.choices.follow and sysid == self.leader:
             orders += self._trigger(Trigger.LEADER_OUT, incident.unix_s)
-        elif left and row.to is State.LOST:
+        elif left and row.after is State.LOST:
             orders += self._trigger(Trigger.VEHICLE_OUT, incident.unix_s)
         return orders
 
@@ -129,7 +129,6 @@ class ContingencyPolicy:
         )
 
     def _acts(self, sysid: int, unix_s: float) -> bool:
-        """Whether a vehicle's last order may still take effect."""
         again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
         return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
 
@@ -143,7 +142,7 @@ class ContingencyPolicy:
 
     def _apply(self, row: Row, ordered: tuple[int, ...], unix_s: float, because: str = "") -> list[Order]:
         for sysid in ordered:
-            self.states[sysid] = row.to or self.states[sysid]
+            self.states[sysid] = row.after or self.states[sysid]
             if row.action is not None and self.states[sysid] not in IN_FORMATION:
                 self._ordered_s[sysid] = unix_s
                 self._conflict_s.setdefault(sysid, unix_s)

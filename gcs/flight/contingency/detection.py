@@ -17,8 +17,7 @@ from gcs.flight.contingency.conflict_prediction import HORIZON_S
 from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.mode_changes import ModeSigns, Taken
 from gcs.flight.monitoring.predicted_tracks import BAND_S, CONFIRMED_S
-from gcs.link.wire.local_motion import local_motion
-from gcs.link.wire.message import Message
+from gcs.link.wire.message import Message, local_motion
 
 
 class IncidentKind(StrEnum):

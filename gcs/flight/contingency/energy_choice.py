@@ -24,7 +24,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.types import Array, JsonObject
 
-WayLength = Callable[[int, Array, Array], float]  # row of the plan, from (3,), to (3,) -> metres by the route
+WayLength = Callable[[Array, Array], float]  # from (3,), to (3,) -> metres by the route
 _PRIOR = 0.01  # of a full battery: the weight of the model against the measured discharge
 _JUMP = 0.03  # a larger step between two reports is no discharge
 _BRAKE_MPS2 = 1.5
@@ -38,6 +38,9 @@ class Outcome(StrEnum):
     NEAREST = "land at the nearest safe point"
     RETURN = "return"
     LAND = "land here"
+
+
+_RANK = {Outcome.FINISH: 0, Outcome.NEAREST: 1, Outcome.RETURN: 1, Outcome.LAND: 2}  # whatever is left
 
 
 @dataclass(frozen=True)
@@ -81,16 +84,17 @@ class EnergyChoice:
             "chosen": self.chosen.outcome.value,
             "remaining_pct": self.remaining_pct,
             "reserve_pct": self.reserve_pct,
-            "alternatives": [_rounded(asdict(one)) for one in self.alternatives],
+            "alternatives": [{key: _plain(value) for key, value in asdict(one).items()} for one in self.alternatives],
         }
 
 
 @dataclass
 class Discharge:
-    """The measured discharge of one battery beside the modelled one. `scale` is their ratio, 1 at the start."""
+    """The measured discharge of one battery beside the modelled one. `scale` is their ratio, `prior` at the start."""
 
     used: float = 0.0
     modelled: float = 0.0
+    prior: float = 1.0
     _last: float | None = None
     _pending: float = 0.0
 
@@ -109,7 +113,7 @@ class Discharge:
     @property
     def scale(self) -> float:
         """The factor on every modelled need."""
-        return (self.used + _PRIOR) / (self.modelled + _PRIOR)
+        return (self.used + _PRIOR * self.prior) / (self.modelled + _PRIOR)
 
 
 @dataclass(frozen=True)
@@ -134,26 +138,17 @@ class EnergySituation:
     heading: SafePoint | None = None  # where a vehicle that left the plan flies to; "finish" is to land there
 
 
-def straight_m(row: int, start: Array, end: Array) -> float:
+def straight_m(start: Array, end: Array) -> float:
     """The length of a straight track over the ground."""
-    del row
     return float(np.hypot(*(np.asarray(end) - np.asarray(start))[:2]))
 
 
 def choose(alternatives: Sequence[EnergyOption], remaining_pct: float, reserve_pct: float) -> EnergyChoice:
     """Return the choice among alternatives; at least one is needed."""
     marked = tuple(replace(one, reachable=one.need_pct + reserve_pct <= remaining_pct) for one in alternatives)
-    preferred = sorted(marked, key=_preference)
-    chosen = next((one for one in preferred if one.reachable), None)
-    if chosen is None:
-        chosen = min(preferred, key=lambda one: one.need_pct)
+    preferred = sorted(marked, key=lambda one: (_RANK[one.outcome], one.need_pct))
+    chosen = next((one for one in preferred if one.reachable), None) or min(preferred, key=lambda one: one.need_pct)
     return EnergyChoice(chosen, marked, remaining_pct, reserve_pct)
-
-
-def _preference(one: EnergyOption) -> tuple[int, float]:
-    """Finish first, then the cheaper of the safe points, landing here last. The charge plays no part in the order."""
-    rank = {Outcome.FINISH: 0, Outcome.NEAREST: 1, Outcome.RETURN: 1, Outcome.LAND: 2}
-    return rank[one.outcome], one.need_pct
 
 
 class EnergyAdviser:
@@ -180,7 +175,7 @@ class EnergyAdviser:
         """Whether a vehicle is over its landing point in the landing phase: it lands there, whatever is left."""
         if now.plan_time_s is None or now.plan_time_s < self._plan.phase("landing").start_s:
             return False
-        return straight_m(now.row, now.place_ned_m, self._plan.landing_points_ned_m[now.row]) < _OVER_M
+        return straight_m(now.place_ned_m, self._plan.landing_points_ned_m[now.row]) < _OVER_M
 
     def decide(self, now: EnergySituation, reserve_pct: float) -> EnergyChoice:
         """Return the choice of one vehicle."""
@@ -213,7 +208,7 @@ class EnergyAdviser:
         places = plan.states(np.linspace(start_s, landing_s, 60))[row, :, :3]
         over = places[-1]
         speeds = self._returns.speeds
-        off_m = straight_m(row, now.place_ned_m, places[0])
+        off_m = straight_m(now.place_ned_m, places[0])
         flown_m = off_m + float(np.linalg.norm(np.diff(places[:, :2], axis=0), axis=1).sum())
         top_down_m = float(now.place_ned_m[2] if t_s >= landing_s else over[2])
         sink_s, sink_need = self._descent(now, top_down_m, float(plan.landing_points_ned_m[row][2]))
@@ -230,7 +225,7 @@ class EnergyAdviser:
         )
         brake_s = float(np.linalg.norm(now.velocity_ned_mps)) / _BRAKE_MPS2
         climb_s = (float(now.place_ned_m[2]) - top_down_m) / speeds.climb_mps
-        way_m = self._way_m(now.row, now.place_ned_m, point.ned_m)
+        way_m = self._way_m(now.place_ned_m, point.ned_m)
         flat_s = way_m / speeds.cruise_mps
         sink_s, sink_need = self._descent(now, top_down_m, float(point.ned_m[2]))
         need = (
@@ -256,10 +251,6 @@ class EnergyAdviser:
         return seconds, now.scale * seconds * self.model.hover_per_s
 
 
-def _rounded(values: JsonObject) -> JsonObject:
-    return {k: _plain(v) for k, v in values.items()}
-
-
 def _plain(value: Any) -> Any:
     """A number that JSON knows, with two decimals; null for an alternative without a route."""
     if isinstance(value, float):
@@ -276,11 +267,20 @@ class ChargeWatch:
         self._discharge = {sysid: Discharge() for sysid in plan.sysids}
         self._seen_s: dict[int, float] = {}
 
+    @property
+    def model(self) -> BatteryModel:
+        """The modelled use."""
+        return self._adviser.model
+
+    def expect(self, sysid: int, scale: float) -> None:
+        """Begin anew with this measured factor on every modelled need of a vehicle."""
+        self._discharge[sysid] = Discharge(prior=scale)
+
     def watch(self, sysid: int, unix_s: float, remaining_pct: int | None, plan_time_s: float | None) -> None:
         """Take in the charge of an airborne vehicle. `plan_time_s` None: it does not fly the plan now."""
         before_s = self._seen_s.get(sysid, unix_s)
         self._seen_s[sysid] = unix_s
-        passed_s, model, discharge = max(unix_s - before_s, 0.0), self._adviser.model, self._discharge[sysid]
+        passed_s, model, discharge = max(unix_s - before_s, 0.0), self.model, self._discharge[sysid]
         if plan_time_s is None:
             discharge.expect(model.hover_per_s * passed_s)
         else:

@@ -1,25 +1,64 @@
-"""Reference trajectories of contingencies: hold, climb, return, rejoin; in plan time and the common local NED frame.
+"""Reference trajectories in plan time and the common local NED frame: the plan, and the manoeuvres that are ordered.
 
-Their acceleration is bounded, and all of them end at rest. Braking keeps out of no-fly zones and inside the fence where
-that is possible.
+A setpoint is ten numbers: position, velocity, acceleration (NED) and yaw. Every reference ends, and pauses, at rest:
+autopilots fly on with the last velocity and acceleration they received. The acceleration of manoeuvres is bounded.
+Braking keeps out of no-fly zones and inside the fence where that is possible.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory, Values
+from gcs.flight.contingency.energy_choice import EnergyChoice
+from gcs.flight.contingency.policy import SPREAD_M, Action, Order
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.mission.model import SetpointStream
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import ACCEL_MPS2, PiecewiseMotion, Stops, routed_motion, stops
+from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.states import ATTITUDE
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
+
+Values = Sequence[float]  # x, y, z, vx, vy, vz, ax, ay, az, yaw
+_STILL = (0.0,) * 6
+
+
+class ReferenceTrajectory(Protocol):
+    """Anything with a setpoint for every deadline."""
+
+    def at(self, k: int, t_s: float) -> Values | None:
+        """Return the setpoint number `k` of the grid, at plan time `t_s`; None: nothing is sent."""
+
+
+class PlanReference:
+    """One vehicle's setpoints of the plan; before and after the plan, its ends at rest."""
+
+    def __init__(self, stream: SetpointStream, row: int) -> None:
+        columns = (
+            stream.position_ned_m[row],
+            stream.velocity_ned_mps[row],
+            stream.acceleration_ned_mps2[row],
+            stream.yaw_ned_rad[row][:, None],
+        )
+        self._rows: list[list[float]] = np.hstack(columns).tolist()
+
+    def at(self, k: int, t_s: float) -> Values:
+        """The planned setpoint."""
+        del t_s
+        last = len(self._rows) - 1
+        if 0 <= k <= last:
+            return self._rows[k]
+        end = self._rows[max(0, min(k, last))]
+        return (*end[:3], *_STILL, end[9])
+
 
 BRAKE_MPS2 = ACCEL_MPS2
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
@@ -126,7 +165,6 @@ def _braking(start: MotionStart, routes: ReturnRoutes) -> PiecewiseMotion:
 
 
 def _climbing(up_m: float) -> PiecewiseMotion:
-    """A climb from rest to rest, as a change of the position."""
     top_mps = min(SPREAD_MPS, math.sqrt(up_m * SPREAD_MPS2))
     rise_s, even_s = top_mps / SPREAD_MPS2, up_m / top_mps - top_mps / SPREAD_MPS2
     heights_m, speeds_mps = np.zeros((1, 4, 3)), np.zeros((1, 4, 3))
@@ -136,7 +174,6 @@ def _climbing(up_m: float) -> PiecewiseMotion:
 
 
 def _both(first: PiecewiseMotion, second: PiecewiseMotion) -> PiecewiseMotion:
-    """The sum of two motions, with the knots of both."""
     times_s = np.union1d(first.times_s, second.times_s)[None]
     places = first.places_at(times_s) + second.places_at(times_s)
     return PiecewiseMotion(times_s, places, _velocities_at(first, times_s) + _velocities_at(second, times_s))
@@ -170,3 +207,67 @@ class RejoinReference:
         ]
         moved = np.array(values[:9]) + np.concatenate(off)
         return (*moved.tolist(), values[9])
+
+
+HOVER_M = 1.0  # over the pad, before the landing
+NEAR_M, STILL_MPS = 0.5, 0.3  # a vehicle has arrived: horizontally, and in every direction
+ARRIVES_S = 8.0  # at most after the end of a return's reference
+# A vehicle that a failsafe or a gust stopped does not follow the reference of its return. It gets a new one then, from
+# where it is. Ways keep 3 m from zones.
+LEFT_M, RENEWS_S, RENEWALS_MAX = 2.0, 2.0, 3
+
+
+class OrderedTracks:
+    """Makes and judges the references of orders. `routes` are the ways back, `chosen` the last choices of energy."""
+
+    def __init__(self, plan: Plan, returns: ReturnPlan, chosen: Mapping[int, EnergyChoice]) -> None:
+        self.routes = ReturnRoutes(plan)
+        self._plan = plan
+        self._returns = returns
+        self._chosen = chosen
+
+    def reference(
+        self, order: Order, view: VehicleView, row: int, t0_unix_s: float, begin_s: float
+    ) -> MotionReference | None:
+        """The reference of an order, from the vehicle's predicted position at plan time `begin_s`.
+
+        None: a return without a way.
+        """
+        start = predicted_start(self._plan, view, t0_unix_s, begin_s)
+        if order.action is Action.HOLD:
+            return hold_reference(start, self.routes)
+        if order.action is Action.SPREAD:
+            return spread_reference(start, self.routes, SPREAD_M)
+        home, end, speeds = self._plan.pads_ned_m[row], self.end_ned_m(order, row), self._returns.speeds
+        top_down_m = float(home[2]) - self._returns.altitudes_m[row]
+        return return_reference(start, self.routes, end, top_down_m, speeds, HOVER_M)
+
+    def end_ned_m(self, order: Order, row: int) -> Array:
+        """Where an order to return or to divert ends (3,)."""
+        choice = self._chosen.get(order.sysid)
+        target = None if choice is None or order.action is not Action.DIVERT else choice.chosen.target_ned_m
+        return self._plan.pads_ned_m[row] if target is None else np.array(target)
+
+
+@dataclass(frozen=True)
+class WayBack:
+    """A vehicle on its way back. `renewals`: how often it got a new reference, because it did not follow the last."""
+
+    order: Order
+    track: MotionReference
+    renewals: int = 0
+
+    def has_arrived(self, view: VehicleView, t_s: float) -> bool:
+        """Whether the return has ended: the vehicle rests above its end, or had time enough to come there."""
+        if t_s <= self.track.end_s:
+            return False
+        off_m = float(np.linalg.norm((view.position_ned_m - self.track.end_ned_m)[:2]))
+        still = float(np.linalg.norm(view.velocity_ned_mps)) < STILL_MPS
+        return (off_m < NEAR_M and still) or t_s > self.track.end_s + ARRIVES_S
+
+    def is_left(self, view: VehicleView, t0_unix_s: float, t_s: float) -> bool:
+        """Whether a vehicle is so far from its reference that it would cut corners of the way."""
+        if self.renewals >= RENEWALS_MAX or t_s < self.track.begin_s + RENEWS_S:
+            return False
+        position, _ = view.predicted(t0_unix_s + t_s)
+        return float(np.linalg.norm(position - np.array(self.track.at(0, t_s)[:3]))) > LEFT_M

@@ -56,6 +56,16 @@ class Action(StrEnum):
     OBEY = "follow setpoints again"
 
 
+_AFTER: dict[Action | None, State] = {
+    Action.HOLD: State.HOLDING,
+    Action.SPREAD: State.SPREAD,
+    Action.RETURN: State.RETURNING,
+    Action.DIVERT: State.RETURNING,
+    Action.LAND: State.LANDING,
+    Action.LEAVE: State.LEFT,
+}
+
+
 class Trigger(StrEnum):
     """What the policy answers besides incidents: the operator, the passing of time, and the loss of a vehicle."""
 
@@ -197,11 +207,16 @@ class Row:
 
     trigger: IncidentKind | Trigger
     states: frozenset[State]
-    when: Condition
-    to: State | None  # None: the state stays
-    action: Action | None  # None: no order
     rule: str
+    action: Action | None = None  # None: no order
+    to: State | None = None  # None: that of the action, or else the state stays
+    when: Condition = ALWAYS
     vehicles: Callable[[Situation], tuple[int, ...]] = reporting_vehicle
+
+    @property
+    def after(self) -> State | None:
+        """The state of the ordered vehicles from then on; None: it stays."""
+        return self.to or _AFTER.get(self.action)
 
 
 @dataclass(frozen=True)

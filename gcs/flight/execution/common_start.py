@@ -94,7 +94,6 @@ class CommonStart:
             ) from failure
 
     def _rate(self) -> float:
-        """Vehicle time per local time since the provisional start was chosen."""
         local_s = self._loop.time() - self._began_s[0]
         return (self._time.sure_s() - self._began_s[1]) / local_s if local_s > 0.0 else 1.0
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from gcs.flight.contingency.choices import Choices, FlightMode
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
-from gcs.flight.contingency.manoeuvres import MotionReference
+from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.order_book import StandingOrder
-from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import (
     AIRBORNE,
     IN_FORMATION,
@@ -28,8 +26,7 @@ from gcs.flight.contingency.policy import (
     Order,
     State,
 )
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
@@ -48,7 +45,10 @@ _ALARMS = frozenset(
 
 
 class ContingencyExecutor:
-    """Watches a flight from take-off to landing. `over` is set once no vehicle flies the plan any more."""
+    """Watches a flight from take-off to landing. `over` is set once no vehicle flies the plan any more.
+
+    `charge` follows the batteries.
+    """
 
     def __init__(
         self,
@@ -72,11 +72,14 @@ class ContingencyExecutor:
         self._loop = asyncio.get_running_loop()
         self._on_event = on_event
         self._positions = PositionChecks(fleet, self.policy)
-        self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in fleet.vehicles.items()}
+        self._watches = {
+            sysid: VehicleWatch(sysid, one.behaviour, options.limits, math.inf, self._plan_modes(one))
+            for sysid, one in fleet.vehicles.items()
+        }
         self._now_s = self._stamped_s = -math.inf  # fleet time, and the local time at which it was computed
         self._returning: dict[int, WayBack] = {}
         self._carrier = carrier
-        self._charge = ChargeWatch(
+        self.charge = ChargeWatch(
             plan, EnergyAdviser(plan, model, returns, self._way_m, self._monitor.expected.profiles)
         )
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
@@ -85,9 +88,6 @@ class ContingencyExecutor:
         self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
         self._told: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
-
-    def _watch(self, vehicle: FlightVehicle) -> VehicleWatch:
-        return VehicleWatch(vehicle.sysid, vehicle.behaviour, self._options.limits, math.inf, self._plan_modes(vehicle))
 
     def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
         m = vehicle.behaviour
@@ -204,7 +204,7 @@ class ContingencyExecutor:
             if not (self._vehicles[sysid].session.armed or watch.alarms.stopped):
                 continue  # no incidents on the ground
             ours = self._standstill.ours(now_s)
-            self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
+            self.charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
             for incident in watch.look(
                 now_s, usable=self._positions.usable(sysid), ours=ours, place=self._positions.place(sysid)
             ):
@@ -216,7 +216,7 @@ class ContingencyExecutor:
         if not self._t0_known:
             self._standstill.close()
             return
-        t_s = self._standstill.end(now_s, t_s, self._note, self._carry_out)
+        t_s = self._standstill.end(now_s, t_s, self._on_event, self._carry_out)
         for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
         for sysid, way in list(self._returning.items()):
@@ -237,7 +237,7 @@ class ContingencyExecutor:
 
     def _tell_clocks(self, now_s: float) -> None:
         for change in self._time.changes():
-            self._note(now_s, self._plan_time_s(now_s), change.sysid, change.what, change.rule)
+            self._on_event(Event(now_s, self._plan_time_s(now_s), change.sysid, change.what, change.rule))
 
     def _flown_s(self, sysid: int, t_s: float) -> float | None:
         """The plan time that a vehicle flies; None if it does not fly the plan."""
@@ -258,16 +258,15 @@ class ContingencyExecutor:
         reserve_pct = float(limits.battery_critical_pct) if low else limits.battery_reserve_pct
         flown_s = None if of_battery else self._flown_s(sysid, t_s)
         heading = None if of_battery else self._heading.get(sysid)
-        choice = self._charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
+        choice = self.charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
         same = sysid in self._chosen and self._chosen[sysid].chosen.outcome is choice.chosen.outcome
         self._chosen[sysid] = choice
         words = choice.short() if same else str(choice)
         detail = f"{incident.detail}; {words}" if of_battery else words
         return replace(incident, outcome=choice.chosen.outcome, detail=detail)
 
-    def _way_m(self, row: int, start: Array, end: Array) -> float:
+    def _way_m(self, start: Array, end: Array) -> float:
         """The length of a way round no-fly zones that begins now."""
-        del row
         return self._tracks.routes.length_m(start, end, self._plan_time_s(self._now_s))
 
     def _free_points(self, sysid: int) -> list[SafePoint]:
@@ -290,27 +289,16 @@ class ContingencyExecutor:
             choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
             data = None if choice is None else choice.data()
             alarm = incident.kind in _ALARMS
-            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data, alarm=alarm)
+            what, rule = incident.kind.value, incident.detail
+            self._on_event(Event(incident.unix_s, t_s, incident.sysid, what, rule, data, alarm))
         if battery:
             self._told.add((incident.sysid, incident.kind))
         for order in orders:
             self._carry_out(order, t_s)
 
-    def _note(
-        self,
-        unix_s: float,
-        t_s: float,
-        sysid: int,
-        what: str,
-        rule: str,
-        data: Mapping[str, Any] | None = None,
-        *,
-        alarm: bool = False,
-    ) -> None:
-        self._on_event(Event(unix_s, t_s, sysid, what, rule, data, alarm))
-
     def _carry_out(self, order: Order, t_s: float) -> None:
-        self._note(self._time.sure_s(), t_s, order.sysid, _event_words(order.action), order.rule)
+        what = "released" if order.action is Action.LEAVE else f"ordered to {order.action.value}"
+        self._on_event(Event(self._time.sure_s(), t_s, order.sysid, what, order.rule))
         vehicle = self._vehicles[order.sysid]
         watch, m, view = self._watches[order.sysid], vehicle.behaviour, vehicle.view
         self._returning.pop(order.sysid, None)
@@ -336,7 +324,6 @@ class ContingencyExecutor:
                 self._start(order.sysid, order.action.value, partial(self._take_over, order))
 
     async def _take_over(self, order: Order) -> None:
-        """Give an order once, from where the vehicle is now."""
         vehicle = self._vehicles[order.sysid]
         track = self._track(order, vehicle)
         if track is not None:
@@ -355,7 +342,6 @@ class ContingencyExecutor:
         return track
 
     def _start(self, sysid: int, what: str, work: Callable[[], Awaitable[None]]) -> None:
-        """Give an order in place of the one before, until it is carried out."""
         self._carrier.start(sysid, what, work, self.tell_failure)
 
     def tell_failure(self, order: StandingOrder) -> None:
@@ -363,12 +349,7 @@ class ContingencyExecutor:
         now_s = self._time.now_s() or self._now_s
         t_s = self._plan_time_s(now_s)
         again = f"attempt {order.attempts}, repeated in {order.wait_s(self._loop.time()):.0f} s"
-        self._note(now_s, t_s, order.sysid, f"did not {order.what}", f"{order.reason} ({again})")
+        self._on_event(Event(now_s, t_s, order.sysid, f"did not {order.what}", f"{order.reason} ({again})"))
         if order.attempts >= NOT_OBEYED_AFTER:
             for stronger in self.policy.not_obeyed(order.sysid, now_s):
                 self._carry_out(stronger, t_s)
-
-
-def _event_words(action: Action) -> str:
-    """The words of an event: a released vehicle gets no order."""
-    return "released" if action is Action.LEAVE else f"ordered to {action.value}"

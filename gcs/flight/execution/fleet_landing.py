@@ -15,8 +15,7 @@ from functools import partial
 from gcs.errors import FlightError, GcsError, OrderError
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import ATTEMPT_S, OrderCarrier
+from gcs.flight.execution.order_carrier import ATTEMPT_S, FlyingFleet, OrderCarrier
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.link.protocols.command import CommandRefused, CommandSender
 from gcs.link.session.vehicle_session import VehicleSession
@@ -75,9 +74,8 @@ class Custody:
         """Raises `FlightError` if one of these vehicles, or any, is armed and was not taken."""
         asked = self._sessions if sysids is None else sysids
         if foreign := [i for i in asked if self._sessions[i].armed and not self.holds(i)]:
-            named = f"vehicle{'s' if len(foreign) > 1 else ''} {', '.join(map(str, foreign))}"
             raise FlightError(
-                f"{named} armed, and not by this flight.",
+                f"{named(foreign)} armed, and not by this flight.",
                 hint="it got no order: leave it to its pilot or ground station until it is disarmed, then fly again; "
                 "`--waive disarmed` does not change whose it is",
             )
@@ -208,13 +206,16 @@ class FleetLanding:
             await asyncio.sleep(LOOK_S)
         return False
 
+    def of_pilots(self) -> list[int]:
+        """Return the vehicles that are still in the air if pilots fly all of them."""
+        aloft, states = self.aloft(), self._states()
+        return aloft if all(states.get(sysid) is State.LEFT for sysid in aloft) else []
+
     def _tell_of_pilots(self) -> None:
         """Report once that only vehicles of pilots are still in the air."""
-        aloft, states = self.aloft(), self._states()
-        if all(states.get(sysid) is State.LEFT for sysid in aloft):
-            for sysid in set(aloft) - self._told:
-                self._tell(sysid, "still in the air", PILOT_WORDS)
-                self._told.add(sysid)
+        for sysid in set(self.of_pilots()) - self._told:
+            self._tell(sysid, "still in the air", PILOT_WORDS)
+            self._told.add(sysid)
 
     def aloft(self) -> list[int]:
         """Return the vehicles of this flight that are armed and heard."""

@@ -18,13 +18,13 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import State
-from gcs.flight.execution.climb_to_hover import climb_to_hover
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
-from gcs.flight.execution.fleet_arming import arm_all
-from gcs.flight.execution.fleet_landing import FleetLanding
+from gcs.flight.execution.fleet_arming import arm_all, climb_to_hover
+from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.execution.flight_guard import FlightGuard
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.hover_charge import check_hover
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,
@@ -147,8 +147,9 @@ class FlightSequence:
         span = self.plan.t_end_s - self.plan.t_start_s
         progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
         nearest = self.monitor.nearest_now()
+        left = self.landing.of_pilots() if self.step is Step.LAND else []
         return Snapshot(
-            self.step.value,
+            f"{named(left)} flown by a pilot" if left else self.step.value,
             1.0 if self.step is Step.DONE else progress,
             t_s,
             self.monitor.errors_m,
@@ -188,13 +189,13 @@ class FlightSequence:
         return vehicle.session.subscribe(receive)
 
     async def _run(self) -> FlightTimes:
-        self._check_mode()
+        if self.options.mode is FlightMode.MISSION:
+            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
         self._telemetry.checked = True
-        if self._hooks.on_ready is not None:
-            await self._hooks.on_ready()
+        charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
@@ -217,6 +218,8 @@ class FlightSequence:
         async with alongside(self.contingency.run()):
             await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
             await self.each(partial(climb_to_hover, landing=self.landing))
+            if charge is not None:
+                await check_hover(self._fleet, self.contingency.charge, charge, self._tell)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
@@ -263,12 +266,7 @@ class FlightSequence:
             return await in_own_process(battery_model, self.plan)
         return battery_model(self.plan)
 
-    def _check_mode(self) -> None:
-        if self.options.mode is FlightMode.MISSION:
-            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
-
     async def _fly_stream(self) -> float:
-        """Stream setpoints to all vehicles from one T0; return T0."""
         async with alongside(self.streamer.run()):
             t0_unix_s = await self.streamer.begin()
             await self.watch_over(t0_unix_s)
@@ -303,7 +301,6 @@ class FlightSequence:
         await self.landing.until_landed()
 
     def _on_plan(self) -> list[int]:
-        """The vehicles that fly the plan, or flew it to its end, and are heard."""
         return [i for i, state in self.contingency.policy.states.items() if state is State.FLYING]
 
     async def _until_landing(self) -> None:

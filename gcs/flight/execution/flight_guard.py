@@ -10,7 +10,7 @@ from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, TypeVar
 
 from gcs.errors import FlightError, GcsError, ProtocolMisuse
-from gcs.flight.execution.fleet_landing import FleetLanding
+from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.monitoring.progress import OURSELVES, Step
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.util.aio import LOOK_S, ended, insisted
@@ -44,7 +44,7 @@ class FlightGuard:
 
         What ended the flight is raised afterwards. A vehicle that is not known to have landed is handed over by name.
         """
-        watch = asyncio.ensure_future(watch_links(self._sessions, self._step, self._lost_after_s, self._tell))
+        watch = asyncio.ensure_future(self._watch_links())
         work = asyncio.ensure_future(flying)
         try:
             await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)
@@ -85,38 +85,32 @@ class FlightGuard:
         await ended(watch, work)
         await self._landing.land_all()
 
+    async def _watch_links(self) -> None:
+        """Raises FlightError as soon as a vehicle has been silent for too long; in flight, as soon as all have.
+
+        `tell` gets each pause of this program once. In one no vehicle becomes silent: the loop's clock stands too.
+        """
+        stalls = stalls_of(asyncio.get_running_loop())
+        told = stalls.count
+        while True:
+            await asyncio.sleep(LOOK_S)
+            if stalls.count > told:
+                told = stalls.count
+                self._tell(OURSELVES, f"stood still for {stalls.last_s:.1f} s", STOOD_RULE)
+            silent = {s.sysid: s.silent_s() for s in self._sessions.values()}
+            lost = [sysid for sysid, silent_s in silent.items() if silent_s > self._lost_after_s]
+            if self._step() in (Step.FLY, Step.LAND) and len(lost) < len(silent):
+                continue  # the contingency policy handles this
+            if lost:
+                were = "was" if len(lost) == 1 else "were"
+                raise FlightError(
+                    f"{named(lost)} {were} lost ({self._step().value}): no message for {silent[lost[0]]:.1f} s.",
+                    hint="check it and its link"
+                    if self._step() in (Step.READY, Step.UPLOAD)
+                    else "the others were ordered to land; search for it at its last reported position",
+                )
+
 
 def _is_cancelled() -> bool:
     task = asyncio.current_task()
     return task is not None and task.cancelling() > 0
-
-
-async def watch_links(
-    sessions: Mapping[int, VehicleSession],
-    step: Callable[[], Step],
-    lost_after_s: float,
-    tell: Callable[[int, str, str], None],
-) -> None:
-    """Raises FlightError as soon as a vehicle has been silent for too long; in flight, as soon as all have.
-
-    `tell` gets each standstill of this program once. In one no vehicle becomes silent: the loop's clock stands too.
-    """
-    stalls = stalls_of(asyncio.get_running_loop())
-    told = stalls.count
-    while True:
-        await asyncio.sleep(LOOK_S)
-        if stalls.count > told:
-            told = stalls.count
-            tell(OURSELVES, f"stood still for {stalls.last_s:.1f} s", STOOD_RULE)
-        silent = {s.sysid: s.silent_s() for s in sessions.values()}
-        lost = [sysid for sysid, silent_s in silent.items() if silent_s > lost_after_s]
-        if step() in (Step.FLY, Step.LAND) and len(lost) < len(silent):
-            continue  # the contingency policy handles this
-        if lost:
-            lost_words = f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
-            raise FlightError(
-                f"{lost_words} lost ({step().value}): no message for {silent[lost[0]]:.1f} s.",
-                hint="check it and its link"
-                if step() in (Step.READY, Step.UPLOAD)
-                else "the others were ordered to land; search for it at its last reported position",
-            )

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gcs.flight.contingency.reference_trajectory import PlanReference, Values
+from gcs.flight.contingency.manoeuvres import PlanReference, Values
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.time_scaling import budget

@@ -1,16 +1,42 @@
-"""Gives orders in a crisis again and again, until they are carried out or the vehicle is down or out of reach."""
+"""The vehicles that fly one plan together, and the orders in a crisis, repeated until carried out or out of reach."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from gcs.errors import GcsError
+from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.order_book import FailedOrder, OrderBook, StandingOrder
-from gcs.flight.execution.takeoff_landing import FlightVehicle
+from gcs.flight.execution.streamer import Streamer
+from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
+from gcs.flight.monitoring.fleet_time import FleetTime
+from gcs.flight.monitoring.monitor import Monitor
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
+from gcs.plan.trajectory.plan import Plan
 from gcs.util.aio import ended
+
+
+@dataclass(frozen=True)
+class FlyingFleet:
+    """One plan, its vehicles by system id, their positions, their setpoints, their common time, and the options."""
+
+    plan: Plan
+    vehicles: Mapping[int, FlightVehicle]
+    monitor: Monitor
+    streamer: Streamer
+    time: FleetTime
+    options: FlightOptions
+    tracks: PredictedTracks | None = None  # of vehicles that fly missions of their own
+
+    async def land(self, sysid: int) -> None:
+        """Order a vehicle to land, once, and end its stream. Raises as switching modes does."""
+        vehicle = hurried(self.vehicles[sysid])
+        await set_mode(vehicle, vehicle.behaviour.land)
+        self.streamer.leave(sysid)
+
 
 ATTEMPT_S = 6.0  # for the HEARTBEAT to show the ordered mode
 OnFailure = Callable[[StandingOrder], None]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.flight.contingency.alarm_watch import Place
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.policy import IN_FORMATION, USABLE_M, YIELDED, State
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.predicted_tracks import TrackWatch
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
@@ -26,7 +27,8 @@ class PositionChecks:
         self.lands = False
         self._plan, self._vehicles, self._monitor = plan, fleet.vehicles, fleet.monitor
         self._policy = policy
-        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks)
+        streamed = fleet.options.mode is FlightMode.STREAM
+        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks, streamed=streamed)
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
 
@@ -60,7 +62,7 @@ class PositionChecks:
     def conflicts(self, now_s: float, t_s: float, *, gathers: bool) -> list[Incident]:
         """Return an incident for each conflict; its first vehicle is farther from its place than the other one.
 
-        `gathers`: after a standstill of this program no vehicle flies the plan.
+        `gathers`: after a pause of this program no vehicle flies the plan.
         """
         states, views = self._policy.states, self._monitor.views
         armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]

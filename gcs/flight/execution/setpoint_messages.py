@@ -12,7 +12,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory, Values
+import numpy as np
+
+from gcs.flight.contingency.manoeuvres import ReferenceTrajectory, Values
 from gcs.flight.execution.leader_follower import SentSetpoints
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
@@ -224,10 +226,12 @@ def wait_s(scheduler: Scheduler, vehicles: Iterable[Streamed], now_s: float, lon
     return max(least_s, 0.0)
 
 
+_FIELDS = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")
+
+
 def setpoint_message(station: Station, time_boot_ms: int, pad_ned_m: Array, values: Values) -> Message:
     """SET_POSITION_TARGET_LOCAL_NED with position, velocity, acceleration and yaw."""
-    x, y, z, vx, vy, vz, ax, ay, az, yaw = values
-    north_m, east_m, down_m = pad_ned_m
+    place = np.array(values[:3]) - pad_ned_m
     return Message(
         "SET_POSITION_TARGET_LOCAL_NED",
         {
@@ -236,16 +240,7 @@ def setpoint_message(station: Station, time_boot_ms: int, pad_ned_m: Array, valu
             "target_component": station.compid,
             "coordinate_frame": int(WireFrame.LOCAL_NED),
             "type_mask": int(SetpointMask.POSITION_VELOCITY_ACCELERATION_YAW),
-            "x": x - float(north_m),
-            "y": y - float(east_m),
-            "z": z - float(down_m),
-            "vx": vx,
-            "vy": vy,
-            "vz": vz,
-            "afx": ax,
-            "afy": ay,
-            "afz": az,
-            "yaw": yaw,
+            **dict(zip(_FIELDS, (*place.tolist(), *values[3:]), strict=True)),
             "yaw_rate": 0.0,
         },
     )

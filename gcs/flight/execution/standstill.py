@@ -19,10 +19,9 @@ from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
 from gcs.flight.contingency.policy import Action, Order, State
-from gcs.flight.execution.flying_fleet import FlyingFleet
-from gcs.flight.execution.order_carrier import OrderCarrier, hurried
+from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import ALL_VEHICLES
+from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN, Event
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.util.steady_loop import host_s, stalls_of
 
@@ -100,7 +99,7 @@ class Standstill:
         self,
         now_s: float,
         t_s: float,
-        note: Callable[[float, float, int, str, str], None],
+        on_event: Callable[[Event], None],
         carry_out: Callable[[Order, float], None],
     ) -> float:
         """Lead the vehicles back to the plan, or home, once it is known which; return the plan time."""
@@ -110,15 +109,18 @@ class Standstill:
         how = self.step(now_s, lambda sysid: not self._carrier.stands(sysid))
         if how is None:
             return t_s
-        note(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how))
+        on_event(Event(now_s, t_s, ALL_VEHICLES, "stayed without setpoints", str(how)))
         orders = [order for incident in self.incidents(how, now_s) for order in self._policy.take(incident)]
         back = [order for order in orders if order.action is Action.REJOIN]
         for order in orders:
             if order not in back:
                 carry_out(order, t_s)
         if back and isinstance(how, Rejoin):
+            t0_unix_s = self._monitor.t0_s
             words = self.lead_back([order.sysid for order in back], how, now_s)
-            note(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule)
+            waits_s = t0_unix_s + now_s - self._monitor.t0_s  # when the plan was where it goes on now
+            off_plan = {OFF_PLAN: (min(self._before_s, waits_s), self._begins_s(now_s) + how.fade_s)}
+            on_event(Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule, off_plan))
         return now_s - self._monitor.t0_s
 
     def incidents(self, how: Rejoin | str, now_s: float) -> list[Incident]:
@@ -140,7 +142,8 @@ class Standstill:
         """
         if not (self._stranded or self.gathers):
             return None
-        flying = self._flying()
+        states = self._policy.states
+        flying = [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
         obey = [v for v in flying if v.session.custom_mode == v.behaviour.guided and is_taken_back(v.sysid)]
         if self._stranded:
             self._stranded = False
@@ -160,7 +163,7 @@ class Standstill:
 
     def lead_back(self, sysids: list[int], how: Rejoin, now_s: float) -> str:
         """Carry out a rejoin; return it in words: by how much later than planned the flight goes on."""
-        begin_s, before_s = now_s + self._options.lead_s + BEGIN_S, self._monitor.t0_s
+        begin_s, before_s = self._begins_s(now_s), self._monitor.t0_s
         keeps_t0 = abs(how.t_s - (begin_s - before_s)) < 1e-6
         t0_unix_s = before_s if keeps_t0 else begin_s - how.t_s
         later_s = t0_unix_s - before_s
@@ -170,6 +173,9 @@ class Standstill:
         if not keeps_t0:
             self._monitor.set_t0(t0_unix_s)
         return "are led back to the plan" + (f", which goes on {later_s:.1f} s later" if later_s else "")
+
+    def _begins_s(self, now_s: float) -> float:
+        return now_s + self._options.lead_s + BEGIN_S
 
     def close(self) -> None:
         """Nothing is left to be done: also before T0, in a landing, with missions on board."""
@@ -190,10 +196,6 @@ class Standstill:
         """A vehicle has shown only now that it left its mode: all stop again until it follows setpoints."""
         if not self.gathers:
             self._stranded = True
-
-    def _flying(self) -> list[FlightVehicle]:
-        states = self._policy.states
-        return [v for v in self._vehicles.values() if states[v.sysid] is State.FLYING and v.session.armed]
 
     def _heard(self) -> list[FlightVehicle]:
         states, unheard = self._policy.states, (State.SILENT, State.LOST)
@@ -218,7 +220,7 @@ class Standstill:
         return hold_reference(predicted_start(self._plan, vehicle.view, t0_s, begin_s), self._routes)
 
     def _choose(self, vehicles: list[FlightVehicle], now_s: float, before_s: float) -> Rejoin | str:
-        begin_s = now_s + self._options.lead_s + BEGIN_S
+        begin_s = self._begins_s(now_s)
         seen = [vehicle.view.predicted(begin_s) for vehicle in vehicles]
         if not all(np.isfinite(place).all() for place, _ in seen):
             return "the position of a vehicle is not known"

@@ -9,9 +9,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gcs.flight.contingency.choices import FlightMode
-from gcs.flight.contingency.manoeuvres import MotionReference, RejoinReference
+from gcs.flight.contingency.manoeuvres import (
+    MotionReference,
+    PlanReference,
+    ReferenceTrajectory,
+    RejoinReference,
+    Values,
+)
 from gcs.flight.contingency.options import FlightOptions
-from gcs.flight.contingency.reference_trajectory import PlanReference, ReferenceTrajectory, Values
 from gcs.flight.execution.leader_follower import FollowerState, FollowReference, FormationFollowing
 from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
 from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
@@ -122,7 +127,7 @@ class Streamer:
         await self.obey(vehicle)
 
     def hush(self) -> None:
-        """After a standstill of this program, send nothing until `resume`, or for `_HUSHED_S` at most.
+        """After a pause of this program, send nothing until `resume`, or for `_HUSHED_S` at most.
 
         Until what has waited is read, the vehicles' clocks and positions are old.
         """
@@ -278,7 +283,6 @@ class Streamer:
         return Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s, lags_s=lags_s)
 
     async def _turn(self, scheduler: Scheduler) -> None:
-        """Send what is due, and wait until the next setpoint is due."""
         send_due(scheduler, self.streamed.values(), self._send, host_s(self._loop))
         longest_s = _EMULATED_WAIT_S if self._emulated else _LONGEST_WAIT_S
         pause_s = wait_s(scheduler, self.streamed.values(), host_s(self._loop), longest_s)

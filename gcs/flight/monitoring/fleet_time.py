@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from statistics import median
 
-from gcs.errors import FlightError
+from gcs.errors import FlightError, PeerTimeout
 from gcs.link.protocols.clock import JUMP_S, VehicleClock
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
@@ -25,6 +25,7 @@ from gcs.util.aio import LOOK_S, set_within
 from gcs.util.steady_loop import host_s
 
 _SOON_S = 0.002  # no wait is shorter
+SILENT_S = 10.0  # local time
 _SETTLE_S = 3.0  # local time in which clocks may still come to agree
 AGREE_S = 1.0  # simulators of ArduPilot differ by up to 0.6 s from their median
 
@@ -51,9 +52,15 @@ class FleetTime:
         return now_s
 
     async def until(self, unix_s: float) -> None:
-        """Wait until this time."""
+        """Wait until this time. Raises `PeerTimeout` if it stands, because no vehicle reports for `SILENT_S`."""
+        newest_s, told_s = -math.inf, self._loop.time()
         while self.sure_s() < unix_s:
             await self.comes_to(unix_s)
+            heard_s = max((clock.heard_unix_s for clock in self._clocks().values()), default=-math.inf)
+            if heard_s > newest_s:
+                newest_s, told_s = heard_s, self._loop.time()
+            elif self._loop.time() - told_s > SILENT_S:
+                raise PeerTimeout(f"no vehicle has reported its time for {SILENT_S:g} s: nothing can be timed by it.")
 
     async def comes_to(self, unix_s: float) -> None:
         """Wait until this time may have come: a vehicle has reported it, or it is predicted; `LOOK_S` at most.
@@ -203,10 +210,16 @@ class FleetClock:
             elif clock.jumped and abs(shown_s - common_s) > AGREE_S >= abs(shown_s + clock.gnss_off_s - common_s):
                 ahead_s = -clock.gnss_off_s
                 clock.follow_gnss()
-                found.append(_boot_jump(sysid, ahead_s))
+                what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
+                found.append(ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0))
             told, self._told[sysid] = self._told.get(sysid, False), clock.jumped
             if told != clock.jumped:
-                found.append(_gnss_jump(sysid, clock.gnss_off_s) if clock.jumped else _gnss_back(sysid, clock))
+                off_s, bound = clock.gnss_off_s, f"GNSS time {'more than' if clock.jumped else 'within'} {JUMP_S:g} s"
+                what = "has a GNSS time that agrees with its boot clock again"
+                if clock.jumped:
+                    what = f"has a GNSS time that is off by {off_s:+.1f} s: it flies by its boot clock"
+                rule = f"{bound} off is not followed" if clock.jumped else f"{bound} is followed"
+                found.append(ClockChange(sysid, what, rule, off_s))
         return found
 
     def _expected_s(self, clocks: Mapping[int, VehicleClock], now_s: float) -> float | None:
@@ -249,18 +262,3 @@ def differences_s(clocks: Mapping[int, VehicleClock], now_s: float) -> dict[int,
         if others:
             found[sysid] = unix_s - median(others if len(times) == 2 else times.values())
     return found
-
-
-def _gnss_jump(sysid: int, off_s: float) -> ClockChange:
-    what = f"has a GNSS time that is off by {off_s:+.1f} s: it flies by its boot clock"
-    return ClockChange(sysid, what, f"GNSS time more than {JUMP_S:g} s off is not followed", off_s)
-
-
-def _gnss_back(sysid: int, clock: VehicleClock) -> ClockChange:
-    what = "has a GNSS time that agrees with its boot clock again"
-    return ClockChange(sysid, what, f"GNSS time within {JUMP_S:g} s is followed", clock.gnss_off_s)
-
-
-def _boot_jump(sysid: int, ahead_s: float) -> ClockChange:
-    what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
-    return ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0)

@@ -19,8 +19,7 @@ from gcs.autopilots.columns import LandingProfile
 from gcs.flight.monitoring.expected_motion import ExpectedMotion
 from gcs.flight.monitoring.progress import FlightPart, NearestPair
 from gcs.link.protocols.clock import VehicleClock
-from gcs.link.wire.local_motion import local_motion
-from gcs.link.wire.message import Message
+from gcs.link.wire.message import Message, local_motion
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
@@ -190,7 +189,6 @@ class Monitor:
         return float(formation_error_m(positions[:, None], self.plan.offsets(t_s)[rows])[0])
 
     def _nearest(self, sysids: Collection[int]) -> NearestPair | None:
-        """The nearest two of these vehicles now; None for fewer than two, or before all have reported."""
         now = self._now(sysids, moved_only=self.part is FlightPart.TAKEOFF)
         if now is None or len(now[1]) < 2:
             return None

@@ -1,18 +1,78 @@
-"""Progress of a flight: steps, times, snapshots, events, and the watchers and hooks that receive them."""
+"""Progress of a flight: steps, times, snapshots, events, and the watchers and hooks that receive them.
+
+`PlanTime` is the plan's time by the vehicles' common time; after a pause of this program it goes on with a later T0.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
 
-from gcs.flight.monitoring.plan_time import PlanTime
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.session.upload_fleet import Holdings
+from gcs.types import Array
+
+if TYPE_CHECKING:
+    from gcs.flight.monitoring.preflight_check import PreflightCheck
+
+_SAME_S = 1e-3
+
+
+@dataclass(frozen=True)
+class PlanTime:
+    """The T0 of each piece of a flight, with the time from which it counts, in order; the first counts from -inf.
+
+    While vehicles were led back to the plan, the plan waited at the time at which the next piece begins.
+    """
+
+    pieces: tuple[tuple[float, float], ...]  # (since, T0), unix s
+    led_back: tuple[tuple[float, float], ...] = ()  # from a standstill until all were on the plan again, unix s
+
+    @classmethod
+    def of(
+        cls,
+        t0_unix_s: float,
+        known: Iterable[tuple[float, float]] = (),
+        led_back: tuple[tuple[float, float], ...] = (),
+    ) -> PlanTime:
+        """The plan time of a flight with this last T0. `known`: common and plan times of events, as they were noted."""
+        pieces: list[tuple[float, float]] = []
+        for unix_s, t_s in sorted(one for one in known if math.isfinite(one[0] - one[1])):
+            if not pieces or unix_s - t_s > pieces[-1][1] + _SAME_S:
+                pieces.append((unix_s if pieces else -math.inf, unix_s - t_s))
+        if not pieces or abs(pieces[-1][1] - t0_unix_s) > _SAME_S:
+            return cls(((-math.inf, t0_unix_s),), led_back)
+        return cls((*pieces[:-1], (pieces[-1][0], t0_unix_s)), led_back)
+
+    @property
+    def t0_unix_s(self) -> float:
+        """The last T0."""
+        return self.pieces[-1][1]
+
+    def t_s(self, unix_s: Array) -> Array:
+        """Return plan times (N,) of common times (N,); they never run back."""
+        since_s, t0_s = np.array(self.pieces).T
+        begins_s = np.append((since_s - t0_s)[1:], np.inf)
+        waits_s = np.minimum.accumulate(begins_s[::-1])[::-1]
+        piece = np.searchsorted(since_s, unix_s, side="right") - 1
+        return np.asarray(np.minimum(unix_s - t0_s[piece], waits_s[piece]))
+
+    def off_plan(self, unix_s: Array) -> NDArray[np.bool_]:
+        """Return whether, at common times (N,), a standstill had led the vehicles off the plan."""
+        off = np.zeros(len(unix_s), dtype=np.bool_)
+        for begin_s, end_s in self.led_back:
+            off |= (unix_s >= begin_s) & (unix_s < end_s)
+        return off
+
 
 P = ParamSpec("P")
 _RULE = "Only the vehicles of the plan are listened to, each at its own address"
@@ -65,6 +125,16 @@ class FlightTimes:
         return self.clock or PlanTime.of(self.t0_unix_s)
 
 
+def flown_plan_time(t0_unix_s: float, events: Collection[Event]) -> PlanTime:
+    """Return the plan time of a flight with this last T0, by its events."""
+    led_back = []
+    for each in events:
+        match (each.data or {}).get(OFF_PLAN):
+            case (float(begin_s), float(end_s)) | [float(begin_s), float(end_s)]:
+                led_back.append((begin_s, end_s))
+    return PlanTime.of(t0_unix_s, ((each.unix_s, each.t_s) for each in events), tuple(led_back))
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """The flight at one moment, for display."""
@@ -108,6 +178,7 @@ class VehicleNow:
 
 
 GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
+OFF_PLAN = "off_plan_unix_s"  # in the data of an event: from a standstill until all are on the plan again
 ALL_VEHICLES, OURSELVES = 0, -1  # as the vehicle of an event: the whole fleet, and this program
 
 
@@ -128,10 +199,6 @@ class Event:
         others = {ALL_VEHICLES: "all vehicles", OURSELVES: "this program"}
         subject = others.get(self.sysid, f"vehicle {self.sysid}")
         return f"{when}: {subject} {self.what}. {self.rule}".rstrip(". ")
-
-
-if TYPE_CHECKING:
-    from gcs.flight.monitoring.preflight_check import PreflightCheck
 
 
 class InFlight(Protocol):
@@ -206,11 +273,14 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class FlightHooks:
-    """What is called during a flight. `on_ready` may raise to stop it before the upload; `on_read_back` follows it."""
+    """What is called during a flight. `on_read_back` follows the upload.
+
+    `on_ready` may raise to stop the flight before the upload; it returns the charge to end with, None: any.
+    """
 
     on_event: Callable[[Event], None] = _ignore
     on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
-    on_ready: Callable[[], Awaitable[None]] | None = None
+    on_ready: Callable[[], Awaitable[ChargeRule | None]] | None = None
     on_read_back: Callable[[Holdings], None] = _ignore
 
     def spared(self) -> FlightHooks:

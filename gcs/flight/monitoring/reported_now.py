@@ -50,6 +50,8 @@ class ReportedNow:
         for row, sysid in enumerate(plan.sysids):
             session, view = self._sessions[sysid], self._monitor.views[sysid]
             loss = session.quality.loss
+            status = session.latest.get(_BATTERY)
+            left = -1 if status is None else int(status.fields["battery_remaining"])
             found.append(
                 VehicleNow(
                     sysid,
@@ -57,7 +59,7 @@ class ReportedNow:
                     session.armed,
                     float(places[row, 2]),
                     float(np.linalg.norm(view.velocity_ned_mps)) if known[row] else math.nan,
-                    _battery_pct(session),
+                    float(left) if left >= 0 else math.nan,
                     session.silent_s(),
                     math.nan if loss is None else loss,
                     errors_m[sysid],
@@ -88,9 +90,3 @@ class ReportedNow:
         standing = self._monitor.part is FlightPart.TAKEOFF
         places = [view.place_ned_m if standing else view.position_ned_m for view in views]
         return np.array(places).reshape(-1, 3) * (1.0, 1.0, -1.0)
-
-
-def _battery_pct(session: VehicleSession) -> float:
-    status = session.latest.get(_BATTERY)
-    left = -1 if status is None else int(status.fields["battery_remaining"])
-    return float(left) if left >= 0 else math.nan

@@ -52,12 +52,14 @@ class FlightMap:
     def draw(self, axes: Axes) -> None:
         """Draw all but the labels, with the legend to the right."""
         low, high = area = self.area
-        handles: list[Artist] = [*vehicle_entries(self.sysids), *self._planned_entry()]
+        handles: list[Artist] = [*vehicle_entries(self.sysids)]
         if self.scenario is not None:
             map_layers.draw_ground(axes, self.scenario, area)
             map_layers.draw_zones(axes, self.scenario, self._span_s)
-        for track in self.planned_ned_m if self.planned_ned_m is not None else ():
-            axes.plot(track[:, 1], track[:, 0], **PLANNED)
+        if self.planned_ned_m is not None:
+            handles.append(Line2D([], [], **PLANNED, label="planned"))
+            for track in self.planned_ned_m:
+                axes.plot(track[:, 1], track[:, 0], **PLANNED)
         for colour, track in zip(colours(self.sysids), self.tracks_ned_m, strict=True):
             axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2)
         handles += self._draw_ends(axes) + self._draw_course(axes)
@@ -81,9 +83,6 @@ class FlightMap:
     @property
     def _span_s(self) -> tuple[float, float]:
         return float(self.t_s[0]), float(self.t_s[-1])
-
-    def _planned_entry(self) -> list[Line2D]:
-        return [] if self.planned_ned_m is None else [Line2D([], [], **PLANNED, label="planned")]
 
     def _draw_ends(self, axes: Axes) -> list[Line2D]:
         known = [track[np.isfinite(track[:, 0])] for track in self.tracks_ned_m]

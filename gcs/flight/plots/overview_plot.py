@@ -97,7 +97,9 @@ def draw_plan(plan: Plan) -> Figure:
     width_in, height_in = map_layers.map_size_in(scenario, chart.area)
     sides = (width_in, _CURVES_IN)
     shapes = shapes_of(plan)
-    heights = [max(height_in, _LEAST_IN)] + ([row_height_in(shapes, sum(sides))] if shapes else [])
+    heights = [max(height_in, _LEAST_IN)] + (
+        [min(sum(sides) / len(shapes) - _BESIDE_IN + _AROUND_IN, _TALLEST_IN)] if shapes else []
+    )
     figure = plt.figure(figsize=(sum(sides), sum(heights)), layout="constrained")
     rows = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     grid = rows[0].subgridspec(1, 2, width_ratios=sides)
@@ -165,11 +167,6 @@ def seen(name: str, t_s: float, offsets_ned_m: Array) -> ShownShape:
         places, labels = level[:, ::-1], ("east", "north")
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
     return ShownShape(name, t_s, places - middle, labels)
-
-
-def row_height_in(shapes: tuple[ShownShape, ...], width_in: float) -> float:
-    """Return the height of a row of panels of that width."""
-    return min(width_in / len(shapes) - _BESIDE_IN + _AROUND_IN, _TALLEST_IN)
 
 
 def draw_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], width_in: float) -> None:

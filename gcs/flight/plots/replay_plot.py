@@ -41,7 +41,11 @@ def draw_recording(recording: Recording, from_s: float, to_s: float) -> Figure:
     t_s = np.linspace(from_s, to_s, int(np.clip((to_s - from_s) / _STEP_S, 2, _INSTANTS)))
     places, rates = recording.at(t_s)
     planned = recording.planned(t_s)
-    events = _worth_marking(recording.events, from_s, to_s)
+    first: dict[tuple[int, str], Event] = {}  # what a vehicle repeats is marked once
+    for event in recording.events:
+        if from_s <= event.t_s <= to_s:
+            first.setdefault((event.sysid, event.what), event)
+    events = list(first.values())
     lines = _listed(events)
     scenario = recording.plan.scenario if recording.plan is not None else None
     flown, rates_planned = planned if planned is not None else (None, None)
@@ -79,13 +83,6 @@ def draw_recording(recording: Recording, from_s: float, to_s: float) -> Figure:
     head_figure(figure, f"{recording.name}: flown (coloured){' and planned (grey)' if planned else ''}")
     settle(figure)
     labels = Labels(figure)
-    _mark_places(above, labels, recording, events)
-    chart.label(above, labels)
-    return figure
-
-
-def _mark_places(axes: Axes, labels: Labels, recording: Recording, events: list[Event]) -> None:
-    """Mark where each vehicle was at its first event."""
     seen: set[int] = set()
     for number, event in enumerate(events, start=1):
         if event.sysid in seen or event.sysid not in recording.sysids:
@@ -93,8 +90,10 @@ def _mark_places(axes: Axes, labels: Labels, recording: Recording, events: list[
         place = recording.tracks[recording.sysids.index(event.sysid)].at(np.array([event.t_s]))[0][0]
         if np.isfinite(place).all():
             seen.add(event.sysid)
-            axes.plot(place[1], place[0], "x", color="black", ms=8, zorder=6)
-            labels.place(axes, f"{number}: vehicle {event.sysid}", (float(place[1]), float(place[0])))
+            above.plot(place[1], place[0], "x", color="black", ms=8, zorder=6)
+            labels.place(above, f"{number}: vehicle {event.sysid}", (float(place[1]), float(place[0])))
+    chart.label(above, labels)
+    return figure
 
 
 def _heights(axes: Axes, recording: Recording, t_s: Array, places: Array, planned: tuple[Array, Array] | None) -> None:
@@ -125,17 +124,7 @@ def _errors(axes: Axes, recording: Recording, t_s: Array, off_m: Array) -> None:
         axes.set(ylim=(0.0, None))
 
 
-def _worth_marking(events: tuple[Event, ...], from_s: float, to_s: float) -> list[Event]:
-    """The events within the section; repeated ones of a vehicle once."""
-    seen: dict[tuple[int, str], Event] = {}
-    for event in events:
-        if from_s <= event.t_s <= to_s:
-            seen.setdefault((event.sysid, event.what), event)
-    return list(seen.values())
-
-
 def _mark(panels: list[Axes], events: list[Event], span_s: float) -> None:
-    """Draw a dotted line for each event in every panel, and their numbers above the first."""
     groups: list[list[int]] = []
     for n, event in enumerate(events):
         for axes in panels:
@@ -151,7 +140,6 @@ def _mark(panels: list[Axes], events: list[Event], span_s: float) -> None:
 
 
 def _listed(events: list[Event]) -> str:
-    """The first events, one or two to a line."""
     shown = events if len(events) <= _LISTED else events[: _LISTED - 1]
     columns = 1 if len(shown) <= _ONE_COLUMN else 2
     width = _WIDTH // columns

@@ -14,7 +14,6 @@ from matplotlib.transforms import Affine2D
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
-from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from gcs.flight.plots import map_layers
@@ -40,7 +39,6 @@ MOST = 3
 _LEVEL_M = 1.0  # a lower relief is level ground
 _AROUND_S = 3.0  # to either side of an instant
 _ROOM, _LEAST_ROOM_M = 0.15, 1.0
-Instants = NDArray[np.intp]  # (N,): rows of times
 
 
 def draw_tracks(
@@ -56,14 +54,14 @@ def draw_tracks(
     _draw_in_space(axes, chart, scenario)
     panels = [figure.add_subplot(grid[row, 1]) for row in range(len(stretches))]
     for panel, stretch in zip(panels, stretches, strict=True):
-        draw_close_up(panel, scenario, sysids, t_s, tracks_ned_m, stretch, _PANEL_IN)
+        draw_close_up(panel, scenario, chart, stretch)
     settle(figure)
     labels = Labels(figure)
     for mark_s, (north, east, down) in zip(*chart.marks(), strict=True):
         right, up, _ = proj_transform(east, north, -down, axes.get_proj())
         labels.place(axes, f"{mark_s:.0f} s", (float(right), float(up)))
     for panel, stretch in zip(panels, stretches, strict=True):
-        label_close_up(panel, labels, sysids, t_s, tracks_ned_m, stretch)
+        label_close_up(panel, labels, chart, stretch)
     return figure
 
 
@@ -97,7 +95,7 @@ def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
     entries = [
         *vehicle_entries(sysids),
         *map_layers.zone_entry(scenario),
-        map_layers.wind_entry(scenario, in_space=True),
+        *map_layers.wind_entry(scenario, in_space=True),
     ]
     axes.legend(handles=entries, fontsize=8, loc="upper left", ncols=2)
     head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
@@ -137,7 +135,6 @@ def _draw_ground(axes: Axes3D, scenario: Scenario, area: map_layers.Area) -> flo
 
 
 def _draw_zone(axes: Axes3D, scenario: Scenario, corners: Array, top_m: float, colour: str) -> None:
-    """Draw a wall around a zone, from the ground to the highest track."""
     corners = corners[np.linspace(0, len(corners) - 1, min(len(corners), _CORNERS)).astype(int)]
     north, east = corners.T
     foot_m = ground_height_m(scenario.terrain, north, east)
@@ -177,17 +174,31 @@ def close_ups(
     scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, moves: tuple[Move, ...]
 ) -> list[CloseUp]:
     """Return at most three stretches of the mission where something happens; its middle where nothing does."""
-    during = np.flatnonzero((t_s >= 0.0) & (t_s <= scenario.time.flight_s))
-    found = [_nearest_call(sysids, t_s, tracks_ned_m, during)] if len(sysids) > 1 and len(during) else []
-    if (scenario.no_fly or scenario.keep_in) and len(during):
-        away_m = zone_distances_m(scenario, t_s[during], tracks_ned_m[:, during])
+    during = (t_s >= 0.0) & (t_s <= scenario.time.flight_s)
+    at_s, flown = t_s[during], tracks_ned_m[:, during]
+    found = []
+    if len(sysids) > 1 and len(at_s):
+        least = int(np.nanargmin(nearest_m(flown)))
+        gaps = pdist(flown[:, least])
+        pair = int(np.nanargmin(gaps))
+        first, second = (int(rows[pair]) for rows in np.triu_indices(len(sysids), 1))
+        title = f"nearest call: vehicles {sysids[first]} and {sysids[second]}, {gaps[pair]:.2f} m"
+        found.append(CloseUp.around(title, float(at_s[least]), (first, second)))
+    if (scenario.no_fly or scenario.keep_in) and len(at_s):
+        away_m = zone_distances_m(scenario, at_s, flown)
         row, n = np.unravel_index(int(np.nanargmin(away_m)), away_m.shape)
         inside = "inside" if away_m[row, n] < 0.0 else "from"
         zone = "the edge of a zone" if scenario.keep_in else "a no-fly zone"
         title = f"vehicle {sysids[row]}, {abs(away_m[row, n]):.2f} m {inside} {zone}"
-        found.append(CloseUp.around(title, float(t_s[during[n]])))
-    if len(found) < MOST - len(moves) and len(during):
-        found += _lowest(scenario, sysids, t_s, tracks_ned_m, during)
+        found.append(CloseUp.around(title, float(at_s[n])))
+    if len(found) < MOST - len(moves) and len(at_s):
+        north, east, down = np.moveaxis(flown, -1, 0)
+        ground_m = ground_height_m(scenario.terrain, north, east)
+        if np.ptp(ground_m[np.isfinite(ground_m)]) > _LEVEL_M:
+            above_m = -down - ground_m
+            row, n = np.unravel_index(int(np.nanargmin(above_m)), above_m.shape)
+            title = f"vehicle {sysids[row]}, {above_m[row, n]:.2f} m above the ground"
+            found.append(CloseUp.around(title, float(at_s[n])))
     changes = [
         CloseUp(f"{move.name}, t = {move.start_s:.0f} to {move.end_s:.0f} s", move.start_s, move.end_s)
         for move in moves
@@ -197,50 +208,16 @@ def close_ups(
     return found or [CloseUp.around("the middle of the flight", 0.5 * scenario.time.flight_s)]
 
 
-def _lowest(
-    scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Instants
-) -> list[CloseUp]:
-    """Where a vehicle passes lowest above ground that is not level."""
-    north, east, down = np.moveaxis(tracks_ned_m[:, during], -1, 0)
-    ground_m = ground_height_m(scenario.terrain, north, east)
-    if not np.ptp(ground_m[np.isfinite(ground_m)]) > _LEVEL_M:
-        return []
-    above_m = -down - ground_m
-    row, n = np.unravel_index(int(np.nanargmin(above_m)), above_m.shape)
-    title = f"vehicle {sysids[row]}, {above_m[row, n]:.2f} m above the ground"
-    return [CloseUp.around(title, float(t_s[during[n]]))]
-
-
-def _nearest_call(sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, during: Instants) -> CloseUp:
-    n = int(np.nanargmin(nearest_m(tracks_ned_m[:, during])))
-    gaps = pdist(tracks_ned_m[:, during[n]])
-    pair = int(np.nanargmin(gaps))
-    first, second = np.triu_indices(len(sysids), 1)
-    rows = int(first[pair]), int(second[pair])
-    title = f"nearest call: vehicles {sysids[rows[0]]} and {sysids[rows[1]]}, {gaps[pair]:.2f} m"
-    return CloseUp.around(title, float(t_s[during[n]]), rows)
-
-
-def draw_close_up(
-    axes: Axes,
-    scenario: Scenario,
-    sysids: tuple[int, ...],
-    t_s: Array,
-    tracks_ned_m: Array,
-    what: CloseUp,
-    size_in: tuple[float, float],
-) -> None:
-    """Draw a stretch as a map: hollow where vehicles begin it, filled where they end it, or at its instant.
-
-    `size_in` is the width and the height of the axes.
-    """
+def draw_close_up(axes: Axes, scenario: Scenario, chart: FlightMap, what: CloseUp) -> None:
+    """Draw a stretch as a map: hollow where vehicles begin it, filled where they end it, or at its instant."""
+    t_s, tracks_ned_m = chart.t_s, chart.tracks_ned_m
     during = np.flatnonzero((t_s >= what.begin_s) & (t_s <= what.end_s))
     tracks = tracks_ned_m[:, during, 1::-1]
     at = int(np.argmin(np.abs(t_s - what.at_s))) if what.at_s is not None else int(during[-1])
-    low, high = _frame(tracks, size_in)
+    low, high = _frame(tracks)
     map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
     map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
-    for colour, track, place in zip(colours(sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
+    for colour, track, place in zip(colours(chart.sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
         axes.plot(*track.T, color=colour, lw=1.2)
         axes.plot(*track[0], "o", color=colour, mfc="white", ms=4.5)
         axes.plot(*place, "o", color=colour, ms=5.5, zorder=5)
@@ -250,24 +227,22 @@ def draw_close_up(
     axes.locator_params(nbins=5)
     axes.grid(alpha=0.3)
     when = "" if what.at_s is None else f"\nat t = {what.at_s:.1f} s"
-    head(axes, what.title + when, size_in[0], 9.0)
+    head(axes, what.title + when, _PANEL_IN[0], 9.0)
 
 
-def _frame(tracks: Array, size_in: tuple[float, float]) -> tuple[Array, Array]:
-    """The least and the greatest east and north (2,) around tracks (V, N, 2), with room, that fill axes of a size."""
+def _frame(tracks: Array) -> tuple[Array, Array]:
+    """The least and the greatest east and north (2,) around tracks (V, N, 2), with room, that fill a close-up."""
     low, high = np.nanmin(tracks, axis=(0, 1)), np.nanmax(tracks, axis=(0, 1))
     room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
-    scale = float(np.max((high - low + 2.0 * room_m) / np.array(size_in)))
-    half, middle = 0.5 * scale * np.array(size_in), 0.5 * (low + high)
+    scale = float(np.max((high - low + 2.0 * room_m) / np.array(_PANEL_IN)))
+    half, middle = 0.5 * scale * np.array(_PANEL_IN), 0.5 * (low + high)
     return middle - half, middle + half
 
 
-def label_close_up(
-    axes: Axes, labels: Labels, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, what: CloseUp
-) -> None:
+def label_close_up(axes: Axes, labels: Labels, chart: FlightMap, what: CloseUp) -> None:
     """Write the number of every vehicle beside it."""
-    instant_s = what.end_s if what.at_s is None else what.at_s
-    places = tracks_ned_m[:, int(np.argmin(np.abs(t_s - instant_s))), 1::-1]
+    instant_s, sysids = what.end_s if what.at_s is None else what.at_s, chart.sysids
+    places = chart.tracks_ned_m[:, int(np.argmin(np.abs(chart.t_s - instant_s))), 1::-1]
     labels.avoid_points(axes, places)
     for sysid, place in zip(sysids, places, strict=True):
         labels.place(axes, str(sysid), (float(place[0]), float(place[1])), needed=len(sysids) <= NAMED)

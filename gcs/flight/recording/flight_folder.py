@@ -36,6 +36,7 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 
 
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
+BEFORE = "before.json"  # what was on the vehicles before the upload, for `gcs restore`
 _EVENT = TypeAdapter(Event)
 OUTCOMES = {
     FlightOutcome.OK: "Flight verified: all criteria within limits.",
@@ -90,6 +91,7 @@ def criteria_data(verdict: Verdict) -> JsonObject:
         "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
         "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
         "formation_error_max_m": _finite(verdict.formation_error_m),
+        **({"off_plan_s": verdict.off_plan_s} if verdict.off_plan_s else {}),
     }
 
 

@@ -112,6 +112,8 @@ def write_report(folder: Path, data: JsonObject, verdict: Verdict) -> None:
     ]
     if (skew_s := data.get("skew_s")) is not None and len(verdict.rms_m) > 1:
         lines.append(f"| time skew (telemetry) | {1e3 * skew_s:.1f} ms | – | – |")
+    if verdict.off_plan_s:
+        lines += ["", f"{verdict.not_counted}."]
     lines += [
         "",
         "| vehicle | position error RMS, m | maximum, m |",

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError
-from gcs.flight.monitoring.plan_time import PlanTime
-from gcs.flight.monitoring.progress import Event
+from gcs.flight.monitoring.progress import Event, PlanTime, flown_plan_time
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
@@ -24,8 +23,7 @@ from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.link.protocols.statustext import StatusTextJoiner
-from gcs.link.wire.local_motion import is_local_place, local_motion
-from gcs.link.wire.message import GROUND, Message
+from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.plan.plan_file import read_plan
 from gcs.types import Array, JsonObject
@@ -37,8 +35,6 @@ _TOGETHER_S = 0.5  # a global and a local position within that are of one place
 
 @dataclass
 class _Heard:
-    """The reports of one system so far."""
-
     autopilot: int = GENERIC_AUTOPILOT
     beats: int = 0
     armed: bool = False
@@ -229,7 +225,7 @@ def load_recording(path: Path) -> LoadedRecording:
 def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
     plan, _ = read_plan(folder / PLAN)
     events = read_events(folder / EVENTS)
-    plan_time = PlanTime.of(t0_unix_s, ((event.unix_s, event.t_s) for event in events))
+    plan_time = flown_plan_time(t0_unix_s, events)
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
     record = (
@@ -249,7 +245,6 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
 
 
 def _placed(event: Event, plan_time: PlanTime) -> Event:
-    """Return an event from before T0 was known with its plan time."""
     return replace(event, t_s=float(plan_time.t_s(np.array(event.unix_s)))) if math.isnan(event.t_s) else event
 
 

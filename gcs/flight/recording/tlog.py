@@ -174,12 +174,10 @@ def _frame(data: bytes, at: int, codec: Codec, base: int) -> LoggedFrame | None:
 
 
 def _next_candidate(data: bytes, at: int) -> int:
-    """The next offset whose frame would begin with a marker; the end of the data without one."""
     marker = _MARKER.search(data, at + 1 + _STAMP)
     return len(data) if marker is None else marker.start() - _STAMP
 
 
 def _is_cut(data: bytes, at: int) -> bool:
-    """Whether the rest could be the beginning of a frame."""
     begin = at + _STAMP
     return begin >= len(data) or (data[begin] in _MARKERS and frame_length(data, begin) > len(data) - begin)

@@ -61,7 +61,6 @@ def refuse_wrong_options(scenario: Scenario, emulated: Emulated) -> None:
 
 
 def _refused(code: int | None, said: str) -> UsageError | LinkError:
-    """The error for a simulator that ended: its own words about its options, or that it did not start."""
     if code != UsageError.exit_code:
         return LinkError(f"the simulator did not start: {said.strip() or f'exit code {code}, no message'}")
     message, _, hint = said.strip().removeprefix("error: ").partition("\nnext: ")
@@ -83,7 +82,20 @@ async def simulator(options: SimulatorOptions) -> AsyncIterator[asyncio.subproce
             start_new_session=True,  # Ctrl-C is ours to handle: the vehicles land first
         )
     try:
-        await _until_ready(process, options.log)
+        line = b""
+        if process.stdout is not None:
+            try:
+                async with asyncio.timeout(_START_TIMEOUT_S):
+                    line = await process.stdout.readline()
+            except TimeoutError:
+                raise LinkError(
+                    f"the simulator did not start within {_START_TIMEOUT_S:g} s.",
+                    hint="free the machine's processors, then fly again",
+                ) from None
+        if not line:
+            await process.wait()
+            said = options.log.read_text(errors="replace").strip() if options.log.is_file() else ""
+            raise _refused(process.returncode, said)
         yield process
     finally:
         await _stop(process)
@@ -97,24 +109,6 @@ def _command_line(options: SimulatorOptions) -> list[str]:
     for name, value in (*given, *(("--fault", fault) for fault in how.faults)):
         line += [name, os.fspath(value)] if value is not None else []
     return line
-
-
-async def _until_ready(process: asyncio.subprocess.Process, log: Path) -> None:
-    """Wait for the line that it prints once its vehicles answer. Raises LinkError."""
-    line = b""
-    if process.stdout is not None:
-        try:
-            async with asyncio.timeout(_START_TIMEOUT_S):
-                line = await process.stdout.readline()
-        except TimeoutError:
-            raise LinkError(
-                f"the simulator did not start within {_START_TIMEOUT_S:g} s.",
-                hint="free the machine's processors, then fly again",
-            ) from None
-    if not line:
-        await process.wait()
-        said = log.read_text(errors="replace").strip() if log.is_file() else ""
-        raise _refused(process.returncode, said)
 
 
 async def _stop(process: asyncio.subprocess.Process) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from gcs.errors import UsageError
-from gcs.link.endpoints.ip_address import Address, host_port, lacks_brackets, split_host_port
+from gcs.link.endpoints.ports import Address, host_port, lacks_brackets, split_host_port
 
 Receive = Callable[[bytes, Address], None]
 
@@ -70,7 +70,12 @@ def parse_link_spec(text: str) -> LinkSpec:
     except ValueError:
         mode, rest = LinkMode.SERIAL if text.startswith("/dev/") else LinkMode.LISTEN, text
     if mode is LinkMode.SERIAL:
-        return _serial(text, rest, hint)
+        device, colon, baud = rest.rpartition(":")
+        if not (colon and baud.isascii() and baud.isdigit() and len(baud) < 9):
+            device, baud = rest, str(DEFAULT_BAUD)
+        if not device or not 0 < int(baud) <= 10_000_000:
+            raise UsageError(f"{text!r} does not name a serial line: the form is serial:DEVICE:BAUD.", hint=hint)
+        return LinkSpec(LinkMode.SERIAL, device, int(baud))
     if lacks_brackets(rest) and (rest is not text or not set(kind) - set(string.hexdigits)):
         hint = f"write an IPv6 host in brackets, for example {mode.value}:[::1]:14550; else write {DEFAULT_SPEC}"
     host, port_text = split_host_port(rest) or ("", "")
@@ -97,13 +102,3 @@ def _own_name(text: str) -> str:
     if own == LinkMode.SERIAL.value:
         return f"serial:{place}"
     return f"{own}:{host or '0.0.0.0'}:{port}" if port.isascii() and port.isdigit() else DEFAULT_SPEC
-
-
-def _serial(text: str, rest: str, hint: str) -> LinkSpec:
-    """The serial line of a name. The device path may contain colons: a number after the last one is the baud rate."""
-    device, colon, baud = rest.rpartition(":")
-    if not (colon and baud.isascii() and baud.isdigit() and len(baud) < 9):
-        device, baud = rest, str(DEFAULT_BAUD)
-    if not device or not 0 < int(baud) <= 10_000_000:
-        raise UsageError(f"{text!r} does not name a serial line: the form is serial:DEVICE:BAUD.", hint=hint)
-    return LinkSpec(LinkMode.SERIAL, device, int(baud))

@@ -11,8 +11,16 @@ import serial
 
 from gcs.errors import LinkError, ProtocolMisuse
 from gcs.link.endpoints.base import DEFAULT_BAUD, LinkMode, LinkSpec, Receive, parse_link_spec
-from gcs.link.endpoints.ip_address import Address, caller_host, host_port, plain_address, resolve_udp
-from gcs.link.endpoints.ports import BUFFER_BYTES, ByteStream, UdpPort
+from gcs.link.endpoints.ports import (
+    BUFFER_BYTES,
+    Address,
+    ByteStream,
+    UdpPort,
+    caller_host,
+    host_port,
+    plain_address,
+    resolve_udp,
+)
 
 _CONNECT_S = 5.0
 _REOPEN_S = 1.0
@@ -197,7 +205,6 @@ async def _connection(spec: LinkSpec) -> socket.socket:
 
 
 async def _connected(host: str, port: int) -> socket.socket:
-    """A connection to the first address of the host that answers."""
     loop = asyncio.get_running_loop()
     failure = OSError(f"{host} has no address")
     try:

@@ -224,7 +224,16 @@ class VehicleClock:
 
     def _learn_offset(self, offset_s: float, boot_s: float) -> None:
         if self.held and self._offset_s is not None:
-            self._correct(offset_s, boot_s)
+            assert self._offset_s is not None
+            self._reported_s.append(offset_s)
+            self._look_for_jump()
+            passed_s = max(boot_s - self._corrected_boot_s, 0.0)
+            self._corrected_boot_s = max(boot_s, self._corrected_boot_s)
+            if not self._jumped and abs(offset_s - self._offset_s) <= JUMP_S:
+                self._offsets_s.append(offset_s)
+                off_s = sum(self._offsets_s) / len(self._offsets_s) - self._offset_s
+                most_s = _SLEW * min(passed_s, 1.0)
+                self._offset_s += min(max(off_s, -most_s), most_s)
             return
         if self._offsets_s and abs(offset_s - self._offsets_s[-1]) > JUMP_S:
             self._offsets_s.clear()  # GNSS has set the vehicle's clock
@@ -239,19 +248,6 @@ class VehicleClock:
         if self.held and offset_s is not None:
             self._offsets_s = deque([s for s in self._offsets_s if abs(s - offset_s) <= JUMP_S], _OFFSETS)
             self._reported_s.extend([offset_s] * _REPORTS)
-
-    def _correct(self, reported_s: float, boot_s: float) -> None:
-        """Follow the reported offset slowly, unless it has jumped."""
-        assert self._offset_s is not None
-        self._reported_s.append(reported_s)
-        self._look_for_jump()
-        passed_s = max(boot_s - self._corrected_boot_s, 0.0)
-        self._corrected_boot_s = max(boot_s, self._corrected_boot_s)
-        if not self._jumped and abs(reported_s - self._offset_s) <= JUMP_S:
-            self._offsets_s.append(reported_s)
-            off_s = sum(self._offsets_s) / len(self._offsets_s) - self._offset_s
-            most_s = _SLEW * min(passed_s, 1.0)
-            self._offset_s += min(max(off_s, -most_s), most_s)
 
     def _look_for_jump(self) -> None:
         off_s = abs(self.gnss_off_s)

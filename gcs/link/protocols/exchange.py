@@ -2,11 +2,43 @@
 
 from __future__ import annotations
 
-from gcs.autopilots.protocol_timers import ProtocolTimers
+from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers, RoundTripTimers
 from gcs.autopilots.traits import link_behaviour
-from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import GENERIC_AUTOPILOT
+
+_GAIN, _DEVIATION_GAIN = 1 / 8, 1 / 4
+_GROWTH, _MOST_GROWTH = 1.1, 1.3
+
+
+class RttEstimator:
+    """The estimate for one vehicle: `first_s` before the first measurement, then between the two bounds."""
+
+    def __init__(self, timers: RoundTripTimers = STANDARD.round_trip) -> None:
+        self._wait_min_s, self._wait_max_s = timers.least_s, timers.most_s
+        self._wait_s = timers.first_s
+        self._mean_s: float | None = None
+        self._deviation_s = 0.0
+
+    @property
+    def mean_s(self) -> float | None:
+        """The smoothed round trip; None before the first measurement."""
+        return self._mean_s
+
+    def learn(self, sample_s: float) -> None:
+        """Add one measured round trip."""
+        if self._mean_s is None:
+            self._mean_s, self._deviation_s = sample_s, sample_s / 2
+        else:
+            self._deviation_s += _DEVIATION_GAIN * (abs(sample_s - self._mean_s) - self._deviation_s)
+            self._mean_s += _GAIN * (sample_s - self._mean_s)
+        self._wait_s = self._mean_s + max(4 * self._deviation_s, self._wait_min_s)
+
+    def wait_s(self, repeats: int = 0) -> float:
+        """Return the wait after a request that has been repeated `repeats` times."""
+        grown_s = self._wait_s * min(_GROWTH ** min(repeats, 9), _MOST_GROWTH)
+        return min(max(grown_s, self._wait_min_s), self._wait_max_s)
+
 
 _SEQS, _SESSIONS = 0x10000, 255
 _BURST_MAX = 4096

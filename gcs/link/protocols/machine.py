@@ -53,10 +53,13 @@ class MachineState(Enum):
     LISTED = auto()
     PULLING = auto()
     SENT = auto()
+    OPENING = auto()
     WRITING = auto()
+    SEALING = auto()
     READING = auto()
     WAITING = auto()
     RUNNING = auto()
+    CLOSING = auto()
     DONE = auto()
     FAILED = auto()
 

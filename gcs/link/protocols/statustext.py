@@ -128,15 +128,10 @@ class VehicleTexts:
     def _keep(self, texts: list[StatusText], now_s: float) -> None:
         for said in texts:
             self.kept.append((now_s, said))
-            if is_critical(said):
+            if said.severity <= Severity.CRITICAL:
                 self._critical.pop(said.text, None)
                 self._critical[said.text] = (now_s, said)
                 if len(self._critical) > _KEPT:
                     del self._critical[next(iter(self._critical))]
             for listener in tuple(self._listeners):
                 listener(now_s, said)
-
-
-def is_critical(said: StatusText) -> bool:
-    """Whether a text is of severity CRITICAL or worse."""
-    return said.severity <= Severity.CRITICAL

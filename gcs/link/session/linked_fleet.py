@@ -18,7 +18,7 @@ from typing import Self
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.endpoints.endpoint import Endpoint, make_endpoint
-from gcs.link.endpoints.ip_address import Address
+from gcs.link.endpoints.ports import Address
 from gcs.link.protocols.command import CommandSender
 from gcs.link.protocols.mission.strategy import Transfer
 from gcs.link.session.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words
@@ -369,13 +369,11 @@ class LinkedFleet:
 
 
 def _identity_request(session: VehicleSession) -> Message:
-    """Return the request of AUTOPILOT_VERSION, which has the id of a vehicle."""
     request = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), session.exchange)
     return request.start(0.0)[0]
 
 
 def _is_vehicle(message: Message) -> bool:
-    """Whether this is the HEARTBEAT of an autopilot."""
     return (
         message.name == "HEARTBEAT"
         and message.fields["type"] != MavType.GCS

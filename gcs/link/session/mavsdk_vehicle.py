@@ -24,7 +24,7 @@ from gcs.link.endpoints.base import LinkMode, parse_link_spec
 from gcs.link.protocols.mission.item_messages import file_frame, with_home
 from gcs.link.protocols.mission.read_back import compare_missions, read_back_error
 from gcs.link.protocols.mission.strategy import SentAs, Transfer
-from gcs.link.protocols.parameter import REAL32, Parameter
+from gcs.link.protocols.parameter_transfer import REAL32, Parameter
 from gcs.link.session.mavsdk_flight import MavsdkControl, report
 from gcs.link.session.status_report import VehicleReport
 from gcs.link.wire.message import Station
@@ -165,7 +165,6 @@ class MavsdkVehicle:
             plugin.destroy()
 
     async def _read_any(self, names: tuple[str, ...]) -> Parameter:
-        """The parameter under the first of these names that the vehicle has."""
         for name in names[:-1]:
             with suppress(PeerError):
                 return await self.call(f"read {name}", partial(self._read, name))

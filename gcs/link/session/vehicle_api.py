@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gcs.link.protocols.mission.strategy import SentAs
-from gcs.link.protocols.parameter import Parameter
+from gcs.link.protocols.parameter_transfer import Parameter
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 

@@ -16,7 +16,7 @@ from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.protocols.command import CommandRefused, CommandSender, Position
-from gcs.link.protocols.exchange import Exchange, FtpNumbers
+from gcs.link.protocols.exchange import Exchange, FtpNumbers, RttEstimator
 from gcs.link.protocols.machine import Machine
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.item_messages import with_home
@@ -24,9 +24,7 @@ from gcs.link.protocols.mission.item_rewrite import ItemRewrite
 from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.strategy import SentAs, Transfer
 from gcs.link.protocols.mission.verified_upload import VerifiedUpload
-from gcs.link.protocols.parameter import Parameter
-from gcs.link.protocols.parameter_transfer import ParameterReader, ParameterWriter
-from gcs.link.protocols.rtt import RttEstimator
+from gcs.link.protocols.parameter_transfer import Parameter, ParameterReader, ParameterWriter
 from gcs.link.protocols.statustext import VehicleTexts
 from gcs.link.protocols.timesync import ping_answers
 from gcs.link.session.items_upload import upload

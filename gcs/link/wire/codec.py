@@ -202,7 +202,6 @@ class Codec:
         return None if _SCANNER.first_frame(frame) is None else self._message(frame)
 
     def _message(self, frame: bytes) -> Message | None:
-        """The message of a frame whose checksum is right."""
         layout = _LAYOUT_BY_ID.get(message_id(frame)) if frame[0] == V2 else None
         if layout is None:
             return self._decode_by_dialect(frame)

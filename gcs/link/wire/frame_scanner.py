@@ -110,7 +110,6 @@ class FrameScanner:
         return data[at + 1] <= int(self._largest_v1[data[at + 5]])
 
     def _candidates(self, data: bytes, begin: int) -> Iterator[int]:
-        """The places where a frame may begin, from `begin` on."""
         if len(data) - begin < _LONG:
             return (match.start() for match in _CANDIDATE.finditer(data, begin))
         octets = np.frombuffer(data, dtype=np.uint8)

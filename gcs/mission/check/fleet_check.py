@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gcs.autopilots.altitudes import kept_alt_m
+from gcs.autopilots.mission_commands import kept_alt_m
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.between_samples import clearance_along
 from gcs.mission.check.fence_and_rally import check_rally_apart, check_safety

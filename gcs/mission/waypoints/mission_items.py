@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
+from gcs.autopilots.mission_commands import kept_alt_m, written_alt_m
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.errors import ScenarioError
 from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
+from gcs.autopilots.mission_commands import kept_alt_m, written_alt_m
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Command

@@ -17,8 +17,7 @@ from gcs.autopilots.parameter_names import (
 )
 from gcs.autopilots.traits import Autopilot
 from gcs.link.protocols.exchange import Exchange
-from gcs.link.protocols.parameter import Parameter
-from gcs.link.protocols.parameter_transfer import ParameterReader
+from gcs.link.protocols.parameter_transfer import Parameter, ParameterReader
 from gcs.link.wire.message import Message, Station
 from sim_bridge.personality import by_name
 

@@ -82,14 +82,14 @@ POLICY_PROOFS = {
     ],
     "A vehicle with a critical battery lands at once": [(MISHAPS, "test_a_critical_battery_lands_at_once")],
     "A vehicle outside the fence returns": [(NEAR, "test_a_vehicle_blown_over_the_fence_returns")],
-    "A vehicle that left its mode for a standstill of this program follows setpoints again": [
+    "A vehicle that left its mode for a pause of this program follows setpoints again": [
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
         (RULES, "test_a_failsafe_that_this_program_caused_by_its_standstill_ends_no_flight"),
     ],
-    "After a standstill of this program all vehicles are led back to the plan together": [
+    "After a pause of this program all vehicles are led back to the plan together": [
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan")
     ],
-    "Without a safe way back to the plan after a standstill of this program, vehicles return": [
+    "Without a safe way back to the plan after a pause of this program, vehicles return": [
         (RULES, "test_stranded_vehicles_are_led_back_or_return"),
         (REJOIN, "test_vehicles_far_from_the_plan_have_no_way_back"),
     ],
@@ -147,7 +147,7 @@ FLOWN = {
     ],
     "flight refused, not confirmed, or stopped before it arms": [
         (HOSTILE + "custody.py", "test_further_flights_of_vehicles_that_fly_leave_them_alone"),
-        (HOSTILE + "custody.py", "test_a_flight_that_is_not_confirmed_sends_nothing"),
+        (HOSTILE + "custody.py", "test_a_flight_that_is_not_confirmed_reads_what_is_on_board_and_changes_nothing"),
     ],
     "vehicle armed by a pilot or another ground station": [
         (HOSTILE + "custody.py", "test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot")

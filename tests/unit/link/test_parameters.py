@@ -13,8 +13,16 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
 from gcs.link.protocols.exchange import Exchange
-from gcs.link.protocols.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
-from gcs.link.protocols.parameter_transfer import ParameterReader, ParameterWriter
+from gcs.link.protocols.parameter_transfer import (
+    REAL32,
+    Parameter,
+    ParameterReader,
+    ParameterWriter,
+    as_kind,
+    decode,
+    encode,
+    set_request,
+)
 from gcs.link.session.upload_fleet import preview
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.wire.message import GROUND, Message, Station

@@ -11,6 +11,8 @@ from enum import IntEnum
 
 from gcs.errors import PeerRefusal
 from gcs.link.wire.message import Message, Station
+from gcs.mavlink import WordedEnum
+from gcs.mavlink_names import named_words
 
 NAME = "FILE_TRANSFER_PROTOCOL"
 DATA_MAX = 239
@@ -41,35 +43,20 @@ class FtpOpcode(IntEnum):
     NAK = 129
 
 
-class FtpError(IntEnum):
+class FtpError(WordedEnum):
     """MAV_FTP_ERR: the first byte of a NAK."""
 
-    NONE = 0
-    FAIL = 1
-    FAIL_ERRNO = 2
-    INVALID_DATA_SIZE = 3
-    INVALID_SESSION = 4
-    NO_SESSIONS_AVAILABLE = 5
-    END_OF_FILE = 6
-    UNKNOWN_COMMAND = 7
-    FILE_EXISTS = 8
-    FILE_PROTECTED = 9
-    FILE_NOT_FOUND = 10
-
-
-_WORDS = {
-    FtpError.NONE: "no reason given",
-    FtpError.FAIL: "failed, or another file is open",
-    FtpError.FAIL_ERRNO: "its file system failed",
-    FtpError.INVALID_DATA_SIZE: "size not valid",
-    FtpError.INVALID_SESSION: "session not open",
-    FtpError.NO_SESSIONS_AVAILABLE: "all sessions in use",
-    FtpError.END_OF_FILE: "end of file",
-    FtpError.UNKNOWN_COMMAND: "command not known",
-    FtpError.FILE_EXISTS: "file exists already",
-    FtpError.FILE_PROTECTED: "file is write-protected",
-    FtpError.FILE_NOT_FOUND: "no such file, or it is not open",
-}
+    NONE = 0, "no reason given"
+    FAIL = 1, "failed, or another file is open"
+    FAIL_ERRNO = 2, "its file system failed"
+    INVALID_DATA_SIZE = 3, "size not valid"
+    INVALID_SESSION = 4, "session not open"
+    NO_SESSIONS_AVAILABLE = 5, "all sessions in use"
+    END_OF_FILE = 6, "end of file"
+    UNKNOWN_COMMAND = 7, "command not known"
+    FILE_EXISTS = 8, "file exists already"
+    FILE_PROTECTED = 9, "file is write-protected"
+    FILE_NOT_FOUND = 10, "no such file, or it is not open"
 
 
 @dataclass(frozen=True)
@@ -123,8 +110,7 @@ class FtpRefused(PeerRefusal):
 
     def __init__(self, peer: Station, path: str, reply: FtpPayload) -> None:
         code, number = reply.error, reply.data[1] if len(reply.data) > 1 else 0
-        known = code in tuple(FtpError)
-        words = f"{_WORDS[FtpError(code)]} (MAV_FTP_ERR_{FtpError(code).name})" if known else f"MAV_FTP_ERR {code}"
+        words = named_words(FtpError, code, "MAV_FTP_ERR", f"MAV_FTP_ERR {code}")
         errno = f", errno {number}" if number else ""
         super().__init__(
             f"{peer} refused {_opcode_words(reply.req_opcode)} of {path}: {words}{errno}.",

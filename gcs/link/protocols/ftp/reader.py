@@ -26,7 +26,8 @@ from collections.abc import Callable
 from gcs.errors import GcsError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload
-from gcs.link.protocols.ftp.transfer import FtpState, FtpTransfer
+from gcs.link.protocols.ftp.transfer import FtpTransfer
+from gcs.link.protocols.machine import MachineState
 from gcs.link.wire.message import Message
 
 _WINDOW = 4  # ArduPilot queues five requests
@@ -59,7 +60,7 @@ class FtpReader(FtpTransfer):
     @property
     def data(self) -> bytes:
         """The whole file. Raises `ProtocolMisuse` before it is complete."""
-        if self.state is not FtpState.DONE:
+        if self.state is not MachineState.DONE:
             raise ProtocolMisuse("the file of an FtpReader was read before it was complete.")
         return self._received.first(self._size or 0) or b""
 
@@ -78,11 +79,22 @@ class FtpReader(FtpTransfer):
             return []
         matched = self._requests.match(message, now_s)
         if reply.req_opcode == FtpOpcode.BURST_READ_FILE:
-            in_burst = self.state is FtpState.READING and reply.session == self._session
+            in_burst = self.state is MachineState.READING and reply.session == self._session
             return self._burst(reply, now_s) if in_burst else []
         if matched is None:
             return []
-        return self._answered(reply, now_s)
+        if self.state is MachineState.OPENING:
+            messages = self._opened(reply, now_s)
+            if messages is not None:
+                return messages
+            self.state = MachineState.READING
+            return [self._request_burst(0, now_s)]
+        if self.state is MachineState.CLOSING:
+            return self._finish(None)
+        if reply.opcode == FtpOpcode.NAK:
+            return self._refused(reply, now_s)
+        self._store(reply, now_s)
+        return self._advance(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Return the messages to send after a timer expired."""
@@ -96,20 +108,6 @@ class FtpReader(FtpTransfer):
         self._burst_end_s = self._piece_s = self._size = None
         self._received.clear()
         return super()._open(now_s)
-
-    def _answered(self, reply: FtpPayload, now_s: float) -> list[Message]:
-        if self.state is FtpState.OPENING:
-            messages = self._opened(reply, now_s)
-            if messages is not None:
-                return messages
-            self.state = FtpState.READING
-            return [self._request_burst(0, now_s)]
-        if self.state is FtpState.CLOSING:
-            return self._finish(None)
-        if reply.opcode == FtpOpcode.NAK:
-            return self._refused(reply, now_s)
-        self._store(reply, now_s)
-        return self._advance(now_s)
 
     def _burst(self, reply: FtpPayload, now_s: float) -> list[Message]:
         self._requests.drop(FtpOpcode.BURST_READ_FILE)
@@ -144,7 +142,7 @@ class FtpReader(FtpTransfer):
         if self._size is not None and not self._gaps():
             self._burst_end_s = None
             self._requests.drop()
-            self.state = FtpState.CLOSING
+            self.state = MachineState.CLOSING
             return [self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
         return [] if self._burst_end_s is not None else self._request_missing(now_s)
 
@@ -167,7 +165,6 @@ class FtpReader(FtpTransfer):
         ]
 
     def _gaps(self) -> list[tuple[int, int]]:
-        """The (offset, length) of all gaps; without a header, of one piece."""
         return self._received.gaps(DATA_MAX if self._size is None else self._size)
 
     def _request_burst(self, offset: int, now_s: float) -> Message:
@@ -179,14 +176,14 @@ class FtpReader(FtpTransfer):
         return message
 
     def _fail(self, error: GcsError) -> list[Message]:
-        return self._finish(None if self.state is FtpState.CLOSING and isinstance(error, PeerTimeout) else error)
+        return self._finish(None if self.state is MachineState.CLOSING and isinstance(error, PeerTimeout) else error)
 
     def _finish(self, error: GcsError | None) -> list[Message]:
-        opened = self.state is FtpState.READING
+        opened = self.state is MachineState.READING
         self._requests.drop()
         self._burst_end_s = None
         self.error = error
-        self.state = FtpState.DONE if error is None else FtpState.FAILED
+        self.state = MachineState.DONE if error is None else MachineState.FAILED
         if not opened:
             return []
         seq = self._requests.numbers.next_seq()
@@ -237,7 +234,6 @@ class ReceivedBytes:
 
 
 def _gaps(have: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
-    """Return the (begin, end) within these bounds that no stretch covers."""
     found, here = [], begin
     for start, until in have:
         if start >= end:

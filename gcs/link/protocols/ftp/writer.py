@@ -28,7 +28,8 @@ from collections.abc import Sequence
 from gcs.errors import GcsError, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.payload import FtpOpcode, FtpPayload
-from gcs.link.protocols.ftp.transfer import FtpState, FtpTransfer
+from gcs.link.protocols.ftp.transfer import FtpTransfer
+from gcs.link.protocols.machine import MachineState
 from gcs.link.wire.message import Message
 
 _WINDOW = 4  # ArduPilot queues five requests
@@ -57,11 +58,11 @@ class FtpWriter(FtpTransfer):
         if matched is None:
             return []
         _, reply = matched
-        if self.state is FtpState.OPENING:
+        if self.state is MachineState.OPENING:
             messages = self._opened(reply, now_s)
             if messages is not None:
                 return messages
-            self.state = FtpState.WRITING
+            self.state = MachineState.WRITING
         elif reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
         self._requests.progressed(now_s)
@@ -72,17 +73,17 @@ class FtpWriter(FtpTransfer):
         return super()._open(now_s)
 
     def _advance(self, now_s: float) -> list[Message]:
-        if self.state is FtpState.SEALING:
-            self.state = FtpState.CLOSING
+        if self.state is MachineState.SEALING:
+            self.state = MachineState.CLOSING
             return [self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
-        if self.state is FtpState.CLOSING:
-            self.state = FtpState.DONE
+        if self.state is MachineState.CLOSING:
+            self.state = MachineState.DONE
             return []
         messages = []
         while self._left and len(self._requests) < _WINDOW:
             messages.append(self._write(self._left.pop(0), now_s))
         if not len(self._requests):
-            self.state = FtpState.SEALING
+            self.state = MachineState.SEALING
             messages.append(self._write(self._pieces[0], now_s))
         return messages
 
@@ -91,10 +92,10 @@ class FtpWriter(FtpTransfer):
         return self._requests.request(FtpOpcode.WRITE_FILE, now_s, session=self._session, offset=offset, data=data)
 
     def _fail(self, error: GcsError) -> list[Message]:
-        opened = self.state in (FtpState.WRITING, FtpState.SEALING, FtpState.CLOSING)
+        opened = self.state in (MachineState.WRITING, MachineState.SEALING, MachineState.CLOSING)
         self._requests.drop()
         self.error = error
-        self.state = FtpState.FAILED
+        self.state = MachineState.FAILED
         return self._invalidate() if opened else []
 
     def _invalidate(self) -> list[Message]:

@@ -13,7 +13,7 @@ from gcs.errors import GcsError, PeerError, PeerTimeout
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.ftp.reader import FtpReader
 from gcs.link.protocols.ftp.writer import FtpWriter
-from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, TableMachine, ignore
+from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, ignore
 from gcs.link.protocols.machine import Transition as Row
 from gcs.link.protocols.mission.mission_dat import (
     HEADER,
@@ -25,6 +25,7 @@ from gcs.link.protocols.mission.mission_dat import (
     write_mission_file,
 )
 from gcs.link.protocols.mission.read_back import compare_missions, read_back_error
+from gcs.link.protocols.mission.rules import UploadMachine
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
@@ -34,46 +35,18 @@ _PATH = path_of(MissionType.MISSION)
 _E, _S = MachineEvent, MachineState
 
 
-class FileUpload(TableMachine):
+class FileUpload(UploadMachine):
     """All items of a flight mission with home as item 0. Home reads back as the vehicle's own and is not compared."""
 
     def __init__(self, items: Sequence[MissionItem], exchange: Exchange, *, tries: int = 2) -> None:
-        super().__init__(FILE_UPLOAD, exchange)
-        self.items = tuple(items)
-        self.sending_ended_s: float | None = None  # end of the last upload
+        super().__init__(FILE_UPLOAD, exchange, items, MissionType.MISSION)
         self._tries = tries
-        self._reads = 0  # read-backs of the last upload
-        self._machine: FtpWriter | FtpReader | None = None
-        self._failure: GcsError | None = None  # of the last transfer
 
-    @property
-    def deadline_s(self) -> float | None:
-        """The time of the next `tick`; None if no timer runs."""
-        return None if self.done or self._machine is None else self._machine.deadline_s
-
-    def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Return the messages to send after a received message; none if it belongs to another conversation."""
-        if self.done or self._machine is None:
-            return []
-        return self._machine.receive(message, now_s) + self._advance(self._machine, now_s)
-
-    def tick(self, now_s: float) -> list[Message]:
-        """Return the messages to send after a timer expired."""
-        if self.done or self._machine is None:
-            return []
-        return self._machine.tick(now_s) + self._advance(self._machine, now_s)
-
-    def _advance(self, machine: FtpWriter | FtpReader, now_s: float) -> list[Message]:
-        if not machine.done:
-            return []
-        if self.state is _S.WRITING:
-            self.sending_ended_s = now_s
-        self._failure = machine.error or (self._difference(machine.data) if isinstance(machine, FtpReader) else None)
-        return self._follow(_E.ENDED, TIMER, now_s)
-
-    def _difference(self, data: bytes) -> PeerError | None:
+    def _difference(self) -> GcsError | None:
+        if not isinstance(self._machine, FtpReader):
+            return None
         try:
-            on_board = read_mission_file(data, MissionType.MISSION, self.peer)
+            on_board = read_mission_file(self._machine.data, MissionType.MISSION, self.peer)
         except PeerError as invalid:
             return invalid
         differences = compare_missions(self.items[1:], on_board[1:], autopilot=self.exchange.autopilot)
@@ -84,7 +57,7 @@ class FileUpload(TableMachine):
         return self._machine is not None and self._machine.error is not None
 
     def _may_write_again(self) -> bool:
-        heard = self._machine is not None and self._machine.heard
+        heard = isinstance(self._machine, FtpWriter) and self._machine.heard
         return isinstance(self._failure, PeerTimeout) and heard and self._tries > 0
 
     def _write(self, _: Message, now_s: float) -> list[Message]:
@@ -107,14 +80,6 @@ class FileUpload(TableMachine):
         if length > written:
             raise PeerError(f"{self.peer} sent a mission file of {length} bytes; {written} were written.")
         return length
-
-    def _end(self, _message: Message, _now_s: float) -> list[Message]:
-        self.error = self._failure
-        return []
-
-    def _cancelled(self, _message: Message, _now_s: float) -> list[Message]:
-        self._fail(PeerError(f"the upload of the mission to {self.peer} was cancelled."))
-        return [] if self._machine is None else self._machine.cancel()
 
 
 _M = FileUpload

@@ -5,8 +5,6 @@ It follows the MAVLink mission protocol (`gcs.link.protocols.mission.rules`), by
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, ignore
@@ -16,24 +14,17 @@ from gcs.link.protocols.mission.mission_dat import ITEMS_MAX
 from gcs.link.protocols.mission.rules import EVENTS, IN_DOUBT, NO_REFUSAL, MissionMachine, MissionRefused, doubt_s
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
-from gcs.mavlink_names import mission_result_words
 from gcs.mission.model import MissionItem
 
-ItemCheck = Callable[[int, MissionItem], MissionResult]
 _E, _S = MachineEvent, MachineState
 _ASKED = (_S.LISTED, _S.PULLING)
-
-
-def _accept_any(_seq: int, _item: MissionItem) -> MissionResult:
-    return MissionResult.ACCEPTED
 
 
 class MissionReceiver(MissionMachine):
     """One transfer of the peer's mission.
 
     A ground station calls `start` first. A vehicle that receives MISSION_COUNT creates a receiver and passes it that
-    message. `check(seq, item)` can refuse an item with a reason, `capacity` limits the count, and `int_requests=False`
-    sends MISSION_REQUEST, as ArduPilot does. `window` items are requested at a time; if it is None, as many as the
+    message. `capacity` limits the count. `window` items are requested at a time; if it is None, as many as the
     autopilot allows. `items` is the mission once `done` and `error` is None.
     """
 
@@ -43,22 +34,18 @@ class MissionReceiver(MissionMachine):
         *,
         mission_type: int = MissionType.MISSION,
         capacity: int = ITEMS_MAX,
-        check: ItemCheck = _accept_any,
-        int_requests: bool = True,
         window: int | None = None,
     ) -> None:
         super().__init__(RECEIVER, exchange, mission_type)
         self.count: int | None = None
         self._capacity = capacity
-        self._check = check
-        self._request_name = "MISSION_REQUEST_INT" if int_requests else "MISSION_REQUEST"
         self._window = window or exchange.link.requests_in_flight
         self._items: list[MissionItem] = []  # in order, up to the first that is missing
         self._out_of_order: dict[int, MissionItem] = {}  # behind the missing one
         self._requested: dict[int, float | None] = {}  # open requests: time sent, None if sent more than once
         self._listed = False  # we requested the list; else the peer sent MISSION_COUNT
         self._listed_s: float | None = None  # time sent, if sent once
-        self._refusal = (MissionResult.ACCEPTED, "")  # of an item that cannot be used
+        self._refusal = ""  # of an item that cannot be used
         self._doubt: MissionRefused | None = None
         self._resend_s = 0.0
         self._give_up_s = 0.0
@@ -105,11 +92,7 @@ class MissionReceiver(MissionMachine):
         try:
             item = item_from_message(message)
         except PeerError as error:
-            self._refusal = MissionResult.INVALID_PARAM5_X, error.message
-            return _E.UNUSABLE_ITEM
-        verdict = self._check(seq, item)
-        if verdict != MissionResult.ACCEPTED:
-            self._refusal = verdict, f"item {seq}: {mission_result_words(verdict)}"
+            self._refusal = error.message
             return _E.UNUSABLE_ITEM
         self._out_of_order[seq] = item
         return _E.ITEM
@@ -160,7 +143,7 @@ class MissionReceiver(MissionMachine):
         return [self._request(seq) for seq in sorted(self._requested)]
 
     def _refuse_item(self, _message: Message, _now_s: float) -> list[Message]:
-        return self._refuse(*self._refusal)
+        return self._refuse(MissionResult.INVALID_PARAM5_X, self._refusal)
 
     def _acknowledge(self, _message: Message, _now_s: float) -> list[Message]:
         return [self._ack(MissionResult.ACCEPTED)]
@@ -226,7 +209,7 @@ class MissionReceiver(MissionMachine):
         return Message("MISSION_REQUEST_LIST", {**self.peer.target, "mission_type": self.mission_type})
 
     def _request(self, seq: int) -> Message:
-        return Message(self._request_name, {**self.peer.target, "mission_type": self.mission_type, "seq": seq})
+        return Message("MISSION_REQUEST_INT", {**self.peer.target, "mission_type": self.mission_type, "seq": seq})
 
 
 _M = MissionReceiver

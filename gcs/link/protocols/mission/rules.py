@@ -32,14 +32,16 @@ Rules
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Self
 
-from gcs.errors import PeerRefusal
+from gcs.errors import GcsError, PeerError, PeerRefusal
 from gcs.link.protocols.exchange import Exchange
-from gcs.link.protocols.machine import Guard, MachineEvent, Table, TableMachine
+from gcs.link.protocols.machine import TIMER, Guard, Machine, MachineEvent, MachineState, Table, TableMachine
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionResult
-from gcs.mavlink_names import mission_result_words
+from gcs.mavlink_names import mission_result_words, mission_type_words
+from gcs.mission.model import MissionItem
 
 EVENTS = {
     "MISSION_COUNT": MachineEvent.COUNT,
@@ -108,8 +110,57 @@ class MissionMachine(TableMachine):
         return self.exchange.estimates or self._repeats < self._timers.retries
 
     def _is_ours(self, message: Message) -> bool:
-        """Whether a message is one of this exchange, about items of our type."""
         return self.exchange.hears(message) and mission_type_of(message) == self.mission_type
 
     def _ack(self, result: MissionResult) -> Message:
         return mission_ack(self.peer, result, self.mission_type)
+
+
+class UploadMachine(MissionMachine):
+    """Runs one transfer after another, which have the messages and the timers; the end of each is the event ENDED."""
+
+    def __init__(self, table: Table[Self], exchange: Exchange, items: Sequence[MissionItem], mission_type: int) -> None:
+        super().__init__(table, exchange, mission_type)
+        self.items = tuple(items)
+        self.sending_ended_s: float | None = None  # end of the last sending
+        self._machine: Machine | None = None  # the transfer that runs now
+        self._reads = 0  # read-backs since then
+        self._failure: GcsError | None = None  # of the last transfer
+
+    @property
+    def deadline_s(self) -> float | None:
+        """The time of the next `tick`; None if no timer runs."""
+        return None if self.done or self._machine is None else self._machine.deadline_s
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """Return the messages to send after a received message; none if it belongs to another conversation."""
+        if self.done or self._machine is None:
+            return []
+        return self._machine.receive(message, now_s) + self._advance(self._machine, now_s)
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Return the messages to send after a timer expired."""
+        if self.done or self._machine is None:
+            return []
+        return self._machine.tick(now_s) + self._advance(self._machine, now_s)
+
+    def _advance(self, machine: Machine, now_s: float) -> list[Message]:
+        if not machine.done:
+            return []
+        if self.state is not MachineState.READING:
+            self.sending_ended_s = now_s
+        self._failure = machine.error or self._difference()
+        return self._follow(MachineEvent.ENDED, TIMER, now_s)
+
+    def _difference(self) -> GcsError | None:
+        """Why the items that were read back are not those to have; None while they are being sent."""
+        raise NotImplementedError
+
+    def _end(self, _message: Message, _now_s: float) -> list[Message]:
+        self.error = self._failure
+        return []
+
+    def _cancelled(self, _message: Message, _now_s: float) -> list[Message]:
+        what = mission_type_words(self.mission_type)
+        self._fail(PeerError(f"the upload of the {what} to {self.peer} was cancelled."))
+        return [] if self._machine is None else self._machine.cancel()

@@ -87,11 +87,9 @@ class MissionSender(MissionMachine):
 
     @property
     def _next_seq(self) -> int:
-        """The item after the last requested one, or the last one."""
         return min((self._last_seq or 0) + 1, len(self.items) - 1)
 
     def _completes(self, seq: int) -> bool:
-        """Whether every item was sent at least once when this one is."""
         return len(self._sent) + (seq not in self._sent) == len(self.items)
 
     def _offer(self, _: Message, now_s: float) -> list[Message]:

@@ -12,24 +12,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gcs.errors import GcsError, PeerError, PeerTimeout
+from gcs.errors import GcsError, PeerTimeout
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, ignore
 from gcs.link.protocols.machine import Transition as Row
-from gcs.link.protocols.mission.read_back import Difference, compare_missions, read_back_error
+from gcs.link.protocols.mission.read_back import compare_missions, read_back_error
 from gcs.link.protocols.mission.receiver import MissionReceiver
-from gcs.link.protocols.mission.rules import DOUBTFUL, MissionMachine, MissionRefused
+from gcs.link.protocols.mission.rules import DOUBTFUL, MissionRefused, UploadMachine
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
-from gcs.mavlink_names import mission_type_words
 from gcs.mission.model import MissionItem
 
 _READS = 5  # read-backs of one upload
 _E, _S = MachineEvent, MachineState
 
 
-class VerifiedUpload(MissionMachine):
+class VerifiedUpload(UploadMachine):
     """Items of one type for one vehicle; an empty list clears those on board.
 
     For ArduPilot item 0 of a mission is home. It reads back as the vehicle's own and is not compared.
@@ -43,58 +42,33 @@ class VerifiedUpload(MissionMachine):
         mission_type: int = MissionType.MISSION,
         tries: int = 4,
     ) -> None:
-        super().__init__(UPLOAD, exchange, mission_type)
-        self.items = tuple(items)
+        super().__init__(UPLOAD, exchange, items, mission_type)
         self.sent = 0  # how often the items were sent
-        self.sending_ended_s: float | None = None  # end of the last upload
         self._tries = tries
         self._busy = 0
         self._sender = self._new_sender()
         self._reader = self._new_reader()
-        self._reads = 0
         self._until_s = 0.0
-        self._failure: GcsError | None = None  # of the last transfer
         self._doubt: GcsError | None = None  # an ERROR during an upload that then failed its read-back
 
     @property
     def deadline_s(self) -> float | None:
         """The time of the next `tick`; None if no timer runs."""
-        if self.state is _S.WAITING:
-            return self._until_s
-        machine = self._machine
-        return None if machine is None else machine.deadline_s
-
-    def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Return the messages to send after a received message; none if it belongs to another conversation."""
-        machine = self._machine
-        return [] if machine is None else machine.receive(message, now_s) + self._advance(machine, now_s)
+        return self._until_s if self.state is _S.WAITING else super().deadline_s
 
     def tick(self, now_s: float) -> list[Message]:
         """Return the messages to send after a timer expired."""
         if self.state is _S.WAITING and now_s >= self._until_s:
             return self._follow(_E.WAIT, TIMER, now_s)
-        machine = self._machine
-        return [] if machine is None else machine.tick(now_s) + self._advance(machine, now_s)
+        return super().tick(now_s)
 
-    @property
-    def _machine(self) -> MissionSender | MissionReceiver | None:
-        """The transfer that runs now."""
-        return self._sender if self.state is _S.SENDING else self._reader if self.state is _S.READING else None
-
-    def _advance(self, machine: MissionSender | MissionReceiver, now_s: float) -> list[Message]:
-        if not machine.done:
-            return []
-        self._failure = machine.error
-        if isinstance(machine, MissionReceiver) and machine.error is None:
-            differences = self._differences(machine.items)
-            if differences:
-                self._failure = self._doubt or read_back_error(self.peer, self.mission_type, differences)
-        return self._follow(_E.ENDED, TIMER, now_s)
-
-    def _differences(self, read_back: tuple[MissionItem, ...]) -> list[Difference]:
-        talk = self.exchange
-        first = int(talk.link.home_is_item_0 and self.mission_type == MissionType.MISSION)
-        return compare_missions(self.items[first:], read_back[first:], autopilot=talk.autopilot)
+    def _difference(self) -> GcsError | None:
+        if self._machine is not self._reader:
+            return None
+        first = int(self.exchange.link.home_is_item_0 and self.mission_type == MissionType.MISSION)
+        on_board = self._reader.items[first:]
+        differences = compare_missions(self.items[first:], on_board, autopilot=self.exchange.autopilot)
+        return (self._doubt or read_back_error(self.peer, self.mission_type, differences)) if differences else None
 
     def _all_sent(self) -> bool:
         sender = self._sender
@@ -126,41 +100,32 @@ class VerifiedUpload(MissionMachine):
 
     def _send(self, _: Message, now_s: float) -> list[Message]:
         self.sent += 1
-        self._sender = self._new_sender()
+        self._machine = self._sender = self._new_sender()
         return self._sender.start(now_s)
 
     def _send_again(self, _: Message, now_s: float) -> list[Message]:
         return [self._ack(MissionResult.OPERATION_CANCELLED), *self._send(TIMER, now_s)]
 
     def _read_back(self, _: Message, now_s: float) -> list[Message]:
-        self.sending_ended_s = now_s
         self._doubt = self._sender.doubt
         self._reads = 0
         return self._read(TIMER, now_s)
 
     def _read(self, _: Message, now_s: float) -> list[Message]:
         self._reads += 1
-        self._reader = self._new_reader()
+        self._machine = self._reader = self._new_reader()
         return self._reader.start(now_s)
 
     def _wait(self, _: Message, now_s: float) -> list[Message]:
         self._busy += 1
         self.sent -= 1  # the vehicle refused the whole try
         self._until_s = now_s + self._timers.busy_s
-        return []
-
-    def _end(self, _message: Message, _now_s: float) -> list[Message]:
-        self.error = self._failure
+        self._machine = None
         return []
 
     def _end_on_board(self, _message: Message, _now_s: float) -> list[Message]:
         self.error = self._failure
         return [self._ack(MissionResult.OPERATION_CANCELLED)]
-
-    def _cancelled(self, _message: Message, _now_s: float) -> list[Message]:
-        what = mission_type_words(self.mission_type)
-        self._fail(PeerError(f"the upload of the {what} to {self.peer} was cancelled."))
-        return [] if self._machine is None else self._machine.cancel()
 
 
 _M = VerifiedUpload
@@ -198,12 +163,5 @@ UPLOAD: Table[VerifiedUpload] = Table(
     Row((_S.READING,), _E.ENDED, _TRIES, _S.SENDING, _M._send_again, _AGAIN),
     Row((_S.READING,), _E.ENDED, None, _S.FAILED, _M._end_on_board, _CANCEL),
     Row((_S.WAITING,), _E.WAIT, None, _S.SENDING, _M._send, "the items again"),
-    Row(
-        (_S.IDLE, _S.SENDING, _S.READING, _S.WAITING),
-        _E.CANCEL,
-        None,
-        _S.FAILED,
-        _M._cancelled,
-        "the end of a transfer",
-    ),
+    Row(_OPEN, _E.CANCEL, None, _S.FAILED, _M._cancelled, "the end of a transfer"),
 )

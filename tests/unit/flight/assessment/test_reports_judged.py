@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from gcs.flight.assessment.criterion import Criterion, FlightOutcome
-from gcs.flight.assessment.judge import Truth, Verdict, judge
-from gcs.flight.assessment.reported_tracks import judge_reports, reported_tracks
-from gcs.flight.monitoring.plan_time import PlanTime
-from gcs.flight.monitoring.progress import FlightTimes
-from gcs.flight.monitoring.reported_accuracy import ReportedAccuracy
-from gcs.flight.recording.record_table import build_record
+from gcs.flight.assessment.judge import Truth, Verdict, judge, judge_reports, reported_tracks
+from gcs.flight.monitoring.progress import OFF_PLAN, Event, FlightTimes, PlanTime, flown_plan_time
+from gcs.flight.recording.record_table import ReportedAccuracy, build_record
 from gcs.link.wire.message import Message
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
@@ -47,17 +44,21 @@ def told(
 
 
 def both(
-    plan: Plan, change: object = None, errors_m: Array | None = None, fixes: object = None
+    plan: Plan,
+    change: object = None,
+    errors_m: Array | None = None,
+    fixes: object = None,
+    clock: PlanTime | None = None,
 ) -> tuple[Verdict, Verdict]:
     """The verdicts on a flight as planned but for `change`: from true states, and from reports at 10 Hz."""
     t_s = np.arange(plan.t_start_s, plan.t_end_s, 0.02)
     states = np.array(plan.states(t_s))
     if callable(change):
         change(t_s, states)
-    times = FlightTimes(T0_UNIX_S + plan.airborne_s, T0_UNIX_S, T0_UNIX_S + plan.phase("landing").start_s)
+    plan_time = clock or PlanTime.of(T0_UNIX_S)
+    times = FlightTimes(T0_UNIX_S + plan.airborne_s, T0_UNIX_S, T0_UNIX_S + plan.phase("landing").start_s, plan_time)
     true = judge(plan, Truth(plan.sysids, T0_UNIX_S + t_s, states), times)
     off_m = np.zeros((len(plan.sysids), 3)) if errors_m is None else errors_m
-    plan_time = PlanTime.of(T0_UNIX_S)
     said = told(plan, t_s, states, off_m, 5, fixes(t_s) if callable(fixes) else None)
     tracks = reported_tracks(plan, build_record(plan, plan_time, said), plan_time)
     assert tracks is not None
@@ -103,6 +104,27 @@ def test_plan_time_waits_while_vehicles_are_led_back() -> None:
     assert time.t0_unix_s == 1003.0
     again = PlanTime.of(1008.0, [(1002.0, 2.0), (1010.0, 7.0), (1020.0, 12.0)])
     assert again.t_s(np.array([1009.0, 1014.0, 1016.0, 1021.0])).tolist() == [7, 11, 12, 13]
+
+
+def test_no_position_error_counts_while_a_standstill_led_the_vehicles_off_the_plan(simulation1_plan: Plan) -> None:
+    """Vehicles 5 m off from 60 to 80 s, as the event of the standstill has it; separation and fence count on."""
+
+    def aside(t_s: Array, states: Array) -> None:
+        states[:, (t_s > 60.0) & (t_s < 80.0), 0] += 5.0
+
+    data = {OFF_PLAN: [T0_UNIX_S + 59.9, T0_UNIX_S + 80.1]}
+    events = (
+        Event(T0_UNIX_S + 1.0, 1.0, 2, "link lost"),
+        Event(T0_UNIX_S + 72.0, 72.0, 0, "are led back", "", data),
+        Event(T0_UNIX_S + 90.0, 90.0, 0, "told by a damaged file", "", {OFF_PLAN: "soon"}),
+    )
+    for verdict in both(simulation1_plan, aside):
+        assert max(verdict.rms_m.values()) > 1.0
+        assert verdict.not_counted == ""
+    for verdict in both(simulation1_plan, aside, clock=flown_plan_time(T0_UNIX_S, events)):
+        assert max(verdict.rms_m.values()) < 0.01
+        assert verdict.off_plan_s == pytest.approx(20.2, abs=0.1)
+        assert "position errors do not count 20" in verdict.not_counted
 
 
 def test_events_that_do_not_know_the_last_t0_leave_one_piece() -> None:

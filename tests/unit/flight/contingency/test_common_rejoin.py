@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.contingency import common_rejoin as common_rejoin_module
-from gcs.flight.contingency.common_rejoin import FADE_S, Rejoin, Stranded, _checked, _Flown, common_rejoin, quintic
+from gcs.flight.contingency.common_rejoin import FADE_S, Rejoin, Stranded, _checked, common_rejoin, quintic
 from gcs.flight.contingency.manoeuvres import RejoinReference
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.physics.states import POSITION, VELOCITY
@@ -137,7 +137,7 @@ def checked(
     where, speed = place(plan, T_S)
     here = Stranded((0, 1, 2), where + np.array(off_m), speed + np.array(off_mps))
     found = _checked(plan, routes, here, T_S, fade_s, 2.0)
-    return "" if isinstance(found, _Flown) else found
+    return found if isinstance(found, str) else ""
 
 
 def overshoot_m(mps: float, fade_s: float) -> float:

@@ -105,7 +105,7 @@ def adviser(field: tuple[Plan, ReturnPlan], way_m: float | None = None) -> Energ
     model = battery_model(plan)
     if way_m is None:
         return EnergyAdviser(plan, model, returns)
-    return EnergyAdviser(plan, model, returns, lambda row, start, end: way_m)
+    return EnergyAdviser(plan, model, returns, lambda start, end: way_m)
 
 
 def at(plan: Plan, t_s: float, left_pct: float, scale: float = 1.0, row: int = 0) -> EnergySituation:

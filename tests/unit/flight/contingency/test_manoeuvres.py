@@ -16,12 +16,12 @@ from gcs.flight.contingency.manoeuvres import (
     SPREAD_MPS2,
     MotionReference,
     MotionStart,
+    ReferenceTrajectory,
     RejoinReference,
     hold_reference,
     return_reference,
     spread_reference,
 )
-from gcs.flight.contingency.reference_trajectory import ReferenceTrajectory
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.plan.trajectory.plan import Plan

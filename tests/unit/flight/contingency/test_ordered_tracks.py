@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.flight.contingency import ordered_tracks
-from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
+from gcs.flight.contingency import manoeuvres
+from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.policy import Action, Order
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.returns.routed_motion import PiecewiseMotion
@@ -122,7 +121,7 @@ ROW, ALTITUDES_M, SAFE_NED_M = 1, (30.0, 20.0, 25.0), (50.0, 60.0, -2.0)
 @pytest.fixture
 def tracks(monkeypatch: pytest.MonkeyPatch) -> OrderedTracks:
     """Orders to vehicle 1 in row 1, whose pad is 5 m south; vehicle 2 has a safe point."""
-    monkeypatch.setattr(ordered_tracks, "ReturnRoutes", Open)
+    monkeypatch.setattr(manoeuvres, "ReturnRoutes", Open)
     returns: Any = SimpleNamespace(speeds=ReturnSpeeds(2.0, 5.0, 1.0, 0.0), altitudes_m=ALTITUDES_M)
     chosen: Any = {2: SimpleNamespace(chosen=SimpleNamespace(target_ned_m=SAFE_NED_M))}
     chosen[3] = SimpleNamespace(chosen=SimpleNamespace(target_ned_m=None))

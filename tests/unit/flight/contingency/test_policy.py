@@ -81,7 +81,7 @@ def test_every_row_is_reached_and_done(row: Row) -> None:
             higher=now.first_is_upper,
         )
         orders = ours.take(incident)
-        assert all(ours.states[i] == (row.to or now.states[i]) for i in vehicles)
+        assert all(ours.states[i] == (row.after or now.states[i]) for i in vehicles)
         others = {i for i in (2, 3) if now.states[i] is State.STARTING} if State.STARTING in row.states else set()
         own = [order for order in orders if order.sysid not in others - set(vehicles)]
         assert ordered(own) == ({} if row.action is None else dict.fromkeys(vehicles, row.action))
@@ -213,11 +213,11 @@ def test_a_landing_is_never_left_for_anything_but_a_pilot() -> None:
     for row in POLICY:
         if State.LANDING in row.states and row.action is not None:
             assert row.action in (Action.LAND, Action.LEAVE)
-            assert row.to in (State.LANDING, State.LEFT)
+            assert row.after in (State.LANDING, State.LEFT)
 
 
 def test_a_vehicle_is_left_for_a_pilot_alone() -> None:
-    assert {row.trigger for row in POLICY if row.to is State.LEFT} == {IncidentKind.MODE_LEFT}
+    assert {row.trigger for row in POLICY if row.after is State.LEFT} == {IncidentKind.MODE_LEFT}
 
 
 def test_a_lost_link_changes_nothing_yet() -> None:

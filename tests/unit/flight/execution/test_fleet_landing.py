@@ -13,7 +13,7 @@ from gcs.errors import FlightError, OrderError
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.fleet_landing import HANDED_OVER, FleetLanding
-from gcs.flight.execution.flying_fleet import FlyingFleet
+from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.fleet_time import FleetTime
@@ -162,7 +162,9 @@ def test_a_pilots_vehicle_gets_no_order_and_is_watched_until_it_has_landed(simul
     async def come_down(landing: FleetLanding, crew: FlightVehicle) -> None:
         asyncio.get_running_loop().call_later(DOWN_S, lambda: setattr(vehicle, "armed", False))
         landing.send_once()
+        assert landing.of_pilots() == [crew.sysid]
         await landing.land_all()
+        assert landing.of_pilots() == []
 
     took_s, told = land(vehicle, simulation1_plan, come_down, state=State.LEFT)
     assert DOWN_S < took_s < DOWN_S + 2.0

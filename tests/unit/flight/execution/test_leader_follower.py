@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.reference_trajectory import PlanReference
+from gcs.flight.contingency.manoeuvres import PlanReference
 from gcs.flight.execution import leader_follower
 from gcs.flight.execution.leader_follower import (
     IGNORED_M,

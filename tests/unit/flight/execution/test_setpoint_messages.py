@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.manoeuvres import MotionReference
-from gcs.flight.contingency.reference_trajectory import PlanReference
+from gcs.flight.contingency.manoeuvres import MotionReference, PlanReference
 from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, due_messages, wait_s
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station

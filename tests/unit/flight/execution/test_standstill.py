@@ -21,6 +21,7 @@ from gcs.flight.contingency.policy import State
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.flight.monitoring.progress import OFF_PLAN
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -82,6 +83,10 @@ def test_after_a_long_standstill_the_plan_goes_on_later_by_as_much_as_was_missed
     later_s = (fleet.monitor.t0_unix_s or 0.0) - t0_unix_s[0]
     assert back.what == BACK + LATER.format(later_s)
     assert back.t_s == pytest.approx(27.2 - later_s, abs=0.3)
+    assert back.data is not None
+    off_s, on_s = back.data[OFF_PLAN]
+    assert off_s == pytest.approx(t0_unix_s[0] + back.t_s, abs=0.1), "the plan waited from there on"
+    assert on_s == pytest.approx(back.unix_s + 4.0, abs=0.3), "the fade is over"
     assert 15.0 <= later_s <= 17.5
     assert set(fleet.executor.policy.states.values()) == {State.FLYING}, "nobody was silent"
     for row, point in enumerate(fleet.points.values()):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from gcs.flight.monitoring.progress import Event, Step
-from gcs.flight.recording.flight_journal import FlightJournal
+from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.link.protocols.mission.strategy import SentAs, Transfer
 from gcs.link.session.unknown_systems import LinkNotice

@@ -16,7 +16,7 @@ from gcs.flight.assessment import judge
 from gcs.flight.assessment.comparison import compare
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.monitoring.monitor import Lateness, lateness_s, skew_s
-from gcs.flight.monitoring.plan_time import PlanTime
+from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.record_table import FlightReports, build_record, load_record
 from gcs.flight.recording.tlog import Gap, LoggedFrame, scan
 from gcs.link.wire.codec import Codec
@@ -83,7 +83,7 @@ def test_lateness_and_skew(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     late_s = {1: 0.02, 2: 0.02, 3: 0.05, 4: 0.02, 5: 0.0, 6: 0.02}
     record = build_record(plan, PlanTime.of(T0), iter(told(plan, late_s)))
-    found = compare(plan, record, None)
+    found = compare(plan, record, None, PlanTime.of(T0))
     assert {c.sysid: c.late_s for c in found} == pytest.approx(late_s, abs=1e-3)
     assert skew_s(c.late_s for c in found) == pytest.approx(0.05, abs=1e-3)
     assert all(np.isnan(c.plan_truth_m) for c in found)
@@ -95,7 +95,7 @@ def test_truth_beside_estimate_and_plan(simulation1_plan: Plan) -> None:
     t_s = np.arange(0.0, 274.0, 0.05)
     states = plan.states(t_s).copy()
     states[..., 0] += 0.3
-    found = compare(plan, record, Truth(plan.sysids, T0 + t_s, states))
+    found = compare(plan, record, Truth(plan.sysids, T0 + t_s, states), PlanTime.of(T0))
     for c in found:
         assert c.plan_estimate_m == pytest.approx(0.0, abs=1e-6)
         assert c.estimate_truth_m == pytest.approx(0.3, abs=0.01)

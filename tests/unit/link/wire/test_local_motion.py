@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from gcs.link.wire.local_motion import local_motion
-from gcs.link.wire.message import Message
+from gcs.link.wire.message import Message, local_motion
 
 FIELDS = {"time_boot_ms": 7, "x": 1.0, "y": -2.0, "z": -10.0, "vx": 3.0, "vy": 0.0, "vz": -0.5}
 

@@ -14,8 +14,8 @@ from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange, FtpNumbers
 from gcs.link.protocols.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused, read_payload
 from gcs.link.protocols.ftp.reader import FtpReader
-from gcs.link.protocols.ftp.transfer import FtpState
 from gcs.link.protocols.ftp.writer import FtpWriter
+from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.file_upload import FileUpload
 from gcs.link.protocols.mission.item_messages import item_to_message
 from gcs.link.protocols.mission.mission_dat import (
@@ -223,14 +223,14 @@ def test_the_piece_that_makes_it_a_file_goes_last():
     writing = Writing()
     first = writing.opened()
     assert [read_payload(one).offset for one in first] == [offset for offset, _ in writing.pieces[1:5]]
-    (seal,) = Writing().until(FtpState.SEALING)
+    (seal,) = Writing().until(MachineState.SEALING)
     assert (read_payload(seal).offset, read_payload(seal).data) == writing.pieces[0]
-    (close,) = Writing().until(FtpState.CLOSING)
+    (close,) = Writing().until(MachineState.CLOSING)
     assert opcodes([close]) == [FtpOpcode.TERMINATE_SESSION]
 
 
 def test_a_cancelled_file_is_made_none_before_it_is_closed():
-    for state in (FtpState.WRITING, FtpState.SEALING, FtpState.CLOSING):
+    for state in (MachineState.WRITING, MachineState.SEALING, MachineState.CLOSING):
         writing = Writing()
         writing.until(state)
         told = writing.writer.cancel()
@@ -255,7 +255,7 @@ def test_answers_to_other_questions_count_for_nothing():
         Message("FILE_TRANSFER_PROTOCOL", {**answer(create).fields, "target_system": 17}, *VEHICLE),
     ):
         assert writing.writer.receive(wrong, 0.01) == []
-        assert writing.writer.state is FtpState.OPENING
+        assert writing.writer.state is MachineState.OPENING
     writes = writing.opened()
     assert writing.opened() == []  # the same answer once more
     assert len(writing.writer.receive(answer(writes[0]), 0.02)) <= 1
@@ -265,9 +265,9 @@ def test_answers_to_other_questions_count_for_nothing():
 @pytest.mark.parametrize("code", EVERY_CODE)
 def test_every_no_ends_it_or_leads_to_another_try(code):
     """On opening, on writing, on closing; in the end with an error that says what was refused, and why."""
-    for state in (FtpState.OPENING, FtpState.WRITING, FtpState.SEALING, FtpState.CLOSING):
+    for state in (MachineState.OPENING, MachineState.WRITING, MachineState.SEALING, MachineState.CLOSING):
         writing = Writing()
-        messages = [writing.create] if state is FtpState.OPENING else writing.until(state)
+        messages = [writing.create] if state is MachineState.OPENING else writing.until(state)
         now_s = 0.1
         for _ in range(40):
             messages = writing.writer.receive(refuse(messages[0], code, 22), now_s)
@@ -305,9 +305,9 @@ def test_what_got_no_answer_is_said_again_under_the_same_number():
 
 def test_a_no_to_the_end_of_a_file_is_final():
     writing = Writing()
-    (close,) = writing.until(FtpState.CLOSING)
+    (close,) = writing.until(MachineState.CLOSING)
     assert FtpOpcode.CREATE_FILE not in opcodes(writing.writer.receive(refuse(close, FtpError.FAIL, 22), 0.1))
-    assert writing.writer.state is FtpState.FAILED
+    assert writing.writer.state is MachineState.FAILED
 
 
 def test_numbers_go_on_from_one_file_to_the_next_and_begin_anew():

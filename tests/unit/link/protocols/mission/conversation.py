@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from gcs.autopilots.protocol_timers import STANDARD, MissionTimers, ProtocolTimers
-from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.exchange import Exchange, RttEstimator
 from gcs.link.protocols.machine import Machine
-from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mission.model import MissionItem
 

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
+from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.item_messages import item_to_message
@@ -177,22 +177,16 @@ def test_more_items_than_fit_are_refused_at_once(count):
     assert receiver.state is {0: MachineState.DONE, 3: MachineState.PULLING, 4: MachineState.FAILED}[count]
 
 
-def test_a_refused_item_is_answered_with_the_reason_and_nothing_of_the_mission_is_kept():
-    receiver = MissionReceiver(
-        talking(), check=lambda seq, item: MissionResult.UNSUPPORTED if item == ITEMS[1] and seq else MissionResult(0)
-    )
+def test_an_item_without_a_place_is_refused_with_the_reason_and_nothing_of_the_mission_is_kept():
+    receiver = MissionReceiver(Exchange(VEHICLE, estimates=False))
     told(receiver, "MISSION_COUNT", 10.0, count=3)
     given(receiver, 0, 10.1)
-    assert given(receiver, 1, 10.2) == (f"ACK {int(MissionResult.UNSUPPORTED)}", None)
-    assert "the mission of vehicle 4 was refused: item 1: " in str(receiver.error)
-    assert receiver.progress == 0
-    nowhere = MissionReceiver(Exchange(VEHICLE, estimates=False))
-    told(nowhere, "MISSION_COUNT", 10.0, count=1)
-    fields = {**item_to_message(ITEMS[0], 0, GROUND).fields, "x": math.nan, "y": 1.0}
+    fields = {**item_to_message(ITEMS[1], 1, GROUND).fields, "x": math.nan, "y": 1.0}
     del fields["target_system"], fields["target_component"], fields["mission_type"]
-    answer = told(nowhere, "MISSION_ITEM", 10.1, **fields)
+    answer = told(receiver, "MISSION_ITEM", 10.2, **fields)
     assert answer == (f"ACK {int(MissionResult.INVALID_PARAM5_X)}", None)
-    assert isinstance(nowhere.error, PeerError)
+    assert "the mission of vehicle 4 was refused: " in str(receiver.error)
+    assert receiver.progress == 0
 
 
 @pytest.mark.parametrize("result", [MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE])
@@ -244,10 +238,10 @@ def test_what_was_not_asked_for_yet_cannot_be_refused():
 
 
 def test_every_message_names_the_station_and_the_kind_of_items():
-    receiver = listed(mission_type=2, int_requests=False)
+    receiver = listed(mission_type=2)
     target = {"target_system": 4, "target_component": 1, "mission_type": 2}
     assert receiver.tick(11.5)[0].fields == target
-    assert told(receiver, "MISSION_COUNT", 11.6, count=1, kind=2)[0] == "REQUEST 0"
+    assert told(receiver, "MISSION_COUNT", 11.6, count=1, kind=2)[0] == "REQUEST_INT 0"
     (request,) = receiver.tick(11.85)
     assert request.fields == {**target, "seq": 0}
     (cancelled,) = receiver.cancel()

@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 from gcs.autopilots.protocol_timers import STANDARD, RoundTripTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.protocols.exchange import Exchange
+from gcs.link.protocols.exchange import Exchange, RttEstimator
 from gcs.link.protocols.machine import MachineState
 from gcs.link.protocols.mission.read_back import compare_missions
 from gcs.link.protocols.mission.receiver import MissionReceiver
 from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.protocols.mission.verified_upload import VerifiedUpload
-from gcs.link.protocols.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import FenceCommand, MissionResult, MissionType
 from gcs.mission.model import MissionItem
