@@ -65,12 +65,6 @@ class Violation:
         return f"{self.constraint} violated by {self.by:.3g} {self.unit} at t = {self.t_s:.1f} s"
 
 
-def check_between_nodes(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
-    """The worst instant of each violation, and descriptions of the violations."""
-    found = find_violations(problem, trajectory, shape)
-    return np.array(sorted({miss.t_s for miss in found})), complaints(found)
-
-
 def complaints(found: tuple[Violation, ...]) -> tuple[str, ...]:
     """A description of the worst violation of each constraint."""
     worst: dict[ConstraintId, Violation] = {}
