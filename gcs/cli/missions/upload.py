@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -55,8 +54,8 @@ def upload(
     known = shared.connection(link, systems, signing_key_file, transfer)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    wanted = _Upload(plan, known, backend, timed=not untimed, safety=not missions_only, dry_run=dry_run)
-    held, changes = Stoppable().run(_upload(wanted, screen, watch))
+    how = {"timed": not untimed, "safety": not missions_only, "dry_run": dry_run}
+    held, changes = Stoppable().run(_upload(plan, known, screen, watch, backend=backend, **how))
     record = None
     if held is not None:
         from gcs.cli.shared.console import to_json
@@ -121,35 +120,32 @@ def restore(
     return 0
 
 
-@dataclass(frozen=True)
-class _Upload:
-    plan: Plan
-    known: Connection
-    backend: str
-    timed: bool
-    safety: bool
-    dry_run: bool
-
-
 async def _upload(
-    wanted: _Upload, screen: Screen, watch: Stopwatch
+    plan: Plan,
+    known: Connection,
+    screen: Screen,
+    watch: Stopwatch,
+    *,
+    backend: str,
+    timed: bool,
+    safety: bool,
+    dry_run: bool,
 ) -> tuple[Holdings | None, tuple[ParameterChange, ...]]:
     from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.link.session.upload_fleet import preview, upload_fleet
 
-    plan, known = wanted.plan, wanted.known
-    async with known.open_backend(wanted.backend) as fleet:
+    async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
         autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
-        loads = await loads_built_aside(plan, autopilots, timed=wanted.timed, safety=wanted.safety, warn=screen.warn)
+        loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
         watch.lap("missions")
         changes = await preview(sessions, loads)
         why = {(c.sysid, c.before.name): reason_for(autopilots[c.sysid], c.before.name) for c in changes}
         _show(screen, changes, why)
         watch.lap("parameters")
-        if wanted.dry_run:
+        if dry_run:
             return None, changes
         held = await upload_fleet(
             sessions, loads, plan.hash, lambda sysid, what: screen.say(f"vehicle {sysid} has its {what}")

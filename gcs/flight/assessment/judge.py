@@ -219,7 +219,7 @@ def _separations(plan: Plan, tracks: Tracks) -> list[Criterion]:
     Vehicles may stand on their pads: these are as far apart as `limits.separation_min_m`, which is not below the limit.
     Errors of two vehicles are independent, and add as squares.
     """
-    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.phase("landing").start_s)
+    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.landing_s)
     limit, planned_m = judged_separation_m(plan.scenario), plan.scenario.limits.separation_min_m
     first, second = np.triu_indices(len(plan.sysids), 1)
     known = tracks.horizontal_m.shape == (1, 1)
@@ -363,7 +363,7 @@ def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
     on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s) & ~tracks.off_plan
     if not on_plan.any() or np.isnan(tracks.ned_m).any():
         return None
-    landing_s = plan.phase("landing").start_s
+    landing_s = plan.landing_s
     return judge_tracks(plan, tracks, tracks.during((tracks.t_s >= plan.airborne_s) & (tracks.t_s <= landing_s)))
 
 
