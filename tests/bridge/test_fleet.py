@@ -13,7 +13,7 @@ from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.protocols.command import CommandRefused, command_ack
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.receiver import MissionReceiver
-from gcs.link.protocols.mission.rules import MissionRefused
+from gcs.link.protocols.mission.rules import MissionRefused, mission_ack
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
 from gcs.link.session.routing_table import DuplicateSystemId
@@ -52,7 +52,7 @@ class Vehicle:
         self.mute = False
         self.swallow_ack = False
         self.spoil = lambda items: items
-        self.check = lambda seq, item: MissionResult.ACCEPTED
+        self.refuses = None  # the number of an item
 
     def say(self, *messages):
         for message in messages:
@@ -65,7 +65,7 @@ class Vehicle:
             if self.mute or not message.is_for(self.me):
                 continue
             if message.name == "MISSION_COUNT":
-                self.machine = MissionReceiver(self.exchange, int_requests=False, check=self.check)
+                self.machine = MissionReceiver(self.exchange)
             elif message.name == "MISSION_REQUEST_LIST":
                 self.machine = MissionSender(self.stored, self.exchange)
                 self.say(*self.machine.start(now_s))
@@ -78,6 +78,9 @@ class Vehicle:
                 elif message.fields["command"] == 512:
                     self.say(command_ack(message, MavResult.ACCEPTED), Message("MISSION_CURRENT", {"seq": 7}))
                 continue
+            if self.refuses is not None and message.fields.get("seq") == self.refuses:
+                self.say(mission_ack(GROUND, MissionResult.UNSUPPORTED, 0))
+                self.machine = None
             if self.machine is not None:
                 self.say(*self.machine.receive(message, now_s))
                 if isinstance(self.machine, MissionReceiver) and self.machine.done and not self.machine.error:
@@ -149,7 +152,7 @@ def test_a_vehicle_that_stores_something_else_is_found_out():
 def test_a_refused_item_is_named():
     async def scene():
         vehicle = Vehicle(1)
-        vehicle.check = lambda seq, _: MissionResult.UNSUPPORTED if seq == 3 else MissionResult.ACCEPTED
+        vehicle.refuses = 3
         async with flying(vehicle), LinkedFleet(SPEC).open() as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             with pytest.raises(MissionRefused, match="item 3"):

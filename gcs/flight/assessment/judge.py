@@ -7,7 +7,7 @@ criterion is not known (`gcs.flight.assessment.judge`).
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -184,19 +184,9 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
     off_plan = mission & airborne.off_plan
     mission &= ~off_plan
     rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
-    worst = int(np.argmax(rms))
-    criteria = [
-        Criterion(
-            "position error (RMS)",
-            "m",
-            float(rms[worst]),
-            limits.position_rms_m,
-            False,
-            plan.sysids[worst],
-            lowest=float((rms - within).max()),
-            highest=float((rms + within).max()),
-        )
-    ]
+    name, limit_m = "position error (RMS)", limits.position_rms_m
+    error_rms = _extreme(plan, name, rms[:, None], within[:, None], t_s, limit_m, at_least=False)
+    criteria = [replace(error_rms, t_s=None)]
     criteria.append(_clearance(plan, airborne))
     criteria += area_criteria(plan, everywhere, airborne)
     if plan.passages:

@@ -74,9 +74,9 @@ def head(axes: Axes, text: str, width_in: float, size_pt: float = 11.0) -> None:
     axes.set_title(fitted(text, width_in, size_pt), fontsize=size_pt, parse_math=False)
 
 
-def head_figure(figure: Figure, text: str, size_pt: float = 12.0) -> None:
+def head_figure(figure: Figure, text: str) -> None:
     """Write a title over a whole figure."""
-    figure.suptitle(fitted(text, 0.95 * figure.get_figwidth(), size_pt), fontsize=size_pt, parse_math=False)
+    figure.suptitle(fitted(text, 0.95 * figure.get_figwidth(), 12.0), fontsize=12.0, parse_math=False)
 
 
 def fitted(text: str, width_in: float, size_pt: float) -> str:
