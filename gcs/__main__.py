@@ -1,7 +1,5 @@
 """`python -m gcs` is `gcs`."""
 
-from __future__ import annotations
-
 import sys
 
 from gcs.cli.main import run

@@ -4,8 +4,6 @@ A mission has one origin. Altitudes are AMSL and enter the ellipsoid formulas un
 undulation (under 110 m) and stretches horizontal distances by less than 2e-5.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Vehicles send plain ints: unknown values must survive.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum, IntFlag
 from typing import Self
 

@@ -1,7 +1,5 @@
 """Words for MAVLink results, commands, mission types, sensors and severities. An unknown value keeps its number."""
 
-from __future__ import annotations
-
 from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity, WordedEnum
 
 # MAV_SYS_STATUS_SENSOR: one word or two for every bit of SYS_STATUS, from bit 0 on

@@ -1,7 +1,5 @@
 """Types that every layer uses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

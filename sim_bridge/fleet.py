@@ -6,8 +6,6 @@ async with Fleet("missions/field", vehicles=2, speedup=10) as fleet:      # or p
     await fleet.until(lambda: fleet.state(1).flying)
 """
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

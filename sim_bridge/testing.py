@@ -10,8 +10,6 @@
 Put the import into conftest.py, and every test can use the fixtures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any

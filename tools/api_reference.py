@@ -1,7 +1,5 @@
 """docs/api.md, the public Python API, from signatures and docstrings; `tools/reference.py` writes it."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import re

@@ -7,8 +7,6 @@ each from a port of its own. Nothing waits or sleeps. Times are CPU times, so ot
 for each size, in a process of its own, so that none profits from warm caches of another.
 """
 
-from __future__ import annotations
-
 import math
 import socket
 import time

@@ -9,8 +9,6 @@ has the mean over the flights, the 95th percentile and the worst. Missions fly a
 `--together` flights fly at a time; each wants a core.
 """
 
-from __future__ import annotations
-
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

@@ -6,8 +6,6 @@ all. A peer is done at its first solution; Skein goes on to the verified plan, w
 solver's solution is then checked between its nodes. Times are CPU times, so other programs count little.
 """
 
-from __future__ import annotations
-
 from tools.bench import describe, race
 from tools.bench.frame import options
 from tools.bench.race import Contender, Goal, Record

@@ -5,8 +5,6 @@ contender, `--repetitions` runs of each on every mesh; medians count. `--quick`:
 Skein's verifier then checks every solver's solution between its nodes.
 """
 
-from __future__ import annotations
-
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import Problem

@@ -8,8 +8,6 @@ zone, under the clearance, over a limit) are drawn again. The first plan is made
 comparison, so that other load slows both; seconds are CPU seconds.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
 from dataclasses import asdict, dataclass

@@ -12,8 +12,6 @@ iterations, and the largest memory of the process.
 failure is an `Infeasible` that names a leg and a number, or it is reported as a fault.
 """
 
-from __future__ import annotations
-
 import re
 import statistics
 import time

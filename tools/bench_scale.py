@@ -8,8 +8,6 @@ along. Every run is a process of its own, sizes take turns. Time and memory of p
 reported apart; ratios are to the smallest formation. `--changes` adds a shrink, a turn and a reshape on schedule.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

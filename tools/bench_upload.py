@@ -13,8 +13,6 @@ backends; a third number is the share of doubled and of overtaken messages inste
 missions are read back.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import statistics

@@ -1,7 +1,5 @@
 """docs/commands.md, every command with its options; `tools/reference.py` writes it."""
 
-from __future__ import annotations
-
 import inspect
 from typing import Any
 

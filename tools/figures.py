@@ -1,7 +1,5 @@
 """The pictures of the documents, drawn from the scenarios: ./tools/run python tools/figures.py [MISSION ...]"""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated

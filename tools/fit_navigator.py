@@ -8,8 +8,6 @@ Prints the parameters and the residuals for gcs/autopilots/waypoint_models/calib
 parameters as they are. A few minutes.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@ Run it when planner or mission layer change on purpose, look at the difference, 
 The setpoints are thinned to 1 Hz: the files are for reading and for comparison, not for flying.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The picture and the table of folders in docs/design.md, in the order of imports."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from functools import cache

@@ -3,8 +3,6 @@
 Rolling ground and a ridge 75 m high and 80 m wide across the way, with a pass; in pixels of 10 m of UTM zone 19 south.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -6,8 +6,6 @@ Both presets with RTK-grade receivers, four vehicles each: up to 6 m, a hover of
 as fast as their limits allow. Errors are of true positions against the reference, the first 10 s of wind left out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

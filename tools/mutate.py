@@ -9,8 +9,6 @@ tests near the changed module: those of its folder, and those that import it. `-
 `unit`, `property` and `golden`. A survivor is a missing test, or code that nothing needs.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os
@@ -20,8 +18,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -63,133 +62,96 @@ class Bug:
         return f"{self.file}:{self.line}: `{row}`: {' '.join(self.was.split())} becomes {self.now.strip() or 'nothing'}"
 
 
-class _Places(ast.NodeVisitor):
-    """Every change that can be made in the bodies and tables of one module; annotations and texts are left alone."""
-
-    def __init__(self, file: Path, text: str) -> None:
-        self._file = file
-        self._text = text
-        self._starts = [0]
-        for line in text.splitlines(keepends=True):
-            self._starts.append(self._starts[-1] + len(line))
-        self.found: list[Bug] = []
-
-    def _at(self, line: int, column: int) -> int:
-        row = self._text[self._starts[line - 1] : self._starts[line]]
-        return self._starts[line - 1] + len(row.encode()[:column].decode())
-
-    def _span(self, node: ast.AST) -> tuple[int, int]:
-        assert isinstance(node, ast.expr | ast.stmt) and node.end_lineno and node.end_col_offset is not None
-        return self._at(node.lineno, node.col_offset), self._at(node.end_lineno, node.end_col_offset)
-
-    def _change(self, node: ast.AST, begin: int, end: int, now: str) -> None:
-        line = self._text.count("\n", 0, begin) + 1
-        self.found.append(Bug(self._file, line, begin, self._text[begin:end], now))
-
-    def _operator(self, left: ast.expr, right: ast.expr, swapped: str) -> None:
-        """The text between two operands holds the operator, brackets and maybe a comment."""
-        begin, end = self._span(left)[1], self._span(right)[0]
-        between = self._text[begin:end]
-        if "#" not in between:
-            kept = "".join(c if c in "()\n" else " " for c in between)
-            closing, opening = kept.count(")"), kept.count("(")
-            self._change(left, begin, end, f"{')' * closing} {swapped} {'(' * opening}")
-
-    def visit_BinOp(self, node: ast.BinOp) -> None:
-        """Arithmetic."""
-        text = isinstance(node.left, ast.JoinedStr) or (
-            isinstance(node.left, ast.Constant) and isinstance(node.left.value, str)
-        )
-        if type(node.op) in SWAPPED and not text and not isinstance(node.left, ast.List | ast.Tuple):
-            self._operator(node.left, node.right, SWAPPED[type(node.op)])
-        self.generic_visit(node)
-
-    def visit_Compare(self, node: ast.Compare) -> None:
-        """The first comparison of a chain."""
-        self._operator(node.left, node.comparators[0], SWAPPED[type(node.ops[0])])
-        self.generic_visit(node)
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> None:
-        """The first of several."""
-        if len(node.values) == 2:
-            self._operator(node.values[0], node.values[1], SWAPPED[type(node.op)])
-        self.generic_visit(node)
-
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
-        """A sign or a `not` is lost."""
-        begin = self._span(node)[0]
-        inner = self._span(node.operand)[0]
-        if isinstance(node.op, ast.USub | ast.Not) and inner > begin:
-            self._change(node, begin, inner, "" if "(" not in self._text[begin:inner] else "(")
-        self.generic_visit(node)
-
-    def visit_Constant(self, node: ast.Constant) -> None:
-        """A number is another."""
-        if isinstance(node.value, bool):
-            self._change(node, *self._span(node), str(not node.value))
-        elif isinstance(node.value, int | float):
-            number = node.value + 1 if isinstance(node.value, int) else node.value * 2 or 1.0
-            self._change(node, *self._span(node), repr(number))
-
-    def visit_Name(self, node: ast.Name) -> None:
-        """A function is its opposite."""
-        if node.id in RENAMED:
-            self._change(node, *self._span(node), RENAMED[node.id])
-
-    def visit_Attribute(self, node: ast.Attribute) -> None:
-        """The same behind a dot."""
-        if node.attr in RENAMED:
-            end = self._span(node)[1]
-            self._change(node, end - len(node.attr), end, RENAMED[node.attr])
-        self.generic_visit(node)
-
-    def visit_If(self, node: ast.If) -> None:
-        """A branch is never taken, or always."""
-        for now in ("False", "True"):
-            self._change(node, *self._span(node.test), now)
-        self.generic_visit(node)
-
-    def visit_Call(self, node: ast.Call) -> None:
-        """Texts for people are not looked at: what an error says is tested by its class and its numbers."""
-        if not (isinstance(node.func, ast.Name) and node.func.id[0].isupper() and node.func.id.endswith("Error")):
-            for inner in (node.func, *node.args, *(k.value for k in node.keywords if k.arg != "strict")):
-                self.visit(inner)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        """The value, not the annotation."""
-        if node.value:
-            self.visit(node.value)
-
-    def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        """The body, not the decorators."""
-        for inner in node.body:
-            self.visit(inner)
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        """Defaults and the body."""
-        for inner in (*node.args.defaults, *(d for d in node.args.kw_defaults if d), *node.body):
-            self.visit(inner)
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
-        """Not inside a text: columns of its parts are not told by Python 3.11."""
-
-    visit_AsyncFunctionDef = visit_FunctionDef  # type: ignore[assignment]
+Span = Callable[[ast.expr | ast.stmt], tuple[int, int]]  # where a node begins and ends in the text of its file
 
 
 def bugs_of(file: Path) -> Iterator[Bug]:
     """Every bug of one file that still is Python and not the same program."""
     text = (ROOT / file).read_text(encoding="utf-8")
-    places = _Places(file, text)
+    rows = text.splitlines(keepends=True)
+    starts = list(accumulate(map(len, rows), initial=0))
+
+    def at(line: int, column: int) -> int:
+        return starts[line - 1] + len(rows[line - 1].encode()[:column].decode())
+
+    def span(node: ast.expr | ast.stmt) -> tuple[int, int]:
+        assert node.end_lineno and node.end_col_offset is not None
+        return at(node.lineno, node.col_offset), at(node.end_lineno, node.end_col_offset)
+
     tree = ast.parse(text)
-    places.visit(tree)
     same = ast.dump(tree)
-    for bug in places.found:
-        try:
-            changed = ast.dump(ast.parse(text[: bug.begin] + bug.now + text[bug.begin + len(bug.was) :]))
-        except SyntaxError:
-            continue
-        if changed != same:
-            yield bug
+    for node in _walked(tree):
+        for begin, end, now in _changes(node, text, span):
+            try:
+                changed = ast.dump(ast.parse(text[:begin] + now + text[end:]))
+            except SyntaxError:
+                continue
+            if changed != same:
+                yield Bug(file, text.count("\n", 0, begin) + 1, begin, text[begin:end], now)
+
+
+def _walked(node: ast.AST) -> Iterator[ast.AST]:
+    """All nodes of bodies, defaults and tables, the outer ones first. Annotations, decorators and texts are left out.
+
+    Errors too: what one says is tested by its class and its numbers. Python 3.11 does not tell columns inside a text.
+    """
+    inner: Iterable[ast.AST] = ast.iter_child_nodes(node)
+    match node:
+        case ast.JoinedStr():
+            return
+        case ast.Call(ast.Name(name)) if name[0].isupper() and name.endswith("Error"):
+            return
+        case ast.Call(function, arguments, keywords):
+            inner = [function, *arguments, *(k.value for k in keywords if k.arg != "strict")]
+        case ast.AnnAssign(value=value):
+            inner = [value] if value else []
+        case ast.ClassDef(body=body):
+            inner = body
+        case ast.FunctionDef(args=args, body=body) | ast.AsyncFunctionDef(args=args, body=body):
+            inner = [*args.defaults, *(d for d in args.kw_defaults if d), *body]
+    yield node
+    for one in inner:
+        yield from _walked(one)
+
+
+def _changes(node: ast.AST, text: str, span: Span) -> Iterator[tuple[int, int, str]]:
+    """What can be changed of one node: from where to where in the text, and what stands there then."""
+    match node:
+        case ast.BinOp(left, op, right) if type(op) in SWAPPED and not _is_text_or_list(left):
+            yield from _operator(left, op, right, text, span)
+        case ast.Compare(left, [op, *_], [right, *_]) | ast.BoolOp(op, [left, right]):
+            yield from _operator(left, op, right, text, span)
+        case ast.UnaryOp(ast.USub() | ast.Not(), operand):  # a sign or a `not` is lost
+            begin, inner = span(node)[0], span(operand)[0]
+            if inner > begin:
+                yield begin, inner, "" if "(" not in text[begin:inner] else "("
+        case ast.Constant(bool(value)):
+            yield (*span(node), str(not value))
+        case ast.Constant(int(value)):
+            yield (*span(node), repr(value + 1))
+        case ast.Constant(float(value)):
+            yield (*span(node), repr(value * 2 or 1.0))
+        case ast.Name(name) if name in RENAMED:
+            yield (*span(node), RENAMED[name])
+        case ast.Attribute(_, name) if name in RENAMED:
+            end = span(node)[1]
+            yield end - len(name), end, RENAMED[name]
+        case ast.If(test):  # a branch is never taken, or always
+            yield from ((*span(test), now) for now in ("False", "True"))
+
+
+def _is_text_or_list(node: ast.expr) -> bool:
+    return isinstance(node, ast.JoinedStr | ast.List | ast.Tuple) or (
+        isinstance(node, ast.Constant) and isinstance(node.value, str)
+    )
+
+
+def _operator(left: ast.expr, op: ast.AST, right: ast.expr, text: str, span: Span) -> Iterator[tuple[int, int, str]]:
+    """The text between two operands holds the operator, brackets and maybe a comment."""
+    begin, end = span(left)[1], span(right)[0]
+    between = text[begin:end]
+    if "#" not in between:
+        yield begin, end, f"{')' * between.count(')')} {SWAPPED[type(op)]} {'(' * between.count('(')}"
 
 
 def drawn(folders: list[str], count: int, seed: int) -> list[Bug]:

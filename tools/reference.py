@@ -3,8 +3,6 @@
 ./tools/run python tools/reference.py
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -72,7 +70,7 @@ def _section(schema: Schema, definition: Schema, name: str, path: str) -> list[s
             below += [f"## {heading}\n", f"{schema['$defs'][target].get('description', '')}\n"]
             below += _section(schema, schema["$defs"][target], target, inner)
             if inner == "formation.shape":
-                below.append(shape_drawings())
+                below.append(TEXT + "\n\n".join(f"```text\n{_side_by_side(row)}\n```" for row in SHAPES) + "\n")
             if not path:
                 continue
             what = f"see {heading}"
@@ -239,11 +237,6 @@ order of their system ids; the drawings have vehicle 1 as the leader. Their fron
 - `sphere`: the leader is the lowest.
 
 """
-
-
-def shape_drawings() -> str:
-    """The text and the drawings, as one section of a page."""
-    return TEXT + "\n\n".join(f"```text\n{_side_by_side(row)}\n```" for row in SHAPES) + "\n"
 
 
 def drawing(generator: Generator, count: int) -> list[str]:

@@ -8,8 +8,6 @@ samples.csv (memory, files, threads and processor time of both, size of the log)
 slope of its least-squares line is above the limit by two standard errors. A leg's first minutes do not count.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json

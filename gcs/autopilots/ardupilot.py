@@ -201,6 +201,7 @@ ARDUPILOT = columns.AutopilotTraits(
     ),
     link=columns.LinkBehaviour(
         prearm_bit=True,
+        cured_text="PreArm: Mode requires mission",
         home_is_item_0=True,
         mission_files=True,  # 4.1 and newer
         requests_in_flight=8,  # it answers requests for items in any order
@@ -212,6 +213,7 @@ ARDUPILOT = columns.AutopilotTraits(
         estimator=_ESTIMATOR,
         startup_texts=("PreArm: ", "Arm: "),  # PreArm is repeated every 30 s while a condition is missing
         capacity_parameter="BATT_CAPACITY",
+        fence_parameter="FENCE_ENABLE",
         timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
     ),
     parameter_file=columns.ParameterFileStyle.MISSION_PLANNER,

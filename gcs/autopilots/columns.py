@@ -318,7 +318,9 @@ class LinkBehaviour:
     startup_texts: tuple[str, ...] = ()
     # The PREARM bit of SYS_STATUS says whether it can be armed, whatever its present mode.
     prearm_bit: bool = False
+    cured_text: str = ""  # a reason against arming that the flight's own mission and mode remove
     capacity_parameter: str | None = None  # of its battery, mAh; 0 or less: unknown
+    fence_parameter: str = ""  # switches the fence on; without one, a fence on board is in force
     timers: ProtocolTimers = STANDARD
 
 

@@ -22,10 +22,10 @@ from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import (
-    Event,
     FlightHooks,
     FlightTimes,
     NearestPair,
@@ -34,6 +34,7 @@ from gcs.flight.monitoring.progress import (
     flown_plan_time,
 )
 from gcs.flight.recording.flight_folder import (
+    BEFORE,
     EVENTS,
     PLAN,
     REPORTS,
@@ -49,6 +50,7 @@ from gcs.flight.recording.flight_report import emulation_data, repeat_command, w
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.recording.record_table import write_record
+from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
     export_for_flight,
     loads_built_aside,
@@ -56,7 +58,7 @@ from gcs.flight.setup.build_loads import (
     refuse_no_hour,
     refuse_other_autopilots,
 )
-from gcs.flight.setup.preflight import go_or_no_go, restore_parameters
+from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
@@ -74,7 +76,6 @@ from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
-from gcs.util.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -245,6 +246,9 @@ class _LinkedFlight:
         self.journal = FlightJournal(folder, state, watcher.say, watcher.warn)
         self.checks: tuple[PreflightCheck, ...] = ()
         self.sent: Mapping[int, SentAs] = {}
+        self._loaded: tuple[VehicleLoad, ...] = ()
+        kept, say = self.journal.record.gaps.kept, self.journal.say
+        self._before = BoardBefore(folder / BEFORE, self._plan.hash, kept, say)
 
     async def run(self, ctrl_c: Stoppable) -> tuple[FlightTimes, Monitor]:
         """Fly, and restore what was changed on board, however the flight ends."""
@@ -267,7 +271,9 @@ class _LinkedFlight:
             finally:
                 await ended(showing)
                 if flight.held is not None:
-                    await insisted(restore_parameters(sessions, flight.held.changes, journal.say))
+                    await insisted(self._before.give_back(sessions))
+                elif flight.step is Step.UPLOAD:
+                    self._before.tell_kept()
 
     def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
         folder, port = self.folder, fleet.local_address[1]
@@ -282,6 +288,7 @@ class _LinkedFlight:
 
     def _note_sent(self, held: Holdings) -> None:
         self.sent = held.sent_as
+        self._before.uploaded(held)
         self.journal.on_sent(held.sent_as)
         self.journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
 
@@ -291,6 +298,8 @@ class _LinkedFlight:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.options.follow and len(set(autopilots.values())) > 1:
             self._watcher.warn(MIXED_FOLLOWING)
+        emulated = order.link is None
+        self._loaded = missions_only(exported.missions) if emulated else await self._loads(autopilots)
         hooks = FlightHooks(
             self.journal.on_event, self.journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
         )
@@ -303,7 +312,7 @@ class _LinkedFlight:
                 lead_s=SIM_LEAD_S if order.link is None else 0.0,
                 watched_elsewhere=bool(order.also_to),
             ),
-            loads=missions_only(exported.missions) if order.link is None else await self._loads(autopilots),
+            loads=self._loaded,
             stream=self._stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
@@ -330,25 +339,18 @@ class _LinkedFlight:
         warn, exported = self._watcher.warn, self._exported
         return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
 
-    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> None:
-        order, plan, watcher = self.order, self._plan, self._watcher
+    async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
+        order, plan, watcher, charge = self.order, self._plan, self._watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
-            self.checks = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived)
-            now_s = host_s(asyncio.get_running_loop())
-            times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
-            for check in self.checks:
-                if check.waived:
-                    unix_s = times[check.sysid]
-                    what = f"failed the pre-flight check {check.name}, waived: {check.measured}"
-                    what += f" (required: {check.required})"
-                    rule = f"The operator waived it for this flight: --waive {check.name}"
-                    self.journal.on_event(
-                        Event(math.nan if unix_s is None else unix_s, math.nan, check.sysid, what, rule)
-                    )
+            self.checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, watcher.say, waived)
+            for event in waived_events(self.checks, sessions):
+                self.journal.on_event(event)
+            await self._before.read(sessions, self._loaded)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
+        return charge
 
 
 def _skew(late_s: dict[int, float]) -> dict[str, object]:

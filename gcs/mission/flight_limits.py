@@ -1,7 +1,5 @@
 """The limits of a mission's flight, and those of a scenario that apply to waypoints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

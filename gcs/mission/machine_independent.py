@@ -4,8 +4,6 @@ The last bits of a sum or of a sine depend on the processor and its libraries. S
 a grid that is far coarser than round-off, and of equal candidates the first one. What is written is rounded.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mission items and setpoints as plain values in SI units and degE7: what files hold and what links carry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 

@@ -8,8 +8,6 @@ Control `(..., 4)`:  U1 thrust (N); U2, U3 roll and pitch rotor force difference
                      U4 yaw moment (N m).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@
 `xp` supplies sqrt, so that arrays and CasADi symbols use the same lines.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -175,7 +175,14 @@ def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
             None if meta.get("begin_state") is None else tuple(map(float, meta["begin_state"])),
             tuple(map(float, meta.get("route_s", ()))),
         )
-        stored = _verdict(meta["report"])
+        data = meta["report"]
+        checks = _CHECKS.validate_python(data["checks"])
+        separation_m = data["separation_min_m"]
+        stored = StoredVerdict(
+            all(verdict_of(check.worst, check.tolerance, check.proved) in OK for check in checks),
+            float(data["clearance_min_m"]),
+            None if separation_m is None else float(separation_m),
+        )
         intact = np.array_equal(checksum, _checksum(arrays))
     except FileFormatError:
         raise
@@ -210,16 +217,6 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _stored(check: Check) -> dict[str, object]:
     """A check as the file has it: its constraint by name."""
     return {"name": check.name, **{key: value for key, value in asdict(check).items() if key != "constraint"}}
-
-
-def _verdict(data: dict[str, Any]) -> StoredVerdict:
-    checks = _CHECKS.validate_python(data["checks"])
-    separation_m = data["separation_min_m"]
-    return StoredVerdict(
-        all(verdict_of(check.worst, check.tolerance, check.proved) in OK for check in checks),
-        float(data["clearance_min_m"]),
-        None if separation_m is None else float(separation_m),
-    )
 
 
 def _contradiction(plan: Plan) -> str:

@@ -16,7 +16,7 @@ from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.nlp.mesh_refinement import Optimum, optimise
-from gcs.plan.ocp.problem import ObjectiveTerm, Problem, flight_problem, run_up_problem
+from gcs.plan.ocp.problem import ObjectiveTerm, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
@@ -129,10 +129,6 @@ def _run_up(scenario: Scenario, on_round: Callable[[MeshRound], None]) -> Trajec
     if not any(scenario.start.velocity_mps):
         return None
     problem = run_up_problem(scenario, hover_start_ned_m(scenario)[leader_index(scenario)])
-    return optimise(_holding_height(problem), along(problem, straight_route(problem)), on_round).trajectory
-
-
-def _holding_height(problem: Problem) -> Problem:
     objective = replace(
         problem.objective,
         terminal_weight="1",
@@ -140,7 +136,7 @@ def _holding_height(problem: Problem) -> Problem:
         height_ref_m=float(-problem.end_state[2]),
         height_scale_m=1.0,
     )
-    return replace(problem, objective=objective)
+    return optimise(replace(problem, objective=objective), along(problem, straight_route(problem)), on_round).trajectory
 
 
 def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -> Shape:

@@ -1,7 +1,5 @@
 """Helpers for asyncio: one action for several vehicles at once, background work, bounded waits."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import threading

@@ -4,8 +4,6 @@ An archive of 2 MB can hold 2 GB of zeros. Its directory says how large each mem
 its type and shape: both are compared with what the reader expects, and no more than that is unpacked.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import struct
@@ -118,7 +116,14 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kind: Arr
             version = npy.read_magic(member)
             shape, by_columns, dtype = _HEADERS[version](member, max_header_size=_HEADER_MAX_BYTES)
             held = info.file_size - member.tell()
-            _check_shape(name, kind, shape, dtype, held)
+            if dtype != np.dtype(kind.dtype) or len(shape) != kind.dimensions:
+                wanted = f"{np.dtype(kind.dtype)} with {kind.dimensions} dimensions"
+                raise BadArchive(f"array {name} is {dtype} with {len(shape)} dimensions, not {wanted}")
+            size = math.prod(shape) * dtype.itemsize
+            if min(shape, default=0) < 0 or size != held:
+                raise BadArchive(f"array {name} of shape {shape} needs {in_mib(size)}, and {in_mib(held)} are there")
+            if size > kind.largest_bytes:
+                raise BadArchive(f"array {name} has {in_mib(size)}; the limit is {in_mib(kind.largest_bytes)}")
             values = np.empty(shape[::-1] if by_columns else shape, dtype)
             view = values.reshape(-1).view(np.uint8)
             for at in range(0, held, MIB):
@@ -129,14 +134,3 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kind: Arr
     except Exception as problem:  # NumPy, zipfile, zlib and Python's own parser each raise errors of their own
         raise BadArchive(f"array {name} is damaged ({type(problem).__name__})") from problem
     return values.T if by_columns else values
-
-
-def _check_shape(name: str, kind: ArrayKind, shape: tuple[int, ...], dtype: np.dtype[Any], held: int) -> None:
-    if dtype != np.dtype(kind.dtype) or len(shape) != kind.dimensions:
-        wanted = f"{np.dtype(kind.dtype)} with {kind.dimensions} dimensions"
-        raise BadArchive(f"array {name} is {dtype} with {len(shape)} dimensions, not {wanted}")
-    size = math.prod(shape) * dtype.itemsize
-    if min(shape, default=0) < 0 or size != held:
-        raise BadArchive(f"array {name} of shape {shape} needs {in_mib(size)}, and {in_mib(held)} are there")
-    if size > kind.largest_bytes:
-        raise BadArchive(f"array {name} has {in_mib(size)}; the limit is {in_mib(kind.largest_bytes)}")

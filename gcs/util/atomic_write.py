@@ -1,7 +1,5 @@
 """Atomic file replacement: after a failure or a power cut the file is the old one or the new one, never half of one."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from pathlib import Path

@@ -3,8 +3,6 @@
 So no pipe blocks a command, and no device fills the memory. JSON has bounds on the number of values and on nesting.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import stat

@@ -1,7 +1,5 @@
 """Untrusted Parquet: rows, columns and unpacked sizes are checked in its directory before anything is unpacked."""
 
-from __future__ import annotations
-
 import io
 
 import pyarrow.parquet as pq

@@ -1,7 +1,5 @@
 """Untrusted XML: no document type, no entities, and bounds on the number of elements and on nesting."""
 
-from __future__ import annotations
-
 from typing import NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat

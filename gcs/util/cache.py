@@ -1,7 +1,5 @@
 """A cache of results by content: a plan that is loaded again is not verified again."""
 
-from __future__ import annotations
-
 import functools
 from collections import OrderedDict
 from collections.abc import Callable, Hashable

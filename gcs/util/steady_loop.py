@@ -6,8 +6,6 @@ in the program measures its peers and never the program. The vehicles' own clock
 compared with `host_s`, which counts everything.
 """
 
-from __future__ import annotations
-
 import asyncio
 import selectors
 import time

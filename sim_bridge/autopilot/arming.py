@@ -1,7 +1,5 @@
 """Start-up and arming: the reasons against arming, the spin-up of the motors, and idle disarming."""
 
-from __future__ import annotations
-
 import math
 
 from gcs.mavlink import Severity
@@ -12,6 +10,7 @@ _NOTHING: frozenset[Milestone] = frozenset()
 _CHECK_PERIOD_S = 1.0  # between two runs of the arming checks
 _REPORT_PERIOD_S = 30.0  # between two reports of the same failed checks
 _CHANGE_REPORT_S = 4.0  # minimum time since the last report before a newly failed check is reported
+_UNHEALTHY = "Accels inconsistent"
 _ARM_IN_AUTO, _TAKE_OFF_AT_ONCE = 1, 2  # bits of AUTO_OPTIONS
 
 
@@ -68,7 +67,7 @@ class Arming:
         self._event_queue = event_queue
         self.armed = False
         self.options = 0
-        self.refuses = False  # a fault
+        self.refuses = self.fails_checks = False  # faults
         self._armed_s = -math.inf
         self._idle_since_s = math.inf
         self._next_check_s = self._reported_s = -math.inf
@@ -106,8 +105,8 @@ class Arming:
             reasons.append("Need Position Estimate")
         if not reasons and not self._readiness.reached(Milestone.CHECKED):
             reasons.append("Need Position Estimate")
-        if trying and self.refuses:
-            reasons.append("Accels inconsistent")
+        if self.fails_checks or (trying and self.refuses):
+            reasons.append(_UNHEALTHY)
         if mode.intent is Intent.MISSION and not has_mission:
             reasons.append("Mode requires mission")
         elif (trying or self._traits.status_shows_armable) and not self._allowed(mode, has_stream=has_stream):
@@ -131,7 +130,8 @@ class Arming:
         if not passed and (since_s >= _REPORT_PERIOD_S or (before and since_s >= _CHANGE_REPORT_S)):
             self._reported_s = t_s
             for reason in reasons:
-                self._event_queue.add_text(Note.CHECKS_FAIL, reason=reason)
+                note = Note.SENSOR_FAILS if reason == _UNHEALTHY else Note.CHECKS_FAIL
+                self._event_queue.add_text(note, reason=reason)
 
     @property
     def next_check_s(self) -> float:

@@ -7,8 +7,6 @@ and ground contact, never the true state.
     armed, idle --idle_disarm_s, or soon after landing--> disarmed
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Events of an autopilot, and their STATUSTEXT queue."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gcs.mavlink import Severity

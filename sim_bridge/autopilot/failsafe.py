@@ -5,8 +5,6 @@ the ground station is measured in wall time `now_s`, because links are real; eve
 autopilot itself detects the loss of a setpoint stream (`OffboardTimeout`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,6 +28,7 @@ class Breach(IntEnum):
     BOUNDARY = 3
 
 
+_CHARGE_STATES = {Note.BATTERY_LOW: 2, Note.BATTERY_CRITICAL: 3, Note.BATTERY_EMERGENCY: 4}
 _NAMES = {_HEIGHT: "Max Alt", _RADIUS: "Circle", _SHAPES: "Polygon"}
 
 
@@ -94,6 +93,11 @@ class Failsafe:
         if self._autopilot.flying:
             self._watch_fence(t_s, readings.place_ned_m)
         self._watch_estimate(t_s, readings.healthy)
+
+    @property
+    def charge_state(self) -> int:
+        """MAV_BATTERY_CHARGE_STATE of the battery failsafes so far: 1 is OK."""
+        return max((_CHARGE_STATES[note] for note in self._low), default=1)
 
     @property
     def fenced(self) -> bool:

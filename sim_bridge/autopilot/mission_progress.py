@@ -4,8 +4,6 @@ Paths (`sim_bridge.autopilot.guidance.path_generator`) count items as ArduPilot 
 without that item, one is added in front.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from enum import IntEnum

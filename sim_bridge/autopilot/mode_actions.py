@@ -1,7 +1,5 @@
 """Actions at mode changes: take-off, mission, return, landing, hold, setpoints."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace

@@ -4,8 +4,6 @@ The true state goes to the sensors and to the assessment of a flight, never to t
 components first, (12, V), so that a component is one contiguous row; outside, vehicles come first.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor

@@ -7,8 +7,6 @@ Eq. 1, and the controller compensates them: that is the integral action. The lim
 lost thrust of a weak motor is added on top.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

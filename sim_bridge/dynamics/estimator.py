@@ -11,8 +11,6 @@ GATE_TIMEOUT_S without a break, the filter is assumed to be wrong and is reset t
 and reports its accuracy (`Accuracy`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ No gain is tuned by hand. The weight of each state is one over the error that ma
 feedback. A strong vehicle is limited to the bandwidth that a GNSS-aided estimate and steps of 20 ms support.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The true motion of the vehicles: the rotors, Eq. 1, the ground, and the specific force an inertial unit senses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

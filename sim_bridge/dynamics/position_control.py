@@ -5,8 +5,6 @@ linear law, far from it a stable one. Where no stage is at a limit, nearly alway
 probing the limited law.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Vehicle presets: body, limits, propellers and battery of known types, for what a scenario leaves out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import MappingProxyType
 

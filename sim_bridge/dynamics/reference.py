@@ -1,7 +1,5 @@
 """The reference of a fleet at one time: the flat outputs of every vehicle and their derivatives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

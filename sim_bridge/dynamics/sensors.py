@@ -6,8 +6,6 @@ of a vehicle depend on the seed and on its row, never on the number of vehicles.
 not streams: after an outage the errors are those of a flight without one.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from types import MappingProxyType

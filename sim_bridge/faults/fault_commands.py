@@ -12,8 +12,6 @@ emulator, not for the vehicle. They bypass the link faults of the vehicle; other
     7  duration, simulated s; 0 for no end
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ WHEN is `A..B` or `A`, in simulated seconds after take-off. `start:A..B` counts 
 `upload:N` begins when item N of an upload arrives. Without WHEN the fault is always active.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib
@@ -132,11 +130,13 @@ REFUSE = FaultKind("refuse-commands", 19, "every command is refused")
 IGNORE = FaultKind("ignore-commands", 20, "no command is carried out or acknowledged")
 CLOCK_JUMP = FaultKind("clock-jump", 21, "GNSS time is ahead by this, fixes are not", (Value("ahead_s", -1e6, 1e6),))
 REFUSE_ARMING = FaultKind("refuse-arming", 22, "arming is refused, with a text that gives the reason")
+FAIL_CHECKS = FaultKind("fail-checks", 23, "arming checks fail: the PREARM bit is off, and a text gives the reason")
+SAG = FaultKind("sag", 24, "the battery's voltage is lower by this", (Value("volt", 0.0, 100.0),))
 
 KINDS = (
     *(LOSS, DUPLICATE, REORDER, CORRUPT, DELAY, SILENT, DIE, REJECT_MISSION, REBOOT),
     *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH, WRONG_CRC, REFUSE, IGNORE, CLOCK_JUMP),
-    REFUSE_ARMING,
+    *(REFUSE_ARMING, FAIL_CHECKS, SAG),
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}
 _WHOLE = frozenset({"motor", "sensor"})

@@ -123,6 +123,8 @@ class FaultInjector:
             vehicle.files.wrong_checksums = f.WRONG_CRC in kinds
         vehicle.commands.refuses, vehicle.commands.ignores = f.REFUSE in kinds, f.IGNORE in kinds
         vehicle.autopilot.arming.refuses = f.REFUSE_ARMING in kinds
+        vehicle.autopilot.arming.fails_checks = f.FAIL_CHECKS in kinds
+        vehicle.instruments.sag_V = sum(fault.values[0] for fault in active if fault.kind is f.SAG)
         vehicle.gnss_ahead_s = sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP)
         if row in self.radios:
             radio = self.radios[row]

@@ -6,8 +6,6 @@ lose the same setpoints all the same. For the same reason delays are simulated t
 signature, which contains a time of day, are not part of the content.
 """
 
-from __future__ import annotations
-
 import heapq
 import struct
 from collections import OrderedDict

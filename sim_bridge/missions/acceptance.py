@@ -1,7 +1,5 @@
 """Acceptance and storage of mission items."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fences: polygons and circles from mission items, their validity, and whether a position violates them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ A file is invalid with another magic number, with a count of items that does not
 is all zeros: a part that never arrived.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 

@@ -3,8 +3,6 @@
 Which parameters of an item are stored, and as what, is recorded; the rest is from the published sources.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

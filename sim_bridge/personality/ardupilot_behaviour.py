@@ -4,8 +4,6 @@ It is ready after 4 s, not 40: the real one waits for the slow start of its GNSS
 ground station.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from gcs.autopilots.ardupilot import ARDUPILOT as ROW
@@ -126,7 +124,7 @@ _WORDS = {
     Note.DISARMED_IDLE: (Severity.INFO, "Disarming motors"),
     Note.DISARMED_LANDED: (Severity.INFO, "Disarming motors"),
     Note.ARM_REFUSED: (Severity.CRITICAL, "Arm: {reason}"),
-    Note.CHECKS_FAIL: (Severity.CRITICAL, "PreArm: {reason}"),
+    **dict.fromkeys((Note.CHECKS_FAIL, Note.SENSOR_FAILS), (Severity.CRITICAL, "PreArm: {reason}")),
     Note.MODE_UNKNOWN: (Severity.WARNING, "No such mode {mode}"),
     Note.MODE_REFUSED: (Severity.WARNING, "Mode change to {mode} failed: init failed"),
     Note.MISSION_REFUSED: (Severity.CRITICAL, "Auto: Missing Takeoff Cmd"),
@@ -171,6 +169,7 @@ _FAILSAFES = FailsafeSettings(
     ),
     stream={},
     estimate=EstimateFailsafe(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
+    low_is_critical=True,
 )
 
 _STREAMS = StreamTraits(

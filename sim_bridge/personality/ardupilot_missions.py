@@ -4,8 +4,6 @@ Each type is transferred by itself, in parallel with the others. Items of missio
 one: after an interrupted transfer the new items are followed by old ones. A fence is stored as a whole.
 """
 
-from __future__ import annotations
-
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
 from sim_bridge.missions.transfer_traits import (

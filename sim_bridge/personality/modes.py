@@ -1,7 +1,5 @@
 """The parts of a personality: flight modes, start-up stages, occasions for texts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -108,6 +106,7 @@ class Note(Enum):
     DISARMED_LANDED = auto()
     ARM_REFUSED = auto()  # {reason}
     CHECKS_FAIL = auto()  # {reason}: of a periodic check, without an attempt to arm
+    SENSOR_FAILS = auto()  # {reason}: the same, of a sensor
     DISARM_REFUSED = auto()
     MODE_UNKNOWN = auto()  # {mode}: number
     MODE_REFUSED = auto()  # {mode}: name

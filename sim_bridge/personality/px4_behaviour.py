@@ -3,8 +3,6 @@
 Texts that are also sent as an event end in a tab.
 """
 
-from __future__ import annotations
-
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import (
     PX4_HOLD,
@@ -89,6 +87,7 @@ _WORDS = {
     Note.DISARMED_IDLE: (Severity.INFO, "Disarmed by auto preflight disarming\t"),
     Note.DISARMED_LANDED: (Severity.INFO, "Disarmed by landing\t"),
     Note.ARM_REFUSED: (Severity.CRITICAL, "Arming denied: Resolve system health failures first\t"),
+    Note.SENSOR_FAILS: (Severity.CRITICAL, "Preflight Fail: Accel 0 uncalibrated"),
     Note.DISARM_REFUSED: (Severity.CRITICAL, "Disarming denied: not landed\t"),
     Note.MODE_REFUSED: (Severity.CRITICAL, "Switching to mode '{mode}' is currently not possible\t"),
     Note.LIFTED_OFF: (Severity.INFO, "Takeoff detected\t"),

@@ -4,8 +4,6 @@ There is one transfer in total, downloads included. An upload replaces the old i
 numbers are accepted unchecked: NaN altitudes and impossible positions are stored, and read back.
 """
 
-from __future__ import annotations
-
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
 from sim_bridge.missions.transfer_traits import MissionAnswer, MissionTraits, StorageTraits, fence_params, px4_params

@@ -121,6 +121,7 @@ class FailsafeSettings:
     fence: FenceFailsafe
     stream: Actions  # the setpoint stream is lost
     estimate: EstimateFailsafe
+    low_is_critical: bool = False  # system_status is critical at a low battery, whatever is done about it
 
 
 class Param(NamedTuple):

@@ -1,7 +1,5 @@
 """Carries out COMMAND_LONG and COMMAND_INT, and acknowledges them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -118,7 +116,8 @@ class CommandServer:
             self._task = None
             return [command_ack(task.command, MavResult.ACCEPTED, progress=100)]
         task.report_s = min(t_s + _PROGRESS_PERIOD_S, task.end_s)
-        return [self._progress(task, t_s)]
+        done = 100 - math.ceil(100.0 * (task.end_s - t_s) / _FORMAT_S)
+        return [command_ack(task.command, MavResult.IN_PROGRESS, progress=min(max(done, 0), 99))]
 
     @property
     def busy(self) -> bool:
@@ -198,10 +197,6 @@ class CommandServer:
             return CommandAnswer(MavResult.FAILED)
         self._task = _Task(message, t_s + _FORMAT_S, t_s + _PROGRESS_PERIOD_S)
         return CommandAnswer(MavResult.IN_PROGRESS)
-
-    def _progress(self, task: _Task, t_s: float) -> Message:
-        done = 100 - math.ceil(100.0 * (task.end_s - t_s) / _FORMAT_S)
-        return command_ack(task.command, MavResult.IN_PROGRESS, progress=min(max(done, 0), 99))
 
     def _place(self, request: Request, default: int) -> Array | None:
         """Return the common local NED position of a command; None if it is invalid.

@@ -46,7 +46,7 @@ class Conversation:
     ) -> None:
         self.station = Station(sysid, _COMPID)
         self.autopilot = autopilot
-        self._instruments = instruments
+        self.instruments = instruments
         self._personality = personality
         self._failsafe = Failsafe(autopilot)
         self._telemetry = Telemetry(Sources(instruments, autopilot, self._failsafe, personality))
@@ -71,12 +71,12 @@ class Conversation:
     @property
     def gnss_ahead_s(self) -> float:
         """A fault: its GNSS time is ahead of that of the others."""
-        return self._instruments.gnss_ahead_s
+        return self.instruments.gnss_ahead_s
 
     @gnss_ahead_s.setter
     def gnss_ahead_s(self, ahead_s: float) -> None:
-        self._instruments.gnss_ahead_s = ahead_s
-        self.autopilot.mode_actions.set_clock(self._instruments.unix_at_0_s)
+        self.instruments.gnss_ahead_s = ahead_s
+        self.autopilot.mode_actions.set_clock(self.instruments.unix_at_0_s)
 
     def die(self) -> None:
         """Act on a fault: the motors stop until the end, and the vehicle sends nothing more."""
@@ -102,7 +102,7 @@ class Conversation:
 
     def simulated_s(self, boot_ms: int) -> float:
         """Return the simulated time of a time of the vehicle's boot clock."""
-        return self._instruments.simulated_s(boot_ms)
+        return self.instruments.simulated_s(boot_ms)
 
     def signature(self, now_s: float) -> Signature | None:
         """Return the signature for the next frame; None while signing is off."""
@@ -111,7 +111,7 @@ class Conversation:
     @property
     def speaks(self) -> bool:
         """Whether the vehicle is on, and sends."""
-        return self._heard and not self.dead and self._instruments.t_s >= self.on_from_s
+        return self._heard and not self.dead and self.instruments.t_s >= self.on_from_s
 
     def reminders(self) -> list[Message]:
         """Return what a station needs that is waited for: a new one finds the vehicle, a late one knows its time."""
@@ -122,7 +122,7 @@ class Conversation:
         any_component = self._personality.replies.any_component
         if self.dead or not message.is_for(Station(self.station.sysid, 0 if any_component else _COMPID)):
             return []
-        if self._instruments.t_s < self.on_from_s:
+        if self.instruments.t_s < self.on_from_s:
             return []
         if not self._signing.accepts(message.raw, now_s):
             return []
@@ -136,9 +136,9 @@ class Conversation:
             self._take_setpoint(message)
             return []
         if name in ("COMMAND_LONG", "COMMAND_INT"):
-            return self.commands.receive(message, self._instruments.t_s, now_s)
+            return self.commands.receive(message, self.instruments.t_s, now_s)
         if name == "MISSION_SET_CURRENT":
-            self.autopilot.set_current(self._instruments.t_s, message.fields["seq"])
+            self.autopilot.set_current(self.instruments.t_s, message.fields["seq"])
             return self._telemetry.build(MessageId.MISSION_CURRENT)
         if name.startswith("MISSION_"):
             self.store.current_seq = self.autopilot.current_seq
@@ -156,7 +156,7 @@ class Conversation:
                 self._signing.set_up(key, int(message.fields["initial_timestamp"]), now_s)
             return []
         if name == "SET_MODE":
-            result = self.autopilot.set_mode(self._instruments.t_s, message.fields["custom_mode"])
+            result = self.autopilot.set_mode(self.instruments.t_s, message.fields["custom_mode"])
             command = self._personality.replies.set_mode_command
             return [command_ack(Message(name, {"command": command}, *message.source), result)]
         if name == "REQUEST_DATA_STREAM":
@@ -168,17 +168,17 @@ class Conversation:
 
     def step(self, t_s: float, now_s: float, landed: bool) -> Sequence[Message]:
         """Let the autopilot decide at `t_s`; return the messages to send."""
-        self._instruments.t_s = t_s
+        self.instruments.t_s = t_s
         if t_s < self.on_from_s:
             return _NO_MESSAGES
         autopilot = self.autopilot
-        autopilot.step(t_s, landed, self._instruments.healthy)
+        autopilot.step(t_s, landed, self.instruments.healthy)
         if self.dead:
             autopilot.events.clear()
             return _NO_MESSAGES
         messages: list[Message] = self._telemetry.due(t_s)
         if self._failsafe.due(t_s):
-            self._failsafe.step(t_s, now_s, self._instruments.readings)
+            self._failsafe.step(t_s, now_s, self.instruments.readings)
         if self.commands.busy:
             messages += self.commands.step(t_s)
         if self.store.waits:
@@ -201,15 +201,15 @@ class Conversation:
                 case ModeChanged() if replies.heartbeat_on_change:
                     messages += self._telemetry.build(MessageId.HEARTBEAT)
                 case Placed():
-                    self.store.move_home(self._instruments.place(self.autopilot.path_generator.home_ned_m))
+                    self.store.move_home(self.instruments.place(self.autopilot.path_generator.home_ned_m))
                     both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION) if replies.announces_home else ()
                     messages += self._telemetry.build(*both)
         self.autopilot.events[:] = too_early
         return messages if self._heard else [m for m in messages if m.name == "HEARTBEAT"]
 
     def _take_setpoint(self, message: Message) -> None:
-        autopilot, t_s = self.autopilot, self._instruments.t_s
-        read = setpoint_in(message, self._instruments, autopilot.piece.at(t_s), autopilot.path_generator.home_ned_m)
+        autopilot, t_s = self.autopilot, self.instruments.t_s
+        read = setpoint_in(message, self.instruments, autopilot.piece.at(t_s), autopilot.path_generator.home_ned_m)
         if read is not None:
             setpoint, to_rest = read
             autopilot.follow(t_s, setpoint, to_rest=to_rest)
@@ -217,9 +217,9 @@ class Conversation:
     def _on_stored(self, kind: int, items: Sequence[MissionItem]) -> None:
         """Apply a new mission, fence or set of rally points."""
         if kind == MissionType.FENCE:
-            self._failsafe.fence(shapes(items, self._instruments.origin))
+            self._failsafe.fence(shapes(items, self.instruments.origin))
         if kind == MissionType.RALLY:
-            self.autopilot.mode_actions.rally(places(self.store.usable_rally(tuple(items)), self._instruments.origin))
+            self.autopilot.mode_actions.rally(places(self.store.usable_rally(tuple(items)), self.instruments.origin))
         if kind == MissionType.MISSION:  # PX4 accepts missions that cannot be flown
             self.autopilot.set_mission(items if flyable(items) else ())
         total = self._personality.missions.storage[kind].total
@@ -240,7 +240,7 @@ class Conversation:
 
     @property
     def _boot_ns(self) -> int:
-        return self._instruments.boot_ms * 1_000_000
+        return self.instruments.boot_ms * 1_000_000
 
     def _apply_params(self) -> None:
         settings = self._params.settings()

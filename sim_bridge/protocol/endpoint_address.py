@@ -1,7 +1,5 @@
 """Parses endpoint texts (`udpout:HOST:PORT`, `udpin:PORT`, `tcpin:PORT`, `pty`) and limits them to this machine."""
 
-from __future__ import annotations
-
 import ipaddress
 from dataclasses import dataclass
 from enum import StrEnum

@@ -8,8 +8,6 @@
 - Written files may have holes, which read as zeros.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 from gcs.link.protocols.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, read_payload
@@ -58,7 +56,8 @@ class FileServer:
         request = read_payload(message)
         peer = message.source
         if request is None:
-            seq, session, opcode = _numbers(message)
+            raw = bytes(message.fields["payload"]).ljust(4, b"\0")
+            seq, session, opcode = int.from_bytes(raw[:2], "little"), raw[2], raw[3]
             request = FtpPayload(seq, session, opcode)
             return self._reply(peer, [_nak(request, FtpError.INVALID_DATA_SIZE)], now_s)
         if request.opcode in (FtpOpcode.ACK, FtpOpcode.NAK):
@@ -174,11 +173,6 @@ class FileServer:
         closed, self._open = self._open, None
         if closed is not None and closed.writing:
             self._files.write(closed.path, bytes(closed.contents))
-
-
-def _numbers(message: Message) -> tuple[int, int, int]:
-    raw = bytes(message.fields["payload"]).ljust(4, b"\0")
-    return int.from_bytes(raw[:2], "little"), raw[2], raw[3]
 
 
 def _path(request: FtpPayload) -> str:

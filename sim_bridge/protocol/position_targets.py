@@ -1,7 +1,5 @@
 """Converts SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT to setpoints. Values that are NaN or too large are refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

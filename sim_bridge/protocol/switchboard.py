@@ -3,8 +3,6 @@
 Nothing waits for a ground station that does not read: what does not fit is lost, whole frames at a time.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import os

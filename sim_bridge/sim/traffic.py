@@ -5,8 +5,6 @@ It departs when it arrives here. A setpoint that carries its time departs `LEAD_
 earlier the ground station sent it. So the same setpoints are equally late in every run, and a delay above that shows.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,7 +1,5 @@
 """Builds the vehicles of a scenario: bodies on their pads, and an autopilot for each."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

@@ -8,8 +8,6 @@ A step is 20 ms of simulated time. `speedup` sets how fast steps follow one anot
 - the machine: a step it cannot do in time is made up for later, up to a limit (`Pace`).
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 import time

@@ -17,8 +17,9 @@ from gcs.errors import UsageError
 from gcs.flight.execution.single_vehicle import control_of
 from gcs.flight.setup.build_loads import build_loads
 from gcs.link.session.connection import BACKENDS, Connection
+from gcs.link.session.load_before import give_back, read_before
 from gcs.link.session.mavsdk_vehicle import mavsdk_url
-from gcs.link.session.upload_fleet import UploadFailed, preview, restore, upload_fleet
+from gcs.link.session.upload_fleet import UploadFailed, preview, upload_fleet
 from gcs.link.session.vehicle_api import Loadable, Setpoint
 from gcs.link.session.vehicle_load import read_onboard
 from gcs.plan.trajectory.plan import Plan
@@ -75,14 +76,17 @@ def test_everything_is_loaded_read_and_put_back(
         async with vehicles(make, backend, autopilot) as found:
             before = await preview(found, loads)
             assert before
+            old = await read_before(found, loads)
             held = await upload_fleet(found, loads, hop.hash)
             held.require(hop.hash, SYSIDS)
             assert held.changes == before
             for load in loads:
                 assert (await read_onboard(found[load.sysid])).differences(load) == []
             assert await preview(found, loads) == ()
-            await restore(found, held.changes)
+            missing = await give_back(found, old)
+            assert missing == () or backend == "mavsdk", "MAVSDK clears missions alone on PX4"
             assert await preview(found, loads) == before
+            assert (await read_onboard(found[1])).mission == ()
 
     run(backend, scene())
 

@@ -71,6 +71,8 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "wind=0,4,-1": lambda fleet, row: fleet.airframes.wind_ned_mps[row].tolist() == [0.0, 4.0, -1.0],
     "refuse-commands": lambda fleet, row: fleet.vehicles[row].commands.refuses,
     "refuse-arming": lambda fleet, row: fleet.vehicles[row].autopilot.arming.refuses,
+    "sag=2": lambda fleet, row: fleet.vehicles[row].instruments.sag_V == 2.0,
+    "fail-checks": lambda fleet, row: fleet.vehicles[row].autopilot.arming.fails_checks,
     "ignore-commands": lambda fleet, row: fleet.vehicles[row].commands.ignores,
     "wrong-crc": lambda fleet, row: fleet.vehicles[row].files.wrong_checksums,
     "clock-jump=20": lambda fleet, row: fleet.vehicles[row].gnss_ahead_s == 20.0,

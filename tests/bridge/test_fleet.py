@@ -13,7 +13,7 @@ from gcs.link.endpoints.endpoint import UdpEndpoint
 from gcs.link.protocols.command import CommandRefused, command_ack
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.mission.receiver import MissionReceiver
-from gcs.link.protocols.mission.rules import MissionRefused, mission_ack
+from gcs.link.protocols.mission.rules import MissionRefused
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
 from gcs.link.session.routing_table import DuplicateSystemId
@@ -52,7 +52,7 @@ class Vehicle:
         self.mute = False
         self.swallow_ack = False
         self.spoil = lambda items: items
-        self.refuses = None  # the number of an item
+        self.refuses = None
 
     def say(self, *messages):
         for message in messages:
@@ -66,6 +66,10 @@ class Vehicle:
                 continue
             if message.name == "MISSION_COUNT":
                 self.machine = MissionReceiver(self.exchange)
+            elif message.name == "MISSION_ITEM_INT" and message.fields["seq"] == self.refuses:
+                result = {"type": MissionResult.UNSUPPORTED, "mission_type": 0}
+                self.say(Message("MISSION_ACK", {**GROUND.target, **result}))
+                continue
             elif message.name == "MISSION_REQUEST_LIST":
                 self.machine = MissionSender(self.stored, self.exchange)
                 self.say(*self.machine.start(now_s))
@@ -78,9 +82,6 @@ class Vehicle:
                 elif message.fields["command"] == 512:
                     self.say(command_ack(message, MavResult.ACCEPTED), Message("MISSION_CURRENT", {"seq": 7}))
                 continue
-            if self.refuses is not None and message.fields.get("seq") == self.refuses:
-                self.say(mission_ack(GROUND, MissionResult.UNSUPPORTED, 0))
-                self.machine = None
             if self.machine is not None:
                 self.say(*self.machine.receive(message, now_s))
                 if isinstance(self.machine, MissionReceiver) and self.machine.done and not self.machine.error:

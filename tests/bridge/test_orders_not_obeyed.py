@@ -19,7 +19,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from sim_bridge.sim.world import World
-from tests.bridge.flying import Flown, fly, hop_scenario, take_over
+from tests.bridge.flying import Flown, fly, hop_scenario, step_aside, take_over
 from tests.bridge.test_mishaps import came_home, flew_on
 
 STICKS_US = (1500, 1500, 1000, 1500, 1500, 1500, 1500, 1500)
@@ -114,3 +114,20 @@ def test_a_vehicle_that_a_pilot_took_over_is_watched_and_gets_no_order(hop: Plan
     assert flown.world.vehicles[1].autopilot.mode.number == CopterMode.RTL  # nobody ordered another mode
     assert np.linalg.norm(flown.places[1, -1] - flown.plan.pads_ned_m[1]) < 1.0
     all_are_down(flown)  # the flight waited for it
+
+
+def test_progress_names_the_vehicle_that_a_pilot_still_flies_when_all_others_have_landed(field: Scenario) -> None:
+    phases: list[str] = []
+
+    def pilot(world: World, flight: FlightSequence) -> None:
+        t_s, mode = flight.monitor.plan_time_s, world.vehicles[1].autopilot.mode.number
+        if (now := flight.snapshot().phase) not in phases[-1:]:
+            phases.append(now)
+        if t_s is not None and t_s > 4.0 and mode == CopterMode.GUIDED:
+            take_over(world, 2, CopterMode.LOITER)
+        elif "pilot" in phases[-1]:
+            take_over(world, 2, CopterMode.LAND)
+
+    flown = fly(make_plan(step_aside(field)), during=pilot)
+    assert "released" in flown.orders(2)
+    assert phases[-4:-2] == ["landing", "vehicle 2 flown by a pilot"], phases

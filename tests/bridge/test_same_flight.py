@@ -46,7 +46,7 @@ def flown(seed: int, latest_s: float) -> np.ndarray:
         pilot.set_mode(fleet.t_s, CopterMode.GUIDED)
         assert pilot.arm(fleet.t_s, fleet.airframes.estimate[0]) == MavResult.ACCEPTED
         pilot.take_off(fleet.t_s, 3.0)
-        boot_ms = vehicle._instruments.boot_offset_ms
+        boot_ms = vehicle.instruments.boot_offset_ms
         states, sent, ahead_s, waited = [], 0, 0.7, 0
 
         def send() -> None:
@@ -94,7 +94,7 @@ def test_time_stands_still_for_a_late_stream_and_says_so_again() -> None:
                 fleet.step()
 
             def send(t_s: float) -> None:
-                vehicle.receive(setpoint(t_s, vehicle._instruments.boot_offset_ms + round(1e3 * (BEGINS_S + t_s))), 0.0)
+                vehicle.receive(setpoint(t_s, vehicle.instruments.boot_offset_ms + round(1e3 * (BEGINS_S + t_s))), 0.0)
 
             send(0.2)
             flying = threading.Thread(target=fleet.run)

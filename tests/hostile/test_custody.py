@@ -1,4 +1,4 @@
-"""A ground station orders nothing to vehicles that it did not arm: it is refused, stopped or not confirmed in silence.
+"""A ground station changes nothing on vehicles that it did not arm, be it refused, stopped or not confirmed.
 
 The vehicles have several links. One carries a flight, which must go on undisturbed.
 """
@@ -17,7 +17,7 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.link.wire.codec import Codec
-from gcs.mavlink import MavCommand
+from gcs.mavlink import MavCommand, MissionType
 from gcs.plan.plan_file import save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
@@ -25,20 +25,29 @@ from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World
+from tests.air import mission_of
 from tests.bridge.flying import say
 from tests.fleets import free_port, wait_until
 from tests.hostile.conftest import SPEEDUP, MakeStill, MakeVehicles, all_down
 from tests.hostile.ground import PATIENCE_S, Ground, fly_arguments
 
 GROUND_STATION = 255
-READS = {"HEARTBEAT", "PING", "TIMESYNC", "PARAM_REQUEST_READ", "PARAM_REQUEST_LIST"}
-ASKS = {MavCommand.SET_MESSAGE_INTERVAL, MavCommand.REQUEST_MESSAGE}
+READS = {"MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_ACK"}  # of what was on board before
+CHANGES_NOTHING = READS | {
+    "HEARTBEAT",
+    "PING",
+    "TIMESYNC",
+    "PARAM_REQUEST_READ",
+    "PARAM_REQUEST_LIST",
+    f"COMMAND_LONG {MavCommand.SET_MESSAGE_INTERVAL}",
+    f"COMMAND_LONG {MavCommand.REQUEST_MESSAGE}",
+}
 GUIDED = 4
 WAIVED = [f"--waive={name}" for name in ("disarmed", "pad", "height", "home", "local frame", "messages", "sensors")]
 
 
 def sent(flights: Path) -> Counter[str]:
-    """What the ground station of the only flight in a folder sent that is more than a question."""
+    """What the ground station of the only flight in a folder sent, commands with their number."""
     (log,) = flights.glob("*/telemetry.tlog")
     data, codec, found = log.read_bytes(), Codec(1, 1), Counter[str]()
     at = 0
@@ -46,9 +55,8 @@ def sent(flights: Path) -> Counter[str]:
         at += struct.calcsize(">Q")
         length = 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
         for message in codec.decode(data[at : at + length], None):
-            asks = message.name == "COMMAND_LONG" and int(message.fields["command"]) in ASKS
-            if message.sysid == GROUND_STATION and message.name not in READS and not asks:
-                found[f"{message.name} {message.fields.get('command', '')}"] += 1
+            if message.sysid == GROUND_STATION:
+                found[f"{message.name} {message.fields.get('command', '')}".strip()] += 1
         at += length
     return found
 
@@ -101,13 +109,13 @@ def test_further_flights_of_vehicles_that_fly_leave_them_alone(
     assert "disarmed: armed (required: disarmed)" in ended[0].output
     assert "armed, and not by this flight" in ended[1].output
     for port in others:
-        assert not sent(tmp_path / str(port))
+        assert not sent(tmp_path / str(port)).keys() - CHANGES_NOTHING
     assert sent(tmp_path / "own")["COMMAND_LONG 400"] >= 3  # the log has what is sent
     assert done.code == (0 if to_its_end else 128 + signal.SIGINT), done.output
     assert all_down(world)
 
 
-def test_a_flight_that_is_not_confirmed_sends_nothing(
+def test_a_flight_that_is_not_confirmed_reads_what_is_on_board_and_changes_nothing(
     still: MakeStill,
     hop_file: Path,
     tmp_path: Path,
@@ -115,6 +123,8 @@ def test_a_flight_that_is_not_confirmed_sends_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     fleet, port = still()
+    stored = fleet._world.vehicles[0].store
+    stored._items[MissionType.MISSION] = mission_of(12, seed=1)  # home is the first
     arguments = [str(one) for one in fly_arguments(hop_file, port, tmp_path) if one != "--yes-arm"]
     with Path("/dev/null").open() as nobody:
         monkeypatch.setattr("sys.stdin", nobody)
@@ -122,7 +132,11 @@ def test_a_flight_that_is_not_confirmed_sends_nothing(
     said = "".join(capsys.readouterr())
     assert code == 2, said
     assert "not armed" in said
-    assert not sent(tmp_path)
+    assert "vehicle 1: mission of 11 items" in said
+    assert stored.items()[1:] == mission_of(12, seed=1)[1:]
+    messages = sent(tmp_path).keys()
+    assert messages >= READS
+    assert not messages - CHANGES_NOTHING
     assert not any(vehicle.autopilot.armed for vehicle in fleet._world.vehicles)
 
 
@@ -143,7 +157,7 @@ def test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot(
         done = ground.ended()
     assert done.code == 9, done.output
     assert "vehicle 2: disarmed: armed" in done.output
-    assert not sent(tmp_path)
+    assert not sent(tmp_path).keys() - CHANGES_NOTHING
     with Ground("attach", "--to", tmp_path, "--land") as ground:
         nothing = ground.ended()
     assert nothing.code == 2, nothing.output

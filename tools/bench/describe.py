@@ -1,7 +1,5 @@
 """The problem of all contenders: Simulation 1's leader, from A to B or through points, as plain numbers on a mesh."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

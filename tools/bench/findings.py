@@ -1,7 +1,5 @@
 """Skein's verifier applied between the nodes of any solver's solution: margins, windows, objective on a fine grid."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

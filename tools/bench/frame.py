@@ -1,7 +1,5 @@
 """Helpers of the benchmarks: options, measurements in separate processes, medians, tables, records, ports."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

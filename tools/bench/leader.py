@@ -4,8 +4,6 @@ From A to B, or through points: a leg is a phase of free duration. Skein's equat
 live in environments without it (tests/unit/tools/test_bench.py compares the two).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 The kernel's own peak, ru_maxrss, survives exec: a small program started by a large one would seem as large.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

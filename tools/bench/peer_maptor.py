@@ -1,8 +1,6 @@
 # mypy: ignore-errors
 """The common problem in maptor: Legendre-Gauss-Radau collocation; a phase a leg, begun where the last one ends."""
 
-from __future__ import annotations
-
 import casadi as ca
 import maptor
 import numpy as np

@@ -1,8 +1,6 @@
 # mypy: ignore-errors
 """The common problem in mpopt: Legendre-Gauss-Radau collocation, at both ends of every segment too."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from mpopt import mp

@@ -1,8 +1,6 @@
 # mypy: ignore-errors
 """The common problem in pycollo: Lobatto collocation. Time is a state here: its equations may not name it."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pycollo

@@ -1,8 +1,6 @@
 # mypy: ignore-errors
 """The common problem in rockit: Legendre-Gauss collocation; its controls are piecewise linear through the joints."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from rockit import DirectCollocation, Ocp

@@ -1,8 +1,6 @@
 # mypy: ignore-errors
 """The common problem in yapss: Legendre-Gauss collocation, exact second derivatives; a phase a leg, joined by rows."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 

@@ -4,8 +4,6 @@ Peers need libraries that conflict with each other and with ours, so each has an
 first use. One that does not install, start or solve is named, with the reason, and left out.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import statistics

@@ -5,8 +5,6 @@ Run as `python -m tools.bench.skein problem.json result.json FLEET HOW`. FLEET i
 that it refines by itself; or, of a problem with points, `plan`, whole and verified, or `one_solve` by Eq. 41.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import sys

@@ -1,7 +1,5 @@
 """Figs. 6 to 22: tracks over their ground, and time histories of all vehicles with their limits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

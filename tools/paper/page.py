@@ -1,7 +1,5 @@
 """The page: sections write their measurements to paper.json, which fills docs/paper.md and the README."""
 
-from __future__ import annotations
-
 import json
 import re
 import time

@@ -1,7 +1,5 @@
 """Benchmarks against peers: how each is run, its record in docs/bench, and its tables on the page."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

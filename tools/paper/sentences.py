@@ -3,8 +3,6 @@
 W speaks of the four flights of Figs. 6 and 7 by their weights Q; A of Simulation 1; B of both simulations; C of PSO.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ A path is a cubic spline through points beside the straight line, flown at one s
 controls and no time of arrival. The search uses the optimiser's smooth envelope of the ground.
 """
 
-from __future__ import annotations
-
 import itertools
 import time
 from typing import Any, NamedTuple

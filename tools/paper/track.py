@@ -1,7 +1,5 @@
 """A leader's flight from t = 0 to its arrival on a fine grid: the angles, radii and roughness of the sentences."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The values that the paper leaves out: each is varied alone, and every sentence is judged again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ Places before and after, the paths of all vehicles between them, the information
 the flown ones.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

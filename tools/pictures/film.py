@@ -1,7 +1,5 @@
 """A flight as a film: the formation on the map, the same seen from behind, its size and clearance so far."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

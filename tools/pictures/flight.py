@@ -3,8 +3,6 @@
 Maps, size, clearance and separation over time, with a second plan beside.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

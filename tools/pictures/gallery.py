@@ -1,7 +1,5 @@
 """One of each kind of picture that `gcs show`, `gcs fly` and `gcs replay` draw, for docs/gallery.md."""
 
-from __future__ import annotations
-
 import lzma
 import shutil
 import tempfile
@@ -64,7 +62,12 @@ def write_gallery(root: Path, folder: Path) -> Iterator[Path]:
         yield _written(draw_plan(plan), folder / "plan.png")
         yield _written(draw_tracks(plan.scenario, plan.sysids, t_s, places, plan.moves), folder / "tracks.png")
         yield _written(draw_formation(plan.scenario, plan.sysids, t_s, places, shown_s(plan)), folder / "formation.png")
-        recording = load_recording(_unpacked(root / "tests/recorded/flights/px4-1.17dev-stream", there)).recording
+        for path in (root / "tests/recorded/flights/px4-1.17dev-stream").iterdir():
+            if path.suffix == ".xz":
+                (there / path.stem).write_bytes(lzma.decompress(path.read_bytes()))
+            else:
+                shutil.copyfile(path, there / path.name)
+        recording = load_recording(there).recording
         yield _written(draw_recording(recording, *recording.span_s), folder / "replay.png")
         assert recording.plan is not None
         t_s = np.arange(*recording.span_s, _STEP_S)
@@ -72,15 +75,6 @@ def write_gallery(root: Path, folder: Path) -> Iterator[Path]:
         below = None if planned is None else planned[0]
         flown = draw_map(recording.plan.scenario, recording.sysids, t_s, recording.at(t_s)[0], below)
         yield _written(flown, folder / "map.png")
-
-
-def _unpacked(flight: Path, there: Path) -> Path:
-    for path in flight.iterdir():
-        if path.suffix == ".xz":
-            (there / path.stem).write_bytes(lzma.decompress(path.read_bytes()))
-        else:
-            shutil.copyfile(path, there / path.name)
-    return there
 
 
 def _written(figure: Any, path: Path) -> Path:

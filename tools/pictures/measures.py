@@ -1,7 +1,5 @@
 """Numbers of a plan over time for the pictures: size of the formation, distance to the ground, separation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.physics.states import POSITION

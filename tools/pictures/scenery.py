@@ -3,8 +3,6 @@
 Flights of these missions go north, and pages are wider than high: maps have north to the right and east down.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The pictures of docs/tutorial.md: what its own commands draw, and the exported missions on a map."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -3,8 +3,6 @@
 Places are metres north, east and up. The image plane is vertical, so that a column of pixels is a vertical plane.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

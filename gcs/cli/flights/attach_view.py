@@ -23,6 +23,7 @@ from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry, until_placed
 from gcs.flight.monitoring.progress import FlightHooks
+from gcs.flight.recording.flight_folder import BEFORE
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
@@ -144,6 +145,8 @@ async def _take_up(
         if request.what is not Resume.SHOW:
             await resume_flight(flight, request.what, book.t0_unix_s)
             screen.say(flight.landing.words())
+            if (folder / BEFORE).exists():
+                screen.say(f"to give back what was on board before the flight: gcs restore {folder}")
             if flight.landing.not_landed():
                 raise FlightError(
                     f"{flight.landing.words()}.",

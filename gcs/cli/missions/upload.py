@@ -1,23 +1,26 @@
-"""`gcs upload` and `gcs restore`: upload to all vehicles or to none; write old parameter values back."""
+"""`gcs upload` and `gcs restore`: upload to all vehicles or to none; give back what was on board before."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.errors import counted
+from gcs.errors import GcsError, PeerError, counted
 
 if TYPE_CHECKING:
     from gcs.cli.shared.plan_argument import Stopwatch
     from gcs.link.session.connection import Connection
-    from gcs.link.session.upload_fleet import Holdings, ParameterChange
+    from gcs.link.session.load_before import LoadBefore, ParameterChange
+    from gcs.link.session.upload_fleet import Holdings
     from gcs.plan.trajectory.plan import Plan
-    from gcs.types import JsonObject
 
 FIND_S = 15.0
+_SETTLE_S = 3.0  # once one vehicle is heard, for the others
 
 
 def upload(
@@ -27,7 +30,9 @@ def upload(
     missions_only: Annotated[
         bool, shared.option("Do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
-    dry_run: Annotated[bool, shared.option("Show which parameters would change; change nothing.", "--dry-run")] = False,
+    dry_run: Annotated[
+        bool, shared.option("Show what is on board and what would change; change nothing.", "--dry-run")
+    ] = False,
     to: Annotated[Path, shared.option("Folder for the record, which `gcs restore` reads.")] = Path("uploads"),
     signing_key_file: shared.KeyOption = None,
     backend: shared.BackendOption = "skein",
@@ -48,23 +53,17 @@ def upload(
     """
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.link.protocols.mission.strategy import sent_data
+    from gcs.link.session.load_before import change_data
     from gcs.util.aio import Stoppable
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = shared.connection(link, systems, signing_key_file, transfer)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    how = {"timed": not untimed, "safety": not missions_only, "dry_run": dry_run}
-    held, changes = Stoppable().run(_upload(plan, known, screen, watch, backend=backend, **how))
-    record = None
+    record = None if dry_run else to / f"{datetime.now():%Y-%m-%d-%H%M%S}-{plan.scenario.name}.json"
+    wanted = _Upload(plan, known, backend, timed=not untimed, safety=not missions_only, record=record)
+    held, before = Stoppable().run(_upload(wanted, screen, watch))
     if held is not None:
-        from gcs.cli.shared.console import to_json
-        from gcs.util.atomic_write import atomic_write
-
-        record = to / f"{datetime.now():%Y-%m-%d-%H%M%S}-{plan.scenario.name}.json"
-        digests = {str(sysid): digest for sysid, digest in held.digests.items()}
-        data = {"format": "skein-upload", "plan_hash": held.plan_hash, "digests": digests}
-        atomic_write(record, to_json(data | {"parameters": [_change_data(one) for one in held.changes]}) + "\n")
         from rich.table import Table
 
         table = Table("vehicle", "mission sent", "why", title="missions on board, read back and equal")
@@ -73,8 +72,7 @@ def upload(
         screen.show(table)
         have = counted(len(held.digests), "vehicle has its mission", "vehicles have their missions")
         screen.say(f"{have} of plan {plan.hash[:12]}; the read-back is equal")
-        if held.changes:
-            screen.say(f"to write the old parameter values back: gcs restore {record}")
+        screen.say(f"to give back what was on board before: gcs restore {record}")
     screen.say(f"time: {watch}")
     screen.result(
         {
@@ -82,7 +80,8 @@ def upload(
             "uploaded": held is not None,
             "digests": {} if held is None else {str(k): v for k, v in held.digests.items()},
             "missions": [] if held is None else sent_data(held.sent_as),
-            "parameters": [_change_data(change) for change in changes],
+            "parameters": [change_data(change) for one in before for change in one.changes],
+            "before": [one.data() for one in before],
             "record": record,
         }
     )
@@ -90,72 +89,96 @@ def upload(
 
 
 def restore(
-    record: Annotated[Path, shared.argument("Record that `gcs upload` wrote.", "RECORD")],
+    record: Annotated[Path, shared.argument("Record that `gcs upload` wrote, or the folder of a flight.", "RECORD")],
     link: shared.LinkOption = None,
     systems: shared.MapOption = None,
     signing_key_file: shared.KeyOption = None,
     json: shared.JsonOption = False,
     debug: shared.DebugOption = False,
 ) -> int:
-    """Write back the parameter values from before an upload.
+    """Give back what was on board before an upload: parameters, missions, fences and rally points.
+
+    A vehicle that is not there, or armed, is named with what it did not get back.
 
     Examples: gcs restore uploads/2026-11-21-161530-field.json --link udpin:127.0.0.1:14550
+
+    gcs restore flights/2026-11-21-161530-field
     """
+    from gcs.flight.recording.flight_folder import BEFORE
+    from gcs.link.session.load_before import given_words, recorded_before
     from gcs.util.aio import Stoppable
 
     screen = Screen(json=json)
-    changes = read_record(record)
+    before = recorded_before(record / BEFORE if record.is_dir() else record)
     known = shared.connection(link, systems, signing_key_file)
-
-    async def put_back() -> None:
-        from gcs.link.session.upload_fleet import restore as put
-
-        async with known.open() as fleet:
-            sysids = {change.sysid for change in changes}
-            await put(await fleet.vehicles(sysids, FIND_S, systems=known.systems), changes)
-
-    Stoppable().run(put_back())
-    screen.say(counted(len(changes), "parameter has its old value", "parameters have their old values"))
-    screen.result({"restored": len(changes)})
+    missing = Stoppable().run(_give_back(known, before))
+    if missing:
+        raise PeerError("; ".join(missing) + ".", hint="run it again once they are there, disarmed and heard")
+    screen.say(given_words(before))
+    screen.result({"restored": sum(len(one.changes) for one in before), "before": [one.data() for one in before]})
     return 0
 
 
-async def _upload(
-    plan: Plan,
-    known: Connection,
-    screen: Screen,
-    watch: Stopwatch,
-    *,
-    backend: str,
-    timed: bool,
-    safety: bool,
-    dry_run: bool,
-) -> tuple[Holdings | None, tuple[ParameterChange, ...]]:
+async def _give_back(known: Connection, before: Sequence[LoadBefore]) -> tuple[str, ...]:
+    """Give back what is in a record, also if some of its vehicles are not there; return what is missing."""
+    from gcs.link.session.load_before import give_back
+
+    async with known.open() as fleet:
+        kinds = {one.sysid: one.autopilot for one in before}
+        sessions = await fleet.vehicles_left(kinds, FIND_S, settle_s=_SETTLE_S, systems=known.systems)
+        fleet.check()
+        return await give_back(sessions, before)
+
+
+@dataclass(frozen=True)
+class _Upload:
+    """What goes on board, and over which links. Without a `record` of what was there before, nothing is changed."""
+
+    plan: Plan
+    known: Connection
+    backend: str
+    timed: bool
+    safety: bool
+    record: Path | None
+
+
+async def _upload(wanted: _Upload, screen: Screen, watch: Stopwatch) -> tuple[Holdings | None, tuple[LoadBefore, ...]]:
     from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
-    from gcs.link.session.upload_fleet import preview, upload_fleet
+    from gcs.link.session.load_before import read_before, record_before, told
+    from gcs.link.session.upload_fleet import upload_fleet
 
-    async with known.open_backend(backend) as fleet:
+    plan, known = wanted.plan, wanted.known
+    async with known.open_backend(wanted.backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
         autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
-        loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
+        loads = await loads_built_aside(plan, autopilots, timed=wanted.timed, safety=wanted.safety, warn=screen.warn)
         watch.lap("missions")
-        changes = await preview(sessions, loads)
+        before = await read_before(sessions, loads, screen.say)
+        changes = [change for one in before for change in one.changes]
         why = {(c.sysid, c.before.name): reason_for(autopilots[c.sysid], c.before.name) for c in changes}
+        for line in told(before):
+            screen.say(f"on board now, {line}")
         _show(screen, changes, why)
-        watch.lap("parameters")
-        if dry_run:
-            return None, changes
-        held = await upload_fleet(
-            sessions, loads, plan.hash, lambda sysid, what: screen.say(f"vehicle {sysid} has its {what}")
-        )
+        watch.lap("on board before")
+        if (record := wanted.record) is None:
+            return None, before
+        record_before(record, plan.hash, {}, before)
+        try:
+            held = await upload_fleet(
+                sessions, loads, plan.hash, lambda sysid, what: screen.say(f"vehicle {sysid} has its {what}")
+            )
+        except GcsError:
+            screen.say(f"to give back what was on board before: gcs restore {record}")
+            raise
+        record_before(record, plan.hash, held.digests, before)
         fleet.check()
         watch.lap("upload")
-        return held, held.changes
+        return held, before
 
 
-def _show(screen: Screen, changes: tuple[ParameterChange, ...], why: dict[tuple[int, str], str]) -> None:
+def _show(screen: Screen, changes: Sequence[ParameterChange], why: dict[tuple[int, str], str]) -> None:
     if not changes:
         return
     from rich.table import Table
@@ -165,38 +188,3 @@ def _show(screen: Screen, changes: tuple[ParameterChange, ...], why: dict[tuple[
         before, after = f"{change.before.value:g}", f"{change.after.value:g}"
         table.add_row(str(change.sysid), change.before.name, before, after, why[change.sysid, change.before.name])
     screen.show(table)
-
-
-def _change_data(change: ParameterChange) -> JsonObject:
-    before, after = change.before, change.after
-    return {
-        "vehicle": change.sysid,
-        "name": before.name,
-        "before": before.value,
-        "after": after.value,
-        "type": before.kind,
-    }
-
-
-def read_record(path: Path) -> tuple[ParameterChange, ...]:
-    """The parameters that an upload changed, from its record. Raises `FileFormatError`."""
-    from gcs.errors import FileFormatError
-    from gcs.link.protocols.parameter_transfer import Parameter
-    from gcs.link.session.upload_fleet import ParameterChange
-    from gcs.util.bounded_file import UPLOAD_RECORD, read_file, read_json
-
-    hint = "name a file that `gcs upload` wrote"
-    try:
-        data = read_json(read_file(path, UPLOAD_RECORD, hint=hint))
-        if data["format"] != "skein-upload":
-            raise ValueError(data["format"])
-        found = []
-        for row in data["parameters"]:
-            name, kind = str(row["name"]), int(row["type"])
-            before, after = (Parameter(name, row[key], kind) for key in ("before", "after"))
-            if not all(isinstance(p.value, int | float) for p in (before, after)):
-                raise TypeError(name)
-            found.append(ParameterChange(int(row["vehicle"]), before, after))
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise FileFormatError(f"{path}: not the record of an upload.", hint=hint) from error
-    return tuple(found)

@@ -6,9 +6,9 @@ There are two hypotheses, and a conflict under either one counts:
   deviation, which drifts on for about half a second until its controller acts. With a mission of its own it continues
   along its own predicted track, from where it is and as much slower or faster as it is now. A vehicle off the plan
   continues straight on; that counts for `STRAIGHT_S` only, because orders make it brake and turn.
-- Both vehicles on the plan go straight on; for `FOLLOWS_S` only if followers brake with their leader. Where the plan
-  itself has two vehicles fly so towards each other that they would come within `PLANNED` times the limit, this
-  hypothesis says nothing.
+- Both vehicles on the plan go straight on. That counts for `STEERED_S` only where setpoints brake a vehicle that is off
+  its place, or where both hover: there each comes back to its own place. Where the plan itself has two vehicles fly so
+  towards each other that they would come within `PLANNED` times the limit, this hypothesis says nothing.
 
 Before T0 a vehicle climbs on at its present rate up to its hover, as far to the side of its pad as it is: gusts move
 it, and it comes back. A vehicle more than `COLUMN_M` to the side is off the plan.
@@ -31,12 +31,13 @@ from gcs.types import Array
 
 HORIZON_S, STEP_S = 6.0, 0.25
 STRAIGHT_S = 3.0
-FOLLOWS_S = 1.0  # then a follower has the speed of its leader
+STEERED_S = 1.0  # then a vehicle has the velocity that its setpoints, or its hover, ask for
+_HOVERS_MPS = 0.5  # horizontally, and slower
 PLANNED = 2.0
 FADE_S = 0.5
 COLUMN_M = 1.0
 _GRAVITY_MPS2 = 9.81
-_LOOKS = 3  # checks in a row: one noisy sample is no conflict
+_LOOKS = 3  # checks in a row with a new report: one noisy sample is no conflict
 
 
 @dataclass(frozen=True)
@@ -52,15 +53,16 @@ class SeparationWatch:
     """Checks all pairs; it reports a conflict at every check while it lasts."""
 
     def __init__(
-        self, plan: Plan, limit_m: float, tracks: PredictedTracks | None = None, *, follow: bool = False
+        self, plan: Plan, limit_m: float, tracks: PredictedTracks | None = None, *, streamed: bool = False
     ) -> None:
-        """`tracks`: of vehicles that fly missions of their own. `follow`: followers go with their leader."""
+        """`tracks`: of vehicles that fly missions of their own. `streamed`: they fly setpoints."""
         self._plan = plan
         self._limit_m = limit_m
         self._tracks = tracks
         self._hover_down_m = plan.states(np.array([plan.airborne_s]))[:, 0, POSITION][:, 2]
-        self._seen: dict[tuple[int, int], int] = {}
-        self._straight_s = FOLLOWS_S if follow else HORIZON_S
+        # checks of each pair in a row, and the times of the last reports
+        self._seen: dict[tuple[int, int], tuple[int, tuple[float, float]]] = {}
+        self._straight_s = STEERED_S if streamed else HORIZON_S
         self._ahead_s = np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S)
 
     def look(
@@ -82,6 +84,7 @@ class SeparationWatch:
         fly = np.array([i in on_plan and i not in starting for i in sysids], dtype=np.bool_)
         paths, lines, planned = self._motions([views[i] for i in sysids], t_s, unix_s, fly, starting, falling)
         late = self._ahead_s[:-1] >= STRAIGHT_S
+        hovers = np.linalg.norm(planned[:, 1, :2], axis=-1) <= _HOVERS_MPS
         found: dict[tuple[int, int], Conflict] = {}
         for a in range(len(sysids) - 1):
             rest = slice(a + 1, None)
@@ -91,7 +94,11 @@ class SeparationWatch:
             )  # (rest, T - 1): fast vehicles meet between samples
             both = fly[rest] & fly[a]
             distances[~both[:, None] & late] = np.inf
-            straight_m, first_s = self._straight(lines[rest] - lines[a], planned[rest] - planned[a])
+            straight_m, first_s = self._straight(
+                lines[rest] - lines[a],
+                planned[rest] - planned[a],
+                np.where(hovers[rest] & hovers[a], STEERED_S, self._straight_s),
+            )
             straight_m[~both] = np.inf
             near = distances < self._limit_m
             for b in np.flatnonzero(near.any(axis=1) | (straight_m < self._limit_m)).tolist():
@@ -100,21 +107,26 @@ class SeparationWatch:
                 pair = sysids[a], sysids[a + 1 + b]
                 least_m = min(float(distances[b].min()), float(straight_m[b]))
                 found[pair] = Conflict(pair, min(by_path_s, by_line_s), least_m)
-        self._seen = {pair: self._seen.get(pair, 0) + 1 for pair in found}
-        return [conflict for pair, conflict in found.items() if self._seen[pair] >= _LOOKS]
+        seen = {}
+        for one, other in found:
+            looks, last_s = self._seen.get((one, other), (0, None))
+            told_s = views[one].unix_s, views[other].unix_s
+            seen[one, other] = looks + (told_s != last_s), told_s
+        self._seen = seen
+        return [conflict for pair, conflict in found.items() if seen[pair][0] >= _LOOKS]
 
     def off_pad_m(self, view: VehicleView) -> float:
         """Return how far to the side of its pad a vehicle is before T0."""
         pad_ned_m = self._plan.pads_ned_m[self._plan.sysids.index(view.sysid)]
         return float(np.hypot(*(view.place_ned_m - pad_ned_m)[:2]))
 
-    def _straight(self, flown: Array, planned: Array) -> tuple[Array, Array]:
-        """The least distances (P,) of pairs that go straight on, and when they come within the limit.
+    def _straight(self, flown: Array, planned: Array, for_s: Array) -> tuple[Array, Array]:
+        """The least distances (P,) of pairs that go straight on for times (P,), and when they come within the limit.
 
         Rows of `flown` and `planned` (P, 2, 3) are relative positions and velocities.
         """
-        least_m, _ = least_distance(flown[:, 0], flown[:, 0] + self._straight_s * flown[:, 1])
-        planned_m, _ = least_distance(planned[:, 0], planned[:, 0] + self._straight_s * planned[:, 1])
+        least_m, _ = least_distance(flown[:, 0], flown[:, 0] + for_s[:, None] * flown[:, 1])
+        planned_m, _ = least_distance(planned[:, 0], planned[:, 0] + for_s[:, None] * planned[:, 1])
         least_m[planned_m < PLANNED * self._limit_m] = np.inf
         closing, squared = np.sum(flown[:, 0] * flown[:, 1], axis=-1), np.sum(flown[:, 1] ** 2, axis=-1)
         inside = np.sum(flown[:, 0] ** 2, axis=-1) - self._limit_m**2

@@ -90,10 +90,11 @@ class EnergyChoice:
 
 @dataclass
 class Discharge:
-    """The measured discharge of one battery beside the modelled one. `scale` is their ratio, 1 at the start."""
+    """The measured discharge of one battery beside the modelled one. `scale` is their ratio, `prior` at the start."""
 
     used: float = 0.0
     modelled: float = 0.0
+    prior: float = 1.0
     _last: float | None = None
     _pending: float = 0.0
 
@@ -112,7 +113,7 @@ class Discharge:
     @property
     def scale(self) -> float:
         """The factor on every modelled need."""
-        return (self.used + _PRIOR) / (self.modelled + _PRIOR)
+        return (self.used + _PRIOR * self.prior) / (self.modelled + _PRIOR)
 
 
 @dataclass(frozen=True)
@@ -266,11 +267,20 @@ class ChargeWatch:
         self._discharge = {sysid: Discharge() for sysid in plan.sysids}
         self._seen_s: dict[int, float] = {}
 
+    @property
+    def model(self) -> BatteryModel:
+        """The modelled use."""
+        return self._adviser.model
+
+    def expect(self, sysid: int, scale: float) -> None:
+        """Begin anew with this measured factor on every modelled need of a vehicle."""
+        self._discharge[sysid] = Discharge(prior=scale)
+
     def watch(self, sysid: int, unix_s: float, remaining_pct: int | None, plan_time_s: float | None) -> None:
         """Take in the charge of an airborne vehicle. `plan_time_s` None: it does not fly the plan now."""
         before_s = self._seen_s.get(sysid, unix_s)
         self._seen_s[sysid] = unix_s
-        passed_s, model, discharge = max(unix_s - before_s, 0.0), self._adviser.model, self._discharge[sysid]
+        passed_s, model, discharge = max(unix_s - before_s, 0.0), self.model, self._discharge[sysid]
         if plan_time_s is None:
             discharge.expect(model.hover_per_s * passed_s)
         else:

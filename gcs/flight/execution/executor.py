@@ -44,7 +44,10 @@ _ALARMS = frozenset(
 
 
 class ContingencyExecutor:
-    """Watches a flight from take-off to landing. `over` is set once no vehicle flies the plan any more."""
+    """Watches a flight from take-off to landing. `over` is set once no vehicle flies the plan any more.
+
+    `charge` follows the batteries.
+    """
 
     def __init__(
         self,
@@ -75,7 +78,7 @@ class ContingencyExecutor:
         self._now_s = self._stamped_s = -math.inf  # fleet time, and the local time at which it was computed
         self._returning: dict[int, WayBack] = {}
         self._carrier = carrier
-        self._charge = ChargeWatch(
+        self.charge = ChargeWatch(
             plan, EnergyAdviser(plan, model, returns, self._way_m, self._monitor.expected.profiles)
         )
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
@@ -200,7 +203,7 @@ class ContingencyExecutor:
             if not (self._vehicles[sysid].session.armed or watch.alarms.stopped):
                 continue  # no incidents on the ground
             ours = self._standstill.ours(now_s)
-            self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
+            self.charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
             for incident in watch.look(
                 now_s, usable=self._positions.usable(sysid), ours=ours, place=self._positions.place(sysid)
             ):
@@ -254,7 +257,7 @@ class ContingencyExecutor:
         reserve_pct = float(limits.battery_critical_pct) if low else limits.battery_reserve_pct
         flown_s = None if of_battery else self._flown_s(sysid, t_s)
         heading = None if of_battery else self._heading.get(sysid)
-        choice = self._charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
+        choice = self.charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
         same = sysid in self._chosen and self._chosen[sysid].chosen.outcome is choice.chosen.outcome
         self._chosen[sysid] = choice
         words = choice.short() if same else str(choice)

@@ -206,13 +206,16 @@ class FleetLanding:
             await asyncio.sleep(LOOK_S)
         return False
 
+    def of_pilots(self) -> list[int]:
+        """Return the vehicles that are still in the air if pilots fly all of them."""
+        aloft, states = self.aloft(), self._states()
+        return aloft if all(states.get(sysid) is State.LEFT for sysid in aloft) else []
+
     def _tell_of_pilots(self) -> None:
         """Report once that only vehicles of pilots are still in the air."""
-        aloft, states = self.aloft(), self._states()
-        if all(states.get(sysid) is State.LEFT for sysid in aloft):
-            for sysid in set(aloft) - self._told:
-                self._tell(sysid, "still in the air", PILOT_WORDS)
-                self._told.add(sysid)
+        for sysid in set(self.of_pilots()) - self._told:
+            self._tell(sysid, "still in the air", PILOT_WORDS)
+            self._told.add(sysid)
 
     def aloft(self) -> list[int]:
         """Return the vehicles of this flight that are armed and heard."""

@@ -21,8 +21,9 @@ from gcs.flight.contingency.policy import State
 from gcs.flight.execution.common_start import CommonStart
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.fleet_arming import arm_all, climb_to_hover
-from gcs.flight.execution.fleet_landing import FleetLanding
+from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.execution.flight_guard import FlightGuard
+from gcs.flight.execution.hover_charge import check_hover
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
@@ -147,8 +148,9 @@ class FlightSequence:
         span = self.plan.t_end_s - self.plan.t_start_s
         progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
         nearest = self.monitor.nearest_now()
+        left = self.landing.of_pilots() if self.step is Step.LAND else []
         return Snapshot(
-            self.step.value,
+            f"{named(left)} flown by a pilot" if left else self.step.value,
             1.0 if self.step is Step.DONE else progress,
             t_s,
             self.monitor.errors_m,
@@ -194,8 +196,7 @@ class FlightSequence:
         self.enter(Step.READY)
         await self.each(until_ready)
         self._telemetry.checked = True
-        if self._hooks.on_ready is not None:
-            await self._hooks.on_ready()
+        charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
@@ -218,6 +219,8 @@ class FlightSequence:
         async with alongside(self.contingency.run()):
             await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
             await self.each(partial(climb_to_hover, landing=self.landing))
+            if charge is not None:
+                await check_hover(self._fleet, self.contingency.charge, charge, self._tell)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions

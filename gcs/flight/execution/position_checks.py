@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.flight.contingency.alarm_watch import Place
+from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
@@ -26,9 +27,8 @@ class PositionChecks:
         self.lands = False
         self._plan, self._vehicles, self._monitor = plan, fleet.vehicles, fleet.monitor
         self._policy = policy
-        self._separation = SeparationWatch(
-            plan, judged_separation_m(plan.scenario), fleet.tracks, follow=fleet.options.follow
-        )
+        streamed = fleet.options.mode is FlightMode.STREAM
+        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks, streamed=streamed)
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from statistics import median
 
-from gcs.errors import FlightError
+from gcs.errors import FlightError, PeerTimeout
 from gcs.link.protocols.clock import JUMP_S, VehicleClock
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
@@ -25,6 +25,7 @@ from gcs.util.aio import LOOK_S, set_within
 from gcs.util.steady_loop import host_s
 
 _SOON_S = 0.002  # no wait is shorter
+SILENT_S = 10.0  # local time
 _SETTLE_S = 3.0  # local time in which clocks may still come to agree
 AGREE_S = 1.0  # simulators of ArduPilot differ by up to 0.6 s from their median
 
@@ -51,9 +52,15 @@ class FleetTime:
         return now_s
 
     async def until(self, unix_s: float) -> None:
-        """Wait until this time."""
+        """Wait until this time. Raises `PeerTimeout` if it stands, because no vehicle reports for `SILENT_S`."""
+        newest_s, told_s = -math.inf, self._loop.time()
         while self.sure_s() < unix_s:
             await self.comes_to(unix_s)
+            heard_s = max((clock.heard_unix_s for clock in self._clocks().values()), default=-math.inf)
+            if heard_s > newest_s:
+                newest_s, told_s = heard_s, self._loop.time()
+            elif self._loop.time() - told_s > SILENT_S:
+                raise PeerTimeout(f"no vehicle has reported its time for {SILENT_S:g} s: nothing can be timed by it.")
 
     async def comes_to(self, unix_s: float) -> None:
         """Wait until this time may have come: a vehicle has reported it, or it is predicted; `LOOK_S` at most.

@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from gcs.errors import FlightError, UsageError
 from gcs.types import JsonObject
 
-CLOCK, DISARMED, MESSAGES = "clock", "disarmed", "messages"
+BATTERY, CAN_ARM, CLOCK, DISARMED, MESSAGES = "battery", "can arm", "clock", "disarmed", "messages"
 CHECKS = {
     DISARMED: "the vehicle is not armed",
+    CAN_ARM: "its own checks pass, where SYS_STATUS says so, and it has lately told no reason against arming",
     "position estimate": "the estimator's flags are those that a flight needs",
     "sensors": "every enabled sensor is healthy, those excepted that are only mentioned",
     "pad": "the vehicle stands on its own pad",
@@ -18,7 +19,7 @@ CHECKS = {
     "home": "its home is where it stands",
     "local frame": "the origin of its local frame is at its pad",
     CLOCK: "TIMESYNC is answered in time, and GNSS time agrees with that of the other vehicles",
-    "battery": "the charge is enough for the plan and the reserve",
+    BATTERY: "the charge is enough for the plan and the reserve, also by the current in the hover before T0",
     "capacity": "the capacity that it is set to is that of [vehicle.power]; a difference is a warning",
     MESSAGES: "it has sent no STATUSTEXT of severity CRITICAL or worse",
 }

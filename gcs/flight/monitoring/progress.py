@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.session.upload_fleet import Holdings
 from gcs.types import Array
@@ -272,11 +273,14 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class FlightHooks:
-    """What is called during a flight. `on_ready` may raise to stop it before the upload; `on_read_back` follows it."""
+    """What is called during a flight. `on_read_back` follows the upload.
+
+    `on_ready` may raise to stop the flight before the upload; it returns the charge to end with, None: any.
+    """
 
     on_event: Callable[[Event], None] = _ignore
     on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
-    on_ready: Callable[[], Awaitable[None]] | None = None
+    on_ready: Callable[[], Awaitable[ChargeRule | None]] | None = None
     on_read_back: Callable[[Holdings], None] = _ignore
 
     def spared(self) -> FlightHooks:

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
 from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, PathPatch
-from matplotlib.path import Path as Outline
-from shapely.geometry.base import BaseGeometry
+from matplotlib.patches import Patch
 
 from gcs.errors import UsageError
 from gcs.flight.plots import map_layers
@@ -44,16 +39,14 @@ def draw_coverage(plan: Plan, found: Coverage) -> Figure:
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     map_layers.draw_ground(axes, scenario, area)
     map_layers.draw_zones(axes, scenario, span_s)
-    _fill(axes, found.covered, **_SEEN)
-    _fill(axes, found.uncovered, zorder=3, **_LEFT)
-    _fill(axes, found.area, fill=False, ec="black", lw=1.4, zorder=2.5)
+    map_layers.fill(axes, found.covered, **_SEEN)
+    map_layers.fill(axes, found.uncovered, zorder=3, **_LEFT)
     for colour, track in zip(colours(plan.sysids), found.tracks.geoms, strict=True):
         north_m, east_m = shapely.get_coordinates(track).T
         axes.plot(east_m, north_m, color=colour, lw=1.0)
     axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
     handles = [
         *vehicle_entries(plan.sysids),
-        Line2D([], [], color="black", lw=1.4, label="area"),
         Patch(**_SEEN, label=f"seen, swath {found.swath_m:g} m"),
         Patch(**_LEFT, label="not covered"),
         *map_layers.layer_entries(axes, scenario),
@@ -71,15 +64,3 @@ def draw_coverage(plan: Plan, found: Coverage) -> Figure:
         labels.place(axes, f"{gap.area_m2:.3g} m²", (gap.east_m, gap.north_m))
     map_layers.label_zones(axes, labels, scenario, span_s)
     return figure
-
-
-def _fill(axes: Axes, shape: BaseGeometry, **look: Any) -> None:
-    rings = [
-        ring
-        for part in shapely.get_parts(shapely.orient_polygons(shape))
-        if isinstance(part, shapely.Polygon)
-        for ring in (part.exterior, *part.interiors)
-    ]
-    if rings:
-        paths = [Outline(np.array(ring.coords)[:, 1::-1], closed=True) for ring in rings]
-        axes.add_patch(PathPatch(Outline.make_compound_path(*paths), **look))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon, Rectangle
+from matplotlib.patches import PathPatch, Polygon, Rectangle
 from matplotlib.path import Path as Shape
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
+from shapely.geometry.base import BaseGeometry
 
 from gcs.flight.plots.figure_file import Labels, Look
 from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
@@ -100,7 +104,14 @@ def draw_ground(axes: Axes, scenario: Scenario, area: Area, *, scale: bool = Tru
 
 
 def draw_zones(axes: Axes, scenario: Scenario, span_s: tuple[float, float]) -> None:
-    """Draw edges of keep-in areas, and no-fly zones; a moving one where it is at both ends of a span, with its way."""
+    """Draw the area of a survey, edges of keep-in areas, and no-fly zones.
+
+    A moving zone is drawn where it is at both ends of a span, with its way.
+    """
+    if scenario.survey is not None:
+        fill(axes, scenario.survey.area, fill=False, ec="black", lw=1.4, zorder=2.5, label="survey area")
+        holes = shapely.union_all([hole.area for hole in scenario.survey.hole])
+        fill(axes, holes, fc="#7fb2d9", ec="none", alpha=0.6, zorder=1.4, label="left out of the survey")
     for zone in zones(scenario):
         first, *later = outlines(zone, span_s)
         if isinstance(zone, KeepIn):
@@ -114,6 +125,19 @@ def draw_zones(axes: Axes, scenario: Scenario, span_s: tuple[float, float]) -> N
             end, start = ((float(east), float(north)) for north, east in (corners.mean(axis=0), first.mean(axis=0)))
             arrow = {"arrowstyle": "-|>", "color": ZONE, "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
             axes.annotate("", end, start, arrowprops=arrow, zorder=1.7, annotation_clip=True)
+
+
+def fill(axes: Axes, shape: BaseGeometry, **look: Any) -> None:
+    """Fill polygons (north, east) with their holes."""
+    rings = [
+        ring
+        for part in shapely.get_parts(shapely.orient_polygons(shape))
+        if isinstance(part, shapely.Polygon)
+        for ring in (part.exterior, *part.interiors)
+    ]
+    if rings:
+        paths = [Shape(np.array(ring.coords)[:, 1::-1], closed=True) for ring in rings]
+        axes.add_patch(PathPatch(Shape.make_compound_path(*paths), **look))
 
 
 def draw_route(axes: Axes, scenario: Scenario) -> list[Line2D]:
@@ -155,22 +179,22 @@ def zone_entry(scenario: Scenario) -> list[Polygon]:
 def layer_entries(axes: Axes, scenario: Scenario) -> list[Artist]:
     """Return zones, limits and wind for the legend of a map that has them."""
     named = [patch for patch in axes.patches if (label := str(patch.get_label())) and not label.startswith("_")]
-    return [*zone_entry(scenario), *named, wind_entry(scenario)]
+    return [*zone_entry(scenario), *named, *wind_entry(scenario)]
 
 
-def wind_entry(scenario: Scenario, *, in_space: bool = False) -> Line2D:
-    """Return the wind for a legend: an arrow where the air goes, north up, and its speed.
+def wind_entry(scenario: Scenario, *, in_space: bool = False) -> list[Line2D]:
+    """Return the wind for a legend: an arrow where the air goes, north up, and its speed; nothing without wind.
 
     A view in space has an arrow of its own; the entry is a line then.
     """
     wind = scenario.wind
     if wind is None or wind.speed_mps == 0.0:
-        return Line2D([], [], ls="", label="no wind in the scenario")
+        return []
     arrow = ARROW.transformed(Affine2D().rotate_deg(180.0 - wind.from_deg))
     text = f"wind {wind.speed_mps:g} m/s from {wind.from_deg:g}°"
     if in_space:
-        return Line2D([], [], color=WIND, lw=2.0, label=text)
-    return Line2D([], [], ls="", marker=arrow, ms=17, mfc=WIND, mec="none", label=text)
+        return [Line2D([], [], color=WIND, lw=2.0, label=text)]
+    return [Line2D([], [], ls="", marker=arrow, ms=17, mfc=WIND, mec="none", label=text)]
 
 
 def _hidden(area: Area, north_m: tuple[float, float], east_m: tuple[float, float]) -> bool:

@@ -95,7 +95,7 @@ def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
     entries = [
         *vehicle_entries(sysids),
         *map_layers.zone_entry(scenario),
-        map_layers.wind_entry(scenario, in_space=True),
+        *map_layers.wind_entry(scenario, in_space=True),
     ]
     axes.legend(handles=entries, fontsize=8, loc="upper left", ncols=2)
     head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)

@@ -36,6 +36,7 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 
 
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
+BEFORE = "before.json"  # what was on the vehicles before the upload, for `gcs restore`
 _EVENT = TypeAdapter(Event)
 OUTCOMES = {
     FlightOutcome.OK: "Flight verified: all criteria within limits.",

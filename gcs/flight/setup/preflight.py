@@ -3,28 +3,39 @@
 Every vehicle has every check of `_KINDS`, so that the table of a fleet has no holes.
 
 Battery: with battery and propellers in the scenario, the flight needs the energy of its plan
-(`gcs.plan.trajectory.energy`). Otherwise a full battery is assumed to hover for `endurance_s`, and the flight needs its
-own duration of that, times `effort` for climbs and wind. `reserve` is left at the end.
+(`gcs.plan.trajectory.energy`), in percent of the battery that the vehicle is set to. Otherwise a full battery is
+assumed to hover for `endurance_s`, and the flight needs its own duration of that, times `effort` for climbs and wind.
+`reserve` is left at the end. In the hover before T0 the measured current takes the place of both
+(`gcs.flight.execution.hover_charge`).
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from gcs.autopilots.traits import link_behaviour
-from gcs.errors import GcsError, PeerError, counted
+from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
-from gcs.flight.monitoring.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck, refuse_no_go, waive
+from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
+from gcs.flight.monitoring.preflight_check import (
+    BATTERY,
+    CAN_ARM,
+    CLOCK,
+    NOT_REPORTED,
+    PreflightCheck,
+    refuse_no_go,
+    waive,
+)
+from gcs.flight.monitoring.progress import Event
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.link.session.status_report import VehicleReport, status_report
-from gcs.link.session.upload_fleet import ParameterChange, restore
+from gcs.link.session.status_report import REPEATED_S, VehicleReport, status_report, until_told_why
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
@@ -36,8 +47,6 @@ from gcs.util.steady_loop import host_s
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with and without an RTK fix: nearer to another pad by more than this
-_CELL_V = 3.7  # nominal, lithium polymer
-_CHARGED_CELL_V = 4.35  # no cell has more
 
 
 @dataclass(frozen=True)
@@ -48,7 +57,11 @@ class _Situation:
     row: int
     report: VehicleReport
     limits: PreflightTable
-    needed: float  # share of a full battery
+    needed: float  # share of the full battery of the scenario
+
+    @property
+    def battery(self) -> OwnBattery:
+        return own_battery(self.report, self.plan.scenario.vehicle.power)
 
     @property
     def pad_ned_m(self) -> Array:
@@ -104,7 +117,7 @@ def preflight(
 
 
 def battery_needed(plan: Plan, limits: PreflightTable) -> Array:
-    """Return the share of a full battery that the flight needs, per vehicle (V,), without the reserve."""
+    """Return the share of the scenario's full battery that the flight needs, per vehicle (V,), without the reserve."""
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     if taken_Wh is None or power is None:
         flight_s = plan.t_end_s - plan.t_start_s
@@ -114,6 +127,14 @@ def battery_needed(plan: Plan, limits: PreflightTable) -> Array:
 
 def _disarmed(now: _Situation) -> _Measured:
     return _Measured("armed" if now.report.armed else "disarmed", not now.report.armed)
+
+
+def _can_arm(now: _Situation) -> _Measured:
+    """The autopilot's own word; where it is not known, the reasons against arming that were heard."""
+    if texts := now.report.not_ready_texts:
+        return _Measured("; ".join(texts), ok=False)
+    good = now.report.prearm_ok
+    return _ABSENT if good is None else _Measured("yes" if good else "no, reason not told", good)
 
 
 def _estimate(now: _Situation) -> _Measured:
@@ -197,8 +218,11 @@ def _clock_required(_: Plan, limits: PreflightTable) -> str:
 def _battery(now: _Situation) -> _Measured:
     share = now.report.battery_share
     have = "charge not reported" if share is None else f"has {share:.0%}"
-    enough = share is not None and share >= now.needed + now.limits.reserve
-    return _Measured(f"{have}, needs {now.needed:.0%}", enough)
+    needed = now.needed * now.battery.scale(now.plan.scenario.vehicle.power)
+    enough = share is not None and share >= needed + now.limits.reserve
+    own = now.battery
+    of = "" if own.full_Wh is None else f" of {own.full_Wh:.1f} Wh ({own} at {own.nominal_V:.3g} V)"
+    return _Measured(f"{have}, needs {needed:.0%}{of}", enough)
 
 
 def _battery_required(plan: Plan, limits: PreflightTable) -> str:
@@ -207,7 +231,7 @@ def _battery_required(plan: Plan, limits: PreflightTable) -> str:
     if power is None:
         known = f"{limits.endurance_s / 60:g} min of hover assumed: no [vehicle.power]"
     else:
-        known = f"of {power.battery_Wh:g} Wh, need from the plan"
+        known = f"need from the plan; {power.battery_Wh:g} Wh in [vehicle.power]"
     return f"{limits.reserve:.0%} left ({known})"
 
 
@@ -219,15 +243,6 @@ def _capacity(now: _Situation) -> _Measured:
 def _messages(now: _Situation) -> _Measured:
     texts = now.report.critical_texts
     return _Measured("; ".join(texts) or "none", not texts)
-
-
-def nominal_V(power: Power, reported_V: float | None) -> float | None:
-    """Return the nominal voltage of a battery: its own, else 3.7 V for each cell of a charged one that reports."""
-    if power.battery_V is not None:
-        return power.battery_V
-    if reported_V is None or not reported_V > 0.0:
-        return None
-    return _CELL_V * math.ceil(reported_V / _CHARGED_CELL_V)
 
 
 def compare_capacity(report: VehicleReport, power: Power | None, tolerance: float) -> _Measured:
@@ -246,8 +261,8 @@ def compare_capacity(report: VehicleReport, power: Power | None, tolerance: floa
         return own
     known = f"{planned_mAh:.0f} mAh ({power.battery_Wh:g} Wh at {volt:g} V)"
     warning = (
-        f"{name} is {own_mAh:.0f} mAh, [vehicle.power] has {known}: its charge in percent is not that of the plan. "
-        "Set both to the battery that flies"
+        f"{name} is {own_mAh:.0f} mAh, [vehicle.power] has {known}: what the flight needs is told in percent of "
+        "its own. Set both to the battery that flies"
     )
     return own._replace(warning=warning)
 
@@ -268,13 +283,16 @@ async def go_or_no_go(
     plan: Plan,
     limits: PreflightTable,
     show: Callable[[tuple[PreflightCheck, ...]], None],
+    say: Callable[[str], None],
     waived: Collection[str] = (),
-) -> tuple[PreflightCheck, ...]:
-    """Return the checks of all vehicles, after `show`; failed ones named in `waived` do not stop the flight.
+) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
+    """Return the checks of all vehicles, after `show`, and the charge to end with; None if that is waived.
+
+    Failed checks that `waived` names do not stop the flight.
 
     Raises `FlightError` for a no-go, `DuplicateSystemId`.
     """
-    requests = ((sysid, preflight_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
+    requests = ((sysid, preflight_report(s, say, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
     sysids, surveys = zip(*requests, strict=True)
     reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
     fleet.check()
@@ -284,13 +302,33 @@ async def go_or_no_go(
     checks = waive(preflight(plan, reports, limits), waived)
     show(checks)
     refuse_no_go(checks)
-    return checks
+    if BATTERY in waived:
+        return checks, None
+    power = plan.scenario.vehicle.power
+    batteries = {sysid: own_battery(report, power) for sysid, report in reports.items()}
+    return checks, ChargeRule(limits.reserve, limits.effort, batteries)
 
 
-async def preflight_report(session: VehicleSession, where: str = "") -> VehicleReport:
-    """Return the status report of a vehicle, with the battery capacity that it is set to."""
-    name = link_behaviour(session.autopilot).capacity_parameter
+async def preflight_report(session: VehicleSession, say: Callable[[str], None], where: str = "") -> VehicleReport:
+    """Return the status report of a vehicle, with the battery capacity that it is set to.
+
+    `prearm_ok` is True where it depends on the mode or mission that the flight replaces. One that cannot be armed
+    has REPEATED_S to tell the reason.
+    """
+    behaviour = link_behaviour(session.autopilot)
+    name, cured = behaviour.capacity_parameter, behaviour.cured_text
     report = await status_report(session, where)
+    if behaviour.prearm_bit and report.prearm_ok is False and not report.not_ready_texts:
+        say(f"vehicle {session.sysid} reports that it cannot be armed; waiting {REPEATED_S:g} s for its reason")
+        await until_told_why(session)
+        report = await status_report(session, where)
+    told = report.not_ready_texts
+    report = replace(
+        report,
+        prearm_ok=report.prearm_ok if behaviour.prearm_bit and {*told} != {cured} else True,
+        not_ready_texts=tuple(text for text in told if text != cured),
+        critical_texts=tuple(text for text in report.critical_texts if text != cured),
+    )
     if name is None:
         return report
     try:
@@ -300,22 +338,26 @@ async def preflight_report(session: VehicleSession, where: str = "") -> VehicleR
     return replace(report, capacity_parameter=name, capacity_mAh=float(capacity_mAh))
 
 
-async def restore_parameters(
-    sessions: Mapping[int, VehicleSession], changes: tuple[ParameterChange, ...], say: Callable[[str], None]
-) -> None:
-    """Restore the parameters from before the upload. A failure is reported by `say`, not raised: the flight is over."""
-    if not changes:
-        return
-    try:
-        await restore(sessions, changes)
-    except GcsError as error:
-        say(f"WARNING: not all parameters were restored: {error.message}")
-    else:
-        say(f"{counted(len(changes), 'parameter')} restored")
+def waived_events(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
+    """Return an event for each check that failed and was waived, for the flight's folder."""
+    now_s = host_s(asyncio.get_running_loop())
+    times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
+    return [
+        Event(
+            math.nan if (unix_s := times[c.sysid]) is None else unix_s,
+            math.nan,
+            c.sysid,
+            f"failed the pre-flight check {c.name}, waived: {c.measured} (required: {c.required})",
+            f"The operator waived it for this flight: --waive {c.name}",
+        )
+        for c in checks
+        if c.waived
+    ]
 
 
 _KINDS = {
     "disarmed": _Kind(lambda _, __: "disarmed", _disarmed),
+    CAN_ARM: _Kind(lambda _, __: "yes", _can_arm),
     "position estimate": _Kind(lambda _, __: "healthy", _estimate),
     "sensors": _Kind(_sensors_required, _sensors),
     "pad": _Kind(lambda _, limits: f"within {limits.pad_m:g} m", _pad),
@@ -323,7 +365,7 @@ _KINDS = {
     "home": _Kind(lambda _, limits: f"within {limits.home_m:g} m", _home),
     "local frame": _Kind(lambda _, limits: f"within {limits.origin_m:g} m", _local_frame),
     CLOCK: _Kind(_clock_required, _clock),
-    "battery": _Kind(_battery_required, _battery),
+    BATTERY: _Kind(_battery_required, _battery),
     "capacity": _Kind(capacity_required, _capacity),
     "messages": _Kind(lambda _, __: "no critical text", _messages),
 }

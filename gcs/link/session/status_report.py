@@ -24,6 +24,7 @@ from gcs.mission.model import Home
 _ANSWER_S = 1.0
 _EXCHANGES = 5
 _EXCHANGE_S = 0.05
+_LOOK_S = 1.0
 REPEATED_S = 35.0  # within which an autopilot repeats its reasons
 _UNKNOWN_mV = 0xFFFF
 _VERSION_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
@@ -63,7 +64,7 @@ class VehicleReport:
     capacity_parameter: str | None = None  # the name of its battery's capacity
     capacity_mAh: float | None = None  # 0 or less: unknown on board
     critical_texts: tuple[str, ...] = ()  # STATUSTEXTs of severity CRITICAL or worse since it was found
-    not_ready_texts: tuple[str, ...] = ()  # the reasons it has told lately for not being ready; none if it is
+    not_ready_texts: tuple[str, ...] = ()  # the reasons against arming of the last REPEATED_S; once ready, since then
     gnss_off_s: float = 0.0  # its GNSS time minus that of the other vehicles
 
 
@@ -83,7 +84,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
     reported = {message_id: await newest_message(session, message_id, _fresh_s(message_id)) for message_id in wanted}
     version, status, receiver = (reported[i] for i in (wanted[0], wanted[1], wanted[3]))
     estimate = reported[filter_id]
-    prearm_ok = None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK)
+    prearm_ok = _prearm_ok(status)
     estimate_ok = None if estimate is None else session.estimator.is_ready(estimate.name, estimate.fields)
     ready = prearm_ok is not False and estimate_ok is not False
     return VehicleReport(
@@ -112,8 +113,28 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         working=None if status is None else _sensors(status, healthy=True),
         mentioned_sensors=tuple(sorted(link_behaviour(session.autopilot).mentioned_sensors)),
         critical_texts=session.texts.critical(session.ready_since_s),
-        not_ready_texts=() if ready else session.texts.startup(asyncio.get_running_loop().time() - REPEATED_S),
+        not_ready_texts=not_ready_texts(session, 0.0 if not ready else session.ready_since_s),
     )
+
+
+def not_ready_texts(session: VehicleSession, since_s: float | None) -> tuple[str, ...]:
+    """Return the reasons against arming of the last REPEATED_S, and after event loop time `since_s`; None: none."""
+    now_s = asyncio.get_running_loop().time()
+    return session.texts.startup(max(now_s - REPEATED_S, now_s if since_s is None else since_s))
+
+
+async def until_told_why(session: VehicleSession) -> None:
+    """Wait until a vehicle that cannot be armed tells a reason, or can be; REPEATED_S at most."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(REPEATED_S):
+            while not not_ready_texts(session, 0.0):
+                if _prearm_ok(await newest_message(session, MessageId.SYS_STATUS)):
+                    return
+                await asyncio.sleep(_LOOK_S)
+
+
+def _prearm_ok(status: Message | None) -> bool | None:
+    return None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK)
 
 
 async def measure_clock(session: VehicleSession) -> TimeSample | None:

@@ -13,10 +13,9 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
-from gcs.autopilots.parameter_names import in_units_of
-from gcs.errors import FlightError, GcsError, PeerError, UsageError, counted
+from gcs.errors import FlightError, GcsError, PeerError, counted
 from gcs.link.protocols.mission.strategy import SentAs
-from gcs.link.protocols.parameter_transfer import Parameter, as_kind
+from gcs.link.session.load_before import SILENT_S, ParameterChange, parameter_changes
 from gcs.link.session.vehicle_api import Loadable
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mavlink import MissionType
@@ -24,21 +23,6 @@ from gcs.mission.model import MissionItem
 from gcs.util.aio import each
 
 T = TypeVar("T")
-_SILENT_S = 4.0
-
-
-@dataclass(frozen=True)
-class ParameterChange:
-    """One parameter of one vehicle, before and after the upload."""
-
-    sysid: int
-    before: Parameter
-    after: Parameter
-
-    @property
-    def difference(self) -> str:
-        """The values required by a load and on board, in words."""
-        return f"parameter {self.before.name} required {self.after.value:g}, on board {self.before.value:g}"
 
 
 @dataclass(frozen=True)
@@ -85,8 +69,8 @@ class _Loading:
 
 async def preview(sessions: Mapping[int, Loadable], loads: Sequence[VehicleLoad]) -> tuple[ParameterChange, ...]:
     """Return the parameters that an upload would change; change nothing. Raises `PeerError`."""
-    found = await asyncio.gather(*(_changes(sessions[load.sysid], load) for load in loads))
-    return tuple(change for changes in found for change in changes)
+    found = await asyncio.gather(*(parameter_changes(sessions[load.sysid], load) for load in loads))
+    return tuple(change for changes, _ in found for change in changes)
 
 
 async def upload_fleet(
@@ -109,10 +93,10 @@ async def upload_fleet(
                 hint="land and disarm it, then upload again",
             )
     try:
-        before = await _all_or_first([_changes(one.session, one.load) for one in every], every)
+        before = await _all_or_first([parameter_changes(one.session, one.load) for one in every], every)
     except _Failed as failed:
         raise failed.cause from None
-    for one, changes in zip(every, before, strict=True):
+    for one, (changes, _) in zip(every, before, strict=True):
         one.changes = changes
     try:
         await _all_or_first([_upload(one, on_step) for one in every], every)
@@ -126,19 +110,6 @@ async def upload_fleet(
     digests = {one.load.sysid: one.load.digest(plan_hash) for one in every}
     sent_as = {one.load.sysid: one.session.sent_as for one in every if one.session.sent_as is not None}
     return Holdings(plan_hash, digests, tuple(change for one in every for change in one.changes), sent_as)
-
-
-async def restore(sessions: Mapping[int, Loadable], changes: Sequence[ParameterChange]) -> None:
-    """Restore the old value of every changed parameter. Raises `PeerError` after all vehicles were tried."""
-    by_vehicle: dict[int, list[Parameter]] = {}
-    for change in changes:
-        by_vehicle.setdefault(change.sysid, []).append(change.before)
-    results = await asyncio.gather(
-        *(sessions[sysid].write_parameters(old) for sysid, old in by_vehicle.items()), return_exceptions=True
-    )
-    for result in results:
-        if isinstance(result, BaseException):
-            raise result
 
 
 class _Failed(Exception):
@@ -165,25 +136,6 @@ async def _all_or_first(actions: Sequence[Awaitable[T]], every: Sequence[_Loadin
             if error is not None:
                 raise error
     return [task.result() for task in tasks]
-
-
-async def _changes(session: Loadable, load: VehicleLoad) -> list[ParameterChange]:
-    wanted = dict(load.parameters)
-    if not wanted:
-        return []
-    values = await session.read_parameters(tuple(wanted))
-    changes = []
-    for name, value in wanted.items():
-        before = values[name]
-        own = in_units_of(session.autopilot, before.name, name, value)
-        try:
-            after = Parameter(before.name, as_kind(before.name, own, before.kind), before.kind)
-            as_kind(before.name, before.value, before.kind)  # else it could not be restored
-        except UsageError as error:
-            raise PeerError(f"vehicle {session.sysid} reports {before}. {error.message}") from None
-        if after.value != before.value:
-            changes.append(ParameterChange(session.sysid, before, after))
-    return changes
 
 
 async def _upload(one: _Loading, on_step: Callable[[int, str], None]) -> None:
@@ -215,7 +167,7 @@ async def _roll_back(every: Sequence[_Loading]) -> dict[int, str]:
 async def _roll_back_one(one: _Loading) -> str:
     if not one.touched:
         return "unchanged"
-    if one.session.heartbeat_age_s() > _SILENT_S:
+    if one.session.heartbeat_age_s() > SILENT_S:
         return "no heartbeat, its items may be a mix of old and new: do not fly it"
     problems = []
     for kind in sorted(one.touched):

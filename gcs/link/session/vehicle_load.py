@@ -43,13 +43,14 @@ class VehicleLoad:
         parts = hashlib.sha256(f"{plan_hash} {self.sysid} {self.mission.home}".encode())
         for kind, items in ((MissionType.MISSION, self.mission.items), *self.extras):
             parts.update(struct.pack("<BH", kind, len(items)))
-            parts.update(_packed(items))
+            parts.update(packed(items))
         for name, value in self.parameters:
             parts.update(f"{name}={value!r};".encode())
         return parts.hexdigest()
 
 
-def _packed(items: Sequence[MissionItem]) -> bytes:
+def packed(items: Sequence[MissionItem]) -> bytes:
+    """Return items as on the wire. Raises `struct.error` or `OverflowError` for values out of range."""
     return b"".join(
         _ITEM.pack(i.command, i.frame, *i.params, i.lat_degE7, i.lon_degE7, i.alt_m, i.autocontinue) for i in items
     )

@@ -3,8 +3,6 @@
 Fences are areas in the plane here: their heights are parameters, not items.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """Findings of a check: each names a rule, what violates it, and where."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """The check of a fleet's missions: items, flights, limits, fences and rally points, in this order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -91,7 +89,10 @@ def _columns(flight: PredictedFlight, around: Surroundings) -> Iterator[_Column]
 
 def _beside(mission: MissionFile, column: _Column, highest: Highest, limits: FlightLimits) -> Iterator[Finding]:
     """An error for a part of a vertical way that is too near: those with the highest ground beside them come first."""
-    low_m = np.geomspace(PAD_FREE_M, max(column.top_m - column.foot_m, PAD_FREE_M), _parts(column))
+    ratio = max((column.top_m - column.foot_m) / PAD_FREE_M, 1.0)
+    low_m = np.geomspace(
+        PAD_FREE_M, max(column.top_m - column.foot_m, PAD_FREE_M), 2 + int(np.log(ratio) / np.log(_STEP))
+    )
     low_m, high_m = low_m[:-1], low_m[1:]
     asked_m = PAD_SHARE * np.minimum(low_m - PAD_FREE_M, limits.clearance_m) - LENGTH_TOLERANCE_M
     near_m = column.north_east_m + np.zeros((len(low_m), 1))
@@ -111,12 +112,6 @@ def _beside(mission: MissionFile, column: _Column, highest: Highest, limits: Fli
             )
             yield found(mission, Rule.TERRAIN, Level.ERROR, message, column.item, column.when_s(above_m))
             return
-
-
-def _parts(column: _Column) -> int:
-    """The number of heights that part a vertical way."""
-    ratio = max((column.top_m - column.foot_m) / PAD_FREE_M, 1.0)
-    return 2 + int(np.log(ratio) / np.log(_STEP))
 
 
 @dataclass(frozen=True)

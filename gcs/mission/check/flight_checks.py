@@ -97,7 +97,9 @@ def check_separation(
     if closest is None or closest.proved_m >= limits.separation_m:
         return closest, []
     first, second = (missions[row] for row in closest.pair)
-    item = _item_at(flights[closest.pair[0]], closest.t_s)
+    flight = flights[closest.pair[0]]
+    knot = min(int(np.searchsorted(flight.t_s, closest.t_s, side="left")), len(flight.t_s) - 1)
+    item = int(flight.item[knot])
     required = f"at least {limits.separation_m:g} m required"
     if closest.distance_m < limits.separation_m:
         message = f"{closest.distance_m:.2f} m from the vehicle of {second.source}; {required}"
@@ -175,7 +177,8 @@ def check_zones(
     nearest: ZoneDistance | None = None
     findings = []
     for name, zone in zip(zone_names(limits), zones(limits), strict=True):
-        parts = parts_beside(zone, track.begin_m, track.end_m, *_plan_times(track, flight, limits))
+        shift_s = limits.leaves_s - flight.up_s
+        parts = parts_beside(zone, track.begin_m, track.end_m, *(track.begin_s + shift_s, track.end_s + shift_s))
         bound = outside_along(zone, parts, required_m - LENGTH_TOLERANCE_M, slack=track.bent_m[parts.piece])
         piece, share = parts.whole(bound.piece, bound.share)
         item, t_s = track.when(piece, share)
@@ -193,11 +196,6 @@ def check_zones(
             message = f"{-least_m:.2f} m {forbidden} {name}"
         findings.append(found(mission, Rule.AREA, Level.ERROR, message, item, t_s))
     return nearest, findings
-
-
-def _plan_times(track: _Track, flight: PredictedFlight, limits: FlightLimits) -> tuple[Array, Array]:
-    shift_s = limits.leaves_s - flight.up_s
-    return track.begin_s + shift_s, track.end_s + shift_s
 
 
 def _speeds(mission: MissionFile, track: _Track, limits: FlightLimits) -> Iterator[Finding]:
@@ -222,9 +220,3 @@ def _below_home(mission: MissionFile, flight: PredictedFlight, track: _Track) ->
         below_m = float(-above_m[piece, end])
         message = f"{below_m:.1f} m below the start and the ground is unknown; give --terrain SCENARIO to check it"
         yield found(mission, Rule.TERRAIN, Level.WARNING, message, *track.when(int(piece), float(end)))
-
-
-def _item_at(flight: PredictedFlight, t_s: float) -> int:
-    """Index of the item that the vehicle carries out at `t_s`."""
-    knot = min(int(np.searchsorted(flight.t_s, t_s, side="left")), len(flight.t_s) - 1)
-    return int(flight.item[knot])

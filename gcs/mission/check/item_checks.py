@@ -1,7 +1,5 @@
 """Checks of a mission's items one by one: commands, frames, values, speeds, jumps, order."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The route of a map is one of its lines, else its single points in their order.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterable, Sequence

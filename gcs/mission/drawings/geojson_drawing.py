@@ -1,7 +1,5 @@
 """Drawings in GeoJSON: lines, polygons with holes, and points in their order, with the names in their properties."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -46,7 +44,9 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     found = MapSketch(source)
     try:
         document = read_json(data.decode("utf-8-sig"))
-        _refuse_other_references(document)
+        crs = document.get("crs") if isinstance(document, dict) else None
+        if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
+            raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
         for number, (geometry, properties) in enumerate(_features(document), start=1):
             name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
             label = labelled("feature", number, name)
@@ -56,12 +56,6 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     if any(point.datum is Datum.SEA for line in found.lines for point in line.points if not line.recorded):
         found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
     return drawing_of(found)
-
-
-def _refuse_other_references(document: Any) -> None:
-    crs = document.get("crs") if isinstance(document, dict) else None
-    if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
-        raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
 
 
 def _features(document: Any) -> Iterator[tuple[Any, dict[str, Any]]]:

@@ -1,7 +1,5 @@
 """The route in mission items: points, holds and speeds. Every other item is reported as left out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -80,7 +78,15 @@ class ItemCourse:
             elif command == MavCommand.DO_CHANGE_SPEED:
                 self._speed(one)
             elif command == MavCommand.NAV_DELAY:
-                self._delay(one)
+                hold_s = self._hold(one, one.item.params[0])
+                if not hold_s:
+                    self._leave(one, "a delay until a time of day is not carried over")
+                elif not self.sketch.points:
+                    self._leave(one, "a delay before the first point is not carried over; start the flight later")
+                else:
+                    last = self.sketch.points[-1]
+                    total_s = min(last.hold_s + hold_s, HOLD_MAX_S)
+                    self.sketch.points[-1] = replace(last, hold_s=total_s, radius_m=0.0)
             elif command == MavCommand.NAV_RETURN_TO_LAUNCH:
                 self.end, self.returns = one.label, True
                 self._leave(one, "the route returns to its start, in formation, and lands there")
@@ -164,20 +170,6 @@ class ItemCourse:
             self.speed_mps = speed_mps
         elif speed_mps == -2.0:  # back to the autopilot's own
             self.speed_mps = None
-
-    def _delay(self, one: NumberedItem) -> None:
-        hold_s = self._hold(one, one.item.params[0])
-        if not hold_s:
-            self._leave(one, "a delay until a time of day is not carried over")
-        elif not self.sketch.points:
-            self._leave(one, "a delay before the first point is not carried over; start the flight later")
-        else:
-            self._add_hold(hold_s)
-
-    def _add_hold(self, hold_s: float) -> None:
-        last = self.sketch.points[-1]
-        total_s = min(last.hold_s + hold_s, HOLD_MAX_S)
-        self.sketch.points[-1] = replace(last, hold_s=total_s, radius_m=0.0)
 
     def _landing(self, one: NumberedItem) -> None:
         item = one.item

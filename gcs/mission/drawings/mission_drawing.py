@@ -1,7 +1,5 @@
 """Routes in mission files: QGroundControl's `.plan` with its patterns, and the tables and JSON of any program."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from pydantic import Field, ValidationError

@@ -3,8 +3,6 @@
 A new format is a reader and a row here. A program may also give a row of its own to `read_drawing`.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

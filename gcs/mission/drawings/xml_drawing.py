@@ -4,8 +4,6 @@ Of KML: lines, polygons, points and tracks of Placemarks, in folders of any dept
 waypoints in their order, with heights above the sea.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re
@@ -121,9 +119,7 @@ def _numbers(parts: list[str]) -> list[float]:
     return values
 
 
-def _points(
-    rows: Iterator[list[float]] | map[list[float]], datum: Datum, label: str, name: str = ""
-) -> Iterator[DrawnPoint]:
+def _points(rows: Iterator[list[float]], datum: Datum, label: str, name: str = "") -> Iterator[DrawnPoint]:
     for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
         height_m, point_datum = (rest[0], datum) if rest else (0.0, Datum.NONE)
         own = label if name or label == "" else f"point {number} of {label}"

@@ -3,8 +3,6 @@
 A folder that holds any file which no export wrote is not replaced.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -7,11 +7,8 @@ Distances are bounded along chords; a path is never farther from a chord over h 
 acceleration.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -27,14 +24,12 @@ from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.ocp import margins
 from gcs.plan.trajectory.constraint_id import STATES
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.taylor import Taylor, stacked
 from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.no_fly import zone_names, zones
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 DEGREE = 5
 LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25

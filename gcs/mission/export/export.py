@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
@@ -26,11 +25,9 @@ from gcs.mission.formats.tables.setpoint_table import StreamFile
 from gcs.mission.model import Altitude
 from gcs.mission.returns.fence_rally import Safety, build_safety
 from gcs.mission.waypoints.placement import Deviation
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.values.si import local_origin
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _BATCH = 20  # vehicles sampled at once: a thousand at full rate would need gigabytes of memory
 

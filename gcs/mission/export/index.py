@@ -1,10 +1,7 @@
 """The index of an export: a JSON file beside the others, with their hashes, checks and predictions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
@@ -16,10 +13,8 @@ from gcs.mission.returns.fence_rally import Safety
 from gcs.mission.returns.rtl_altitudes import WorstReturn
 from gcs.mission.returns.rtl_cases import Crossing
 from gcs.mission.waypoints.placement import Deviation
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _VERSION = 3
 

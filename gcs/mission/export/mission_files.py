@@ -1,10 +1,7 @@
 """The missions of an export: built for each vehicle's autopilot, written, read back, flown by a model, verified."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +20,9 @@ from gcs.mission.returns.fence_rally import Safety
 from gcs.mission.waypoints.arrival_times import climb_s, corrected_legs
 from gcs.mission.waypoints.mission_items import build_missions, starting_at, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import ability_of, local_origin
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _DAY_S = 86400
 _IN_THE_AIR = NotWritten(

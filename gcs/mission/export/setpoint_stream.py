@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from gcs.mission.export.bspline_smoothing import SmoothPath
 from gcs.mission.model import SetpointStream
 from gcs.physics.quadrotor import derivative
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.mission.export.bspline_smoothing import SmoothPath
-    from gcs.plan.trajectory.plan import Plan
 
 _DECIMALS = 6  # micrometres: far below the resolution of float32 on links
 _MS = 1000

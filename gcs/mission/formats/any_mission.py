@@ -4,8 +4,6 @@ The format is found from the first line that counts (`registry`), because other 
 lists of points and QGroundControl's `.mission` files are read too, and never written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

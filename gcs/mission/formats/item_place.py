@@ -1,7 +1,5 @@
 """Coordinates of a mission item in files: degrees, or plain numbers in frame 2; some may be missing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -3,8 +3,6 @@
 In JSON files it finds the line of a value.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ MAV_PARAM_TYPE, separated by tabs. A parameter that a newer version renamed stan
 its own unit: a vehicle takes the names that it has.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The items of QGroundControl's JSON files, in each form that it reads: seven `params`, or less and a `coordinate`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ repeats the first vertex. A RALLY line holds latitude, longitude, altitude above
 and flags.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Only simple items are read. Survey patterns and other complex items are refused 
 came before: version 1.0, a flat list of items, and version 2. They are only read.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Annotated, Literal

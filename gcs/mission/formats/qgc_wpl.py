@@ -5,8 +5,6 @@ is home where the autopilot counts it. Numbers are written so that they are read
 6 decimals, which some programs write, move a waypoint by up to 6 cm each way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar

@@ -3,8 +3,6 @@
 A new format is a module with a writer and a row here. A program may also pass a row of its own to `gcs.export`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum

@@ -4,8 +4,6 @@ MAVProxy splits rows at blanks, skips comments and blank lines, and numbers the 
 at tabs, and reads an empty cell as 0. Version 100 has 13 columns and commands of its own. Version 120 has no home row.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -76,7 +74,9 @@ def _row(body: str, number: int, version: str, oddities: OddityList) -> TableRow
     cell = dict(zip(columns, _cells(body, len(columns), note), strict=True))
     frame, command = _integer(cell, "frame", 0xFF), _integer(cell, "command", 0xFFFF)
     if version == "100":
-        command = _command_100(command)
+        if command not in _COMMANDS_100:
+            raise ValueError(f"command {command} is not one of {HEADER_100}: {', '.join(map(str, _COMMANDS_100))}")
+        command = _COMMANDS_100[command]
         if cell["yaw"] and _float(cell, "yaw"):
             note(Odd.YAW, f"yaw {cell['yaw']} of {HEADER_100} is ignored, as MAVProxy does")
     if cell["current"] and _integer(cell, "current", 0xFF) > 1:
@@ -106,12 +106,6 @@ def _cells(body: str, count: int, note: Note) -> list[str]:
         raise ValueError(f"{len(by_blanks)} columns instead of {count}")
     note(Odd.SEPARATOR, "columns separated or surrounded by blanks; QGroundControl reads only tabs")
     return by_blanks
-
-
-def _command_100(command: int) -> int:
-    if command not in _COMMANDS_100:
-        raise ValueError(f"command {command} is not one of {HEADER_100}: {', '.join(map(str, _COMMANDS_100))}")
-    return _COMMANDS_100[command]
 
 
 def _check_numbers(rows: Sequence[TableRow], source: str, oddities: OddityList) -> None:

@@ -3,8 +3,6 @@
 The lines of a text file that count have no byte order mark, comments and blank lines.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

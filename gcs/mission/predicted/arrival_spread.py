@@ -4,8 +4,6 @@ The flights of `Navigator.reactions` are its ends: one in which every open slow-
 legs after it take as long in both, so whatever the autopilot does at each, the vehicle is between the two.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain

@@ -5,8 +5,6 @@ end of its take-off each vehicle waits for the others (`together`). `autopilot_f
 the legs instead.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -5,13 +5,10 @@ same orders differ by at most `AutopilotTraits.apart_s`, and each by what its au
 open. The least distance is therefore taken with any two vehicles shifted against each other by up to these times.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -27,12 +24,10 @@ from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _GRID_S = 0.2
 _SAMPLES = 9  # of every piece of a flight

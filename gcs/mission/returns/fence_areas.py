@@ -3,23 +3,18 @@
 Areas are shapely polygons with (north, east) as coordinates, m.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import Zone, displacement_m, nearest_zone_m, outline
 from gcs.scenario.schema.scenario import KeepIn
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 INCLUSION_MARGIN_M = 10.0
 # A plan may touch a zone's edge, and no vehicle keeps its path to the centimetre: the fence is then this far beyond.

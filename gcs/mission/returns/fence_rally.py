@@ -5,11 +5,8 @@ Keep-in areas cut the hull; straight return tracks may leave a concave one.
 `rtl_altitudes` chooses return altitudes; `gcs.mission.check.fence_and_rally` checks the result.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -20,12 +17,10 @@ from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.returns.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outline
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 FENCE_ABOVE_M = 10.0  # above the highest return: ArduPilot returns no higher than FENCE_MARGIN (2 m) below its fence
 _ROUND_OFF_M = 0.01  # heights are sums that end on whole metres; their last bits shall not raise the fence

@@ -4,23 +4,18 @@ An interval in which the shape is rigid may be long: the leader's whole track co
 for all vehicles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.mission.returns.rtl_cases import ReturnEnds, ReturnSpeeds
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import scaled_coefficients
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.vehicle_tree import Groups
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _ROUNDING_M = 1e-9
 _ENDS, _CHANGE, _CLIMB, _SEVERAL, _MOVES = slice(2, 4), slice(4, 6), 6, 7, 8  # columns of the boxes; offsets are first

@@ -4,18 +4,17 @@ Tracks are divided along their length, and by the instants at which they begin. 
 rectangle that holds it. Parts whose bound is below a height that was seen need no further division.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.returns.rtl_cases import return_ends
 from gcs.mission.returns.start_cells import plan_intervals, start_cells
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.subdivision import (
     Cells,
     Constraint,
@@ -30,9 +29,6 @@ from gcs.plan.verification.proof.subdivision import (
 )
 from gcs.scenario.environment.ground_bounds import Highest, highest_ground
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 GAP_M = 0.01  # between the bound and a height that was seen
 _LONGEST_S = 4.0

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.rtl_cases import Motion, ReturnEnds, Returning, ReturnSpeeds, places_at
 from gcs.mission.returns.start_cells import Starts, plan_intervals, start_cells
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.subdivision import (
     Cells,
     Constraint,
@@ -29,9 +29,6 @@ from gcs.plan.verification.proof.subdivision import (
     settle,
 )
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 LONGEST_S, RESOLUTION_S, RESOLUTION_M = 1.0, 1e-3, 1e-2
 _GAP_SHARE, _GAP_MIN_M, _GAP_MAX_M = 0.5, 0.01, 0.1

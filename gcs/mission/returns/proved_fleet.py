@@ -4,17 +4,15 @@ Pairs of groups of vehicles are bounded over long intervals. Groups are divided 
 not enough. Pairs of vehicles that move against each other are then bounded as those of small fleets are.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.mission.returns.fleet_cell import FleetCell, FleetReturn, least_level_m
 from gcs.mission.returns.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.subdivision import (
     Cells,
     Constraint,
@@ -29,9 +27,6 @@ from gcs.plan.verification.proof.subdivision import (
 )
 from gcs.plan.verification.proof.vehicle_tree import Groups
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _BLOCK_S = 10.0  # while the shape moves, vehicles have other neighbours after this time
 _GROUPS_MAX, _PAIRS_MAX = 3_000_000, 200_000  # looked at; what is left then is undecided

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -16,11 +15,9 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from gcs.mission.returns.fence_areas import inclusion_corners, outside_area, planned_places_m, swept_area
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import zones
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 CLEARANCES_M = (3.0, 1.0)  # around zones and inside the fence; the smaller one where the larger one leaves no way
 _CLEAR_M = 0.02  # corners of ways stand so far outside the area that legs avoid

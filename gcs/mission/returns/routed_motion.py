@@ -4,8 +4,6 @@ It is made of pieces of constant acceleration, so that it is exact between its k
 a flight uses the same functions for one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -19,11 +18,9 @@ from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _LOOKS_M = 5.0  # between samples of the ground under a way
 _SAMPLES = 40  # of the climbs, and of the descents

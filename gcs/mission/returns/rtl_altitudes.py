@@ -11,13 +11,10 @@ Nothing here depends on the last bits of a plan. The lowest altitude is rounded 
 counts as kept within `KEPT_M`; a slower return must be better by `BETTER_M`.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,12 +47,10 @@ from gcs.mission.returns.rtl_cases import (
     return_ends,
 )
 from gcs.mission.returns.zones_crossed import zones_crossed
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.types import Array
 from gcs.util.cache import once
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 STEP_MIN_M = 2.0
 BASE_GRID_M = 0.5  # the lowest return altitude above the origin is a multiple of it

@@ -4,11 +4,8 @@ All begin at once, climb, fly straight to their ends, and descend. Return altitu
 chooses them.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -18,12 +15,10 @@ from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.fence_areas import inclusion_corners, outside_area, planned_places_m, swept_area
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import ZoneName, displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _LOOKS_M = 5.0  # between samples of the (smooth) ground under a return track
 _LOOKS_MAX = 3_000_000

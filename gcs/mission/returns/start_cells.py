@@ -4,21 +4,16 @@ Plans are piecewise polynomials of time. So their Taylor coefficients about the 
 vehicle is from its middle place, and how much two vehicles move against each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import scaled_coefficients
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _ROUNDING_M = 1e-9
 

@@ -4,10 +4,7 @@ All tracks of an interval of start times lie in the hull of the places where the
 are halved where a hull meets a zone, down to `_SHORTEST_S`; what is left counts as crossing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -17,11 +14,9 @@ from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.returns.fence_areas import swept_area
 from gcs.mission.returns.rtl_cases import Crossing, return_ends
 from gcs.mission.returns.start_cells import StartCells, plan_intervals, start_cells
-from gcs.scenario.environment.no_fly import Zone, ZoneName, outline, zone_names, zones
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.environment.no_fly import Zone, outline, zone_names, zones
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _LONGEST_S, _SHORTEST_S = 1.0, 0.02
 _CORNERS = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
@@ -34,30 +29,26 @@ def zones_crossed(plan: Plan, firmware: FleetFirmware, rally_ned_m: Array) -> It
     ends_m = return_ends(plan, firmware, rally_ned_m).ned_m[..., :2]
     for to_rally in (False, True):
         for name, zone in zip(zone_names(plan.scenario), zones(plan.scenario), strict=True):
-            yield from _crossings(plan, zone, name, ends_m if to_rally else ends_m[:, :1], to_rally=to_rally)
-
-
-def _crossings(plan: Plan, zone: Zone, name: ZoneName, ends_m: Array, *, to_rally: bool) -> Iterator[Crossing]:
-    begin_s, end_s = plan_intervals(plan, _LONGEST_S)
-    settled: list[tuple[float, float, Mask]] = []
-    while len(begin_s):
-        cells = start_cells(plan, begin_s, end_s)
-        meets, crosses = _met(plan, zone, cells, ends_m)
-        known = (meets == crosses).all(axis=0) | (end_s - begin_s <= _SHORTEST_S)
-        some = np.flatnonzero(known & meets.any(axis=0))
-        settled += [(float(begin_s[n]), float(end_s[n]), meets[:, n]) for n in some.tolist()]
-        middle_s, left = cells.middle_s, ~known
-        begin_s = np.concatenate([begin_s[left], middle_s[left]])
-        end_s = np.concatenate([middle_s[left], end_s[left]])
-    settled.sort(key=lambda span: span[:2])
-    ends = "nearest" if to_rally else "home"
-    while settled:
-        from_s, to_s, rows = settled.pop(0)
-        while settled and settled[0][0] <= to_s + 1e-9:
-            _, to_s, more = settled.pop(0)
-            rows = rows | more
-        sysids = tuple(sysid for sysid, row in zip(plan.sysids, rows.tolist(), strict=True) if row)
-        yield Crossing(name.number, ends, from_s, to_s, sysids, name.keep_in)
+            begin_s, end_s = plan_intervals(plan, _LONGEST_S)
+            settled: list[tuple[float, float, Mask]] = []
+            while len(begin_s):
+                cells = start_cells(plan, begin_s, end_s)
+                meets, crosses = _met(plan, zone, cells, ends_m if to_rally else ends_m[:, :1])
+                known = (meets == crosses).all(axis=0) | (end_s - begin_s <= _SHORTEST_S)
+                some = np.flatnonzero(known & meets.any(axis=0))
+                settled += [(float(begin_s[n]), float(end_s[n]), meets[:, n]) for n in some.tolist()]
+                middle_s, left = cells.middle_s, ~known
+                begin_s = np.concatenate([begin_s[left], middle_s[left]])
+                end_s = np.concatenate([middle_s[left], end_s[left]])
+            settled.sort(key=lambda span: span[:2])
+            ends = "nearest" if to_rally else "home"
+            while settled:
+                from_s, to_s, rows = settled.pop(0)
+                while settled and settled[0][0] <= to_s + 1e-9:
+                    _, to_s, more = settled.pop(0)
+                    rows = rows | more
+                sysids = tuple(sysid for sysid, row in zip(plan.sysids, rows.tolist(), strict=True) if row)
+                yield Crossing(name.number, ends, from_s, to_s, sysids, name.keep_in)
 
 
 def _met(plan: Plan, zone: Zone, cells: StartCells, ends_m: Array) -> tuple[Mask, Mask]:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,12 +25,10 @@ from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correc
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m, zones
 from gcs.scenario.values.si import ability_of
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 VEHICLES_MAX = 20  # with legs of their own: each takes 3 s for each of up to three placements
 SLACK_S = 5.0  # a stop takes up to 2 s, and lateness up to 2 s more
@@ -93,14 +90,11 @@ class TerrainRaise:
             raised = profile.points_ned_m.copy()
             raised[1:, 2] -= self.by_waypoint_m[np.array(legs) + 1]
             flown = predict(navigator, replace(profile, points_ned_m=raised).orders(found.speeds_mps))
-        return max(self._too_near_m(flown, row), 0.0)
-
-    def _too_near_m(self, flown: Prediction, row: int | None) -> float:
         places, scenario = self._places(flown, row), self._plan.scenario
         t_s = np.broadcast_to(float(self._t_s[0]) + flown.t_s[::_EVERY], places.shape[:2])
         away_m = [float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in zones(scenario)]
         required_m = (scenario.limits.zone_margin_m or 0.0) - scenario.mission.tolerance_m
-        return required_m - min(away_m, default=math.inf)
+        return max(required_m - min(away_m, default=math.inf), 0.0)
 
     def _short_m(self, flown: Prediction, row: int | None) -> Array:
         """The largest shortfall of the clearance of any vehicle at each step (M,)."""

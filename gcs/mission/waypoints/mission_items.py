@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,12 +23,10 @@ from gcs.mission.waypoints.placement import Deviation, SampledFlight, clear_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 # degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, north and east; ArduPilot's centimetres by 5 mm in height.
 ROUNDING_M = 0.0095

@@ -7,8 +7,6 @@ slope for example, is split too: aside by the limit may be lower by much more. A
 over short legs gets legs as long as it needs; these may exceed both limits. Drawn points stay waypoints all the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

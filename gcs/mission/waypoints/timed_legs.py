@@ -1,18 +1,13 @@
 """The times at which a formation passes its waypoints, and the commanded speeds of its vehicles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.mission.waypoints.placement import Deviation
 from gcs.plan.trajectory.phases import PhaseKind
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 _SAME_S = 1e-6
 

@@ -4,8 +4,6 @@ Up, across, down: only vehicles in conflict are lifted; the others fly straight 
 never moves within the formation, so no vehicle below it can be lifted.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter

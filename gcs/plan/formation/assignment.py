@@ -1,7 +1,5 @@
 """The assignment of vehicles to places: bottleneck (Eq. 14), and least sum of squares (CAPT), from distances."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment

@@ -6,8 +6,6 @@ Each ends a chain of four integrators, as a quadrotor's position does in Eq. 1. 
 moments are then as smooth as the leader's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

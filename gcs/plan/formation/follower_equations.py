@@ -3,8 +3,6 @@
 `xp` supplies sin, cos, sqrt and arctan2: NumPy for values, Taylor models for bounds over an interval.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -8,8 +8,6 @@ to change its rates there at once. It tilts by a thrust with rounded corners ins
 sideways error is below a millimetre.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The information graph G of §2.2 (Eq. 3): whose state each vehicle needs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Reshape (§2.2.3): an assignment of places and collision-free paths to them; the leader keeps its place."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -62,7 +60,13 @@ def reshape(
         raise ValueError("offsets are from the leader: its own must be zero, before and after")
     names = list(range(1, len(offsets_ned_m) + 1)) if sysids is None else list(sysids)
     for places, when in ((offsets_ned_m, "before"), (targets_ned_m, "after")):
-        _check_gap(places, separation_m, names, when)
+        gap_m, i, j = least_gap(places)
+        if gap_m < separation_m - SLACK_M:
+            raise Infeasible(
+                f"{when} the change vehicles {names[i]} and {names[j]} stand {gap_m:.2f} m apart; "
+                f"separation_min_m is {separation_m:g} m",
+                hint="give the shape a larger spacing",
+            )
     tries: list[_Try] = []
     for attempt in _tries(offsets_ned_m, targets_ned_m, leader, separation_m, fixed):
         tries.append(attempt)
@@ -78,7 +82,10 @@ def reshape(
         key=lambda pair: pair[0][0],
     )
     if nearest[0] * _MOST_SPREAD >= separation_m * _ROOM:
-        return _spread(offsets_ned_m, targets_ned_m, roomiest.places, separation_m * _ROOM / nearest[0])
+        factor = separation_m * _ROOM / nearest[0]
+        end = targets_ned_m[roomiest.places]
+        words = f"spread out to {factor:.2f} times the size, across, together again"
+        return _flown([offsets_ned_m, factor * offsets_ned_m, factor * end, end], roomiest.places, words)
     raise _refusal(nearest, separation_m, names, fixed)
 
 
@@ -119,13 +126,6 @@ def _in_lanes(
     return (lanes.count, made) if made.least_distance_m >= separation_m - SLACK_M else None
 
 
-def _spread(offsets: Array, targets: Array, places: Places, factor: float) -> Reshaped:
-    """The change with the shape larger by a factor while vehicles cross, so that all pass further apart."""
-    end = targets[places]
-    words = f"spread out to {factor:.2f} times the size, across, together again"
-    return _flown([offsets, factor * offsets, factor * end, end], places, words)
-
-
 def _flown(stops: list[Array], places: Places, way: str) -> Reshaped:
     """The change straight from stop to stop, all vehicles in step."""
     legs = list(pairwise(stops))
@@ -136,16 +136,6 @@ def _flown(stops: list[Array], places: Places, way: str) -> Reshaped:
         way=way,
         least_distance_m=min(least_distance(start, end)[0] for start, end in legs),
     )
-
-
-def _check_gap(places: Array, separation_m: float, names: Sequence[int], when: str) -> None:
-    gap_m, i, j = least_gap(places)
-    if gap_m < separation_m - SLACK_M:
-        raise Infeasible(
-            f"{when} the change vehicles {names[i]} and {names[j]} stand {gap_m:.2f} m apart; "
-            f"separation_min_m is {separation_m:g} m",
-            hint="give the shape a larger spacing",
-        )
 
 
 def _refusal(nearest: tuple[float, int, int], separation_m: float, names: Sequence[int], fixed: bool) -> Infeasible:

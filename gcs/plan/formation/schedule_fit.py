@@ -3,8 +3,6 @@
 Every value that is proposed was tried: with it, and all else as it is, the changes fit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ In step: at every instant every vehicle has flown the same share of its path, un
 then depends on start and end alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

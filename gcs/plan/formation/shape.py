@@ -3,8 +3,6 @@
 A thousand vehicles that shrink and rotate together need three functions; a path for each would need thousands.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from functools import cached_property

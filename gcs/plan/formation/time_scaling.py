@@ -1,7 +1,5 @@
 """The time scaling of a change: one smooth step for all vehicles, its budget, and the shortest duration within it."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass
 
 import numpy as np

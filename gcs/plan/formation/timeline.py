@@ -3,8 +3,6 @@
 Changes must neither overlap nor violate the separation. The instants at which gates are crossed are an input.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

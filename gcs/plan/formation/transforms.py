@@ -4,8 +4,6 @@ Offsets are from the leader, which stays at their origin. Every centre of rotati
 so there is none here.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

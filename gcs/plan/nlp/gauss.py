@@ -1,7 +1,5 @@
 """Legendre-Gauss collocation on [-1, 1]: nodes, weights, differentiation and interpolation (Eqs. 37-46)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -1,7 +1,5 @@
 """IPOPT on one nonlinear program: options, and messages for its failures."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

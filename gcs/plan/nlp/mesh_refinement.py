@@ -4,8 +4,6 @@ A constraint that is violated between nodes is enforced where it is violated mos
 halved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """Renames the rows of multipliers to the new node times."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units and bounds of the program's unknowns (Eqs. 15, 16, 51), and the steps of the thrust that the jerk limits."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from scipy import sparse

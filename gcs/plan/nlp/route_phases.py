@@ -1,7 +1,5 @@
 """The legs of a drawn route as phases of the program: first mesh, durations, and rows about the points between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca
@@ -30,7 +28,9 @@ def first_mesh(problem: Problem, longest_s: float, shortest_s: float, degree: in
     joints: list[float] = [problem.start_s]
     degrees: list[int] = []
     legs: list[int] = []
-    rests = _rests(problem)
+    stops = [point.hold_s > 0.0 for point in problem.points]
+    ends = [not state[VELOCITY].any() for state in (problem.start_state, problem.end_state)]
+    rests = list(zip([ends[0], *stops], [*stops, ends[1]], strict=True))
     for leg, (start_s, end_s) in enumerate(problem.legs_s):
         if leg and problem.points[leg - 1].hold_s:
             joints.append(start_s)
@@ -41,13 +41,6 @@ def first_mesh(problem: Problem, longest_s: float, shortest_s: float, degree: in
         degrees += [degree] * len(lengths)
         legs += [leg] * len(lengths)
     return Mesh(np.array(joints), tuple(degrees), legs=tuple(legs))
-
-
-def _rests(problem: Problem) -> list[tuple[bool, bool]]:
-    """Whether the leader is at rest at the begin and at the end of each leg."""
-    stops = [point.hold_s > 0.0 for point in problem.points]
-    ends = [not state[VELOCITY].any() for state in (problem.start_state, problem.end_state)]
-    return list(zip([ends[0], *stops], [*stops, ends[1]], strict=True))
 
 
 def _lengths(duration_s: float, longest_s: float, shortest_s: float, rests: tuple[bool, bool]) -> Array:

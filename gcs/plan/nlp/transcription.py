@@ -10,8 +10,6 @@ from inner nodes and can leave the control box at the ends of an interval; a lin
 Eq. 41 is available for comparison.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 

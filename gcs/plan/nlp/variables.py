@@ -3,8 +3,6 @@
 States and controls at any instant are linear in the unknowns.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 from enum import Enum

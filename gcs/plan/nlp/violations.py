@@ -3,8 +3,6 @@
 Only vehicles near a limit are checked on the fine grid. The verifier later checks everything.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ So a thousand vehicles cost no more constraints than a few. `violations` checks 
 choice then includes what this one missed.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 
@@ -102,7 +100,7 @@ def offsets_at(problem: Problem, base: Array, states: Array) -> Array:
 
 def _near_ground(problem: Problem, places: Array, states: Array) -> Rows:
     if problem.vehicles <= NEAR_GROUND:
-        return np.repeat(_all_rows(problem, len(states)), FEET, axis=1)
+        return np.repeat(np.tile(np.arange(problem.vehicles, dtype=np.intp), (len(states), 1)), FEET, axis=1)
     terrain = problem.scenario.terrain
     up = -(places[..., 2] + states[:, 2])
     north, east = (places[..., i] + states[:, i] for i in (0, 1))
@@ -178,7 +176,3 @@ def _moving(problem: Problem, times_s: Array, base: Array) -> tuple[Rows, NDArra
         rigid = ~np.any(np.abs(shape.offsets(times_s, 1)) + np.abs(shape.offsets(times_s, 2)) > 0, axis=(0, 2))
         used[rigid, 1:] = False
     return chosen, used
-
-
-def _all_rows(problem: Problem, instants: int) -> Rows:
-    return np.tile(np.arange(problem.vehicles, dtype=np.intp), (instants, 1))

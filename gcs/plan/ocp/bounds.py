@@ -5,8 +5,6 @@ add no constraint. Limits that depend on coordinates of the shape, and the turni
 constraints (`stage_functions`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.errors import Infeasible

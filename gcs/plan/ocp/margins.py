@@ -3,8 +3,6 @@
 The mesh is refined where they are negative. The replanner and the common return judge their motions by them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sum of the objective's terms (Eq. 35): its integrand, its lower bound, and each term along a trajectory."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

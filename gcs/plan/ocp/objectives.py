@@ -5,8 +5,6 @@ discards a route when its lower bound is above the cost of a known flight. A bou
 best route: tests/property/plan/test_objective_bounds.py tests every row.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 

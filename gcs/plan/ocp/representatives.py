@@ -5,8 +5,6 @@ Where the formation turns, shrinks or leans in sheared wind, every vehicle has a
 a degree, is exact. A formation of few vehicles is represented by all of them; a thousand cost no more than about forty.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

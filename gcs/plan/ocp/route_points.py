@@ -1,7 +1,5 @@
 """The points that the leader passes between start and end: the joints between the legs of a flight, in SI and NED."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

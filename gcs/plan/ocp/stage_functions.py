@@ -4,8 +4,6 @@ Path constraints are those of the active vehicles in the leader's variables: tur
 (Eq. 20, Eq. 23), no-fly zones (Eq. 21, Eq. 24), limits (Eq. 51). CasADi makes exact derivatives.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import TypeVar

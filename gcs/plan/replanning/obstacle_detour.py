@@ -3,8 +3,6 @@
 A guess need not be flyable.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 
@@ -38,7 +36,8 @@ def detours(problem: Problem, old: Trajectory, new: tuple[NoFlyZone, ...]) -> li
     Sides that other zones, or ground above the ceiling, block are left out; so the list may be empty.
     """
     times = np.linspace(problem.start_s, problem.end_s, max(int(problem.duration_s / _EVERY_S), 40) + 1)
-    planned, controls = _sampled(old, times)
+    inside = np.clip(times, old.start_s, np.nextafter(old.end_s, -np.inf))
+    planned, controls = old.state(inside)[:, :12], old.control(inside)[:, :4]
     off = problem.start_state - planned[0]
     path = planned[:, POSITION] + _faded(times, off)
     found: list[Array] = []
@@ -56,12 +55,6 @@ def detours(problem: Problem, old: Trajectory, new: tuple[NoFlyZone, ...]) -> li
         for (_, blocked), number in priced
         if not (new and blocked)
     ]
-
-
-def _sampled(old: Trajectory, times: Array) -> tuple[Array, Array]:
-    """States and controls at `times`; after the end of the old trajectory, those of its end."""
-    inside = np.clip(times, old.start_s, np.nextafter(old.end_s, -np.inf))
-    return old.state(inside)[:, :12], old.control(inside)[:, :4]
 
 
 def _faded(times: Array, off: Array) -> Array:

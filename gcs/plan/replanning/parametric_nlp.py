@@ -5,8 +5,6 @@ of spare no-fly disks. Bounds and guesses are arguments of each solve: bounds ar
 violated a limit between nodes, and the next solve takes a few iterations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import casadi as ca

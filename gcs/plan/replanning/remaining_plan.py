@@ -2,8 +2,6 @@
 flight from any state through the points of the route that are still ahead, solved on a mesh of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ A row of collocation weights the costate at its node (covector mapping of the Ga
 densities over time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ They do not depend on time. The search for routes uses the best pose at every pl
 one that is feasible there. A few representative vehicles stand for the whole formation.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

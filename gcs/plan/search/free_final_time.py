@@ -4,8 +4,6 @@ Energy is that of the whole flight over the reference time (`[time] flight_s`), 
 comparable: a straight one costs a_1 (T_ref / T)^2 + time_weight T / T_ref.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

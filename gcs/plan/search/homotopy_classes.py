@@ -1,7 +1,5 @@
 """The best flight over all routes: each route whose lower bound can still win is optimised, all are reported."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import signal

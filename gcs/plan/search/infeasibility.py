@@ -1,7 +1,5 @@
 """Diagnoses why a scenario has no plan, with the values that would make it feasible."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The initial guess of the optimiser: a route at constant speed, above the ground below it. It need not be flyable."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """First guesses of the legs of a drawn route: the times at its points with their bounds, and routes through them."""
 
-from __future__ import annotations
-
 import heapq
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ The trajectory decides when a gate is crossed, and the change that begins there 
 iterated until they agree. `gcs.plan.formation.timeline` makes the changes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The identity of a constraint, shared by rows of the program, violations and checks; its text is for people only."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 

@@ -2,8 +2,6 @@
 vehicles, to no-fly zones and to the ground.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.distance import pdist
 

@@ -4,8 +4,6 @@ Planned controls include climbs, the planned wind and every turn. Gusts, waiting
 in a plan: the reserve covers them, and in flight the measured discharge.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The greatest speed, acceleration and jerk of each vehicle of a plan, every 0.05 s and on both sides of joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

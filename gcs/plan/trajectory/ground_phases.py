@@ -3,8 +3,6 @@
 Their polynomials solve Eq. 1: exactly for a level vehicle, to a nanoradian for one that leans against the wind.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import PPoly
 

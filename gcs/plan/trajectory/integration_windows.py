@@ -3,8 +3,6 @@
 Open-loop integration over a whole flight says nothing, because Eq. 1 integrates four times. Windows of 5 s do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

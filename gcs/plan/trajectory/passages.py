@@ -1,7 +1,5 @@
 """The passages of a plan: when the leader is at each point of its route that lies ahead."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

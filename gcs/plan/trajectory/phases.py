@@ -1,7 +1,5 @@
 """The phases of a flight, from take-off to landing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

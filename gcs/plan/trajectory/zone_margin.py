@@ -6,8 +6,6 @@ Planner and re-planner avoid larger no-fly zones, and stay in smaller keep-in ar
 beside a zone that is near the ends of the flight, and none where no route keeps it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 

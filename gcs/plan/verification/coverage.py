@@ -6,8 +6,6 @@ instants `h` apart it is within h² / 8 times the largest acceleration, which Ta
 the chain moves it by at most `_CHORD_M`. Circles are polygons inside of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +87,10 @@ def coverage(plan: Plan) -> Coverage | None:
     survey = plan.scenario.survey
     if survey is None:
         return None
-    t_s = _instants_s(plan)
+    # Instants (N,) between T0 and the arrival, all joints among them
+    even = np.linspace(0.0, plan.flight_s, max(2, round(plan.flight_s / _STEP_S) + 1))
+    joints = plan.joints_s[(plan.joints_s > 0.0) & (plan.joints_s < plan.flight_s)]
+    t_s = np.unique(np.concatenate([even, joints]))
     slack_m = _bow_m(plan, t_s) + _CHORD_M
     places = plan.states(t_s)[..., POSITION][..., :2]  # (V, N, 2)
     tracks = [shapely.simplify(shapely.LineString(track), _CHORD_M, preserve_topology=False) for track in places]
@@ -107,13 +108,6 @@ def coverage(plan: Plan) -> Coverage | None:
         used=battery_model(plan).used[:, -1],
         reserve=plan.scenario.preflight.reserve,
     )
-
-
-def _instants_s(plan: Plan) -> Array:
-    """Instants (N,) between T0 and the arrival, all joints among them."""
-    even = np.linspace(0.0, plan.flight_s, max(2, round(plan.flight_s / _STEP_S) + 1))
-    joints = plan.joints_s[(plan.joints_s > 0.0) & (plan.joints_s < plan.flight_s)]
-    return np.unique(np.concatenate([even, joints]))
 
 
 def _bow_m(plan: Plan, t_s: Array) -> float:

@@ -1,7 +1,5 @@
 """Exact checks at instants: ends, joints, pads, route points, begin of changes, assignment of places."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.physics.quadrotor import derivative

@@ -1,7 +1,5 @@
 """Warnings about zones and ground that a plan passes nearer than the navigation error."""
 
-from __future__ import annotations
-
 import math
 
 from gcs.plan.trajectory.constraint_id import Kind

@@ -5,8 +5,6 @@ difference of two errors: with standard deviation sigma of one vehicle and one a
 Errors are independent here. Real receivers side by side share a part of theirs, which leaves more.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -42,7 +40,10 @@ def separation_left(plan: Plan) -> SeparationLeft | None:
     lost = DEVIATIONS * math.sqrt(2.0) * np.array([sigma.horizontal_m, sigma.horizontal_m, sigma.vertical_m])
     best: SeparationLeft | None = None
     for t_s, places in _placed(plan):
-        pairs = _near(places, float(lost.max()))
+        # The pairs (P, 2) of rows that can be the nearest, whatever is lost up to `lost_m`
+        tree = KDTree(places)
+        nearest_m = float(tree.query(places, k=2)[0][:, 1].min())
+        pairs = np.asarray(tree.query_pairs(nearest_m + float(lost.max()) + 1e-9, output_type="ndarray"))
         between = places[pairs[:, 1]] - places[pairs[:, 0]]
         apart_m = np.linalg.norm(between, axis=1)
         left_m = apart_m - np.linalg.norm(between * lost, axis=1) / np.maximum(apart_m, 1e-9)
@@ -74,10 +75,3 @@ def _shapes(shape: Shape, times: Array) -> list[float]:
     piece = np.searchsorted(shape.joints_s, times, side="right")
     once = np.unique(piece[~moving], return_index=True)[1]
     return [*times[~moving][once].tolist(), *times[moving].tolist()]
-
-
-def _near(places: Array, lost_m: float) -> Array:
-    """The pairs (P, 2) of rows that can be the nearest, whatever is lost up to `lost_m`."""
-    tree = KDTree(places)
-    nearest_m = float(tree.query(places, k=2)[0][:, 1].min())
-    return np.asarray(tree.query_pairs(nearest_m + lost_m + 1e-9, output_type="ndarray"))

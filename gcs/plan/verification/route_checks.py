@@ -3,8 +3,6 @@
 Checks at instants are exact. A hold is bounded at every instant, from the leader's polynomials.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

@@ -4,8 +4,6 @@ A vehicle keeps the distance `c` where it is above `ground(place + foot) + sqrt(
 `c` of its place: above the ground with a ball of radius `c` rolled over it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.scenario.environment.ground_distance import trial_places

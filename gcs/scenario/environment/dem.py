@@ -4,8 +4,6 @@ Heights are AMSL, as elevation models give them. Every pixel is converted to the
 missions, which includes the Earth's curvature.
 """
 
-from __future__ import annotations
-
 import os
 import warnings
 from pathlib import Path
@@ -133,7 +131,11 @@ def _window(raster: DatasetReader, origin: Origin, region: Region) -> Window:
     row, column = _pixels(raster, edge_n, edge_e, origin)
     needed = (row.min(), row.max(), column.min(), column.max())
     if needed[0] < 0 or needed[2] < 0 or needed[1] > raster.height - 1 or needed[3] > raster.width - 1:
-        north, east = _covered(raster, origin)
+        # What the whole raster covers, roughly: [low, high] north and east, m
+        rows, columns = np.meshgrid(np.linspace(0, raster.height - 1, 5), np.linspace(0, raster.width - 1, 5))
+        lat_deg, lon_deg = _on_earth(raster, rows, columns)
+        ned = geodetic_to_ned(lat_deg, lon_deg, np.full_like(lat_deg, origin.alt_amsl_m), origin)
+        north, east = tuple(np.array([ned[..., axis].min(), ned[..., axis].max()]) for axis in (0, 1))
         raise DemError(
             f"is too small: it covers {north[0]:.0f} to {north[1]:.0f} m north and {east[0]:.0f} to {east[1]:.0f} m "
             f"east of the origin, the scenario needs {region.north_m[0]:.0f} to {region.north_m[1]:.0f} m north and "
@@ -167,14 +169,6 @@ def _outline(region: Region) -> tuple[Array, Array]:
     north, east = (np.linspace(*bounds, _FIT_POINTS) for bounds in (region.north_m, region.east_m))
     grid = np.meshgrid(north, east, indexing="ij")
     return grid[0].ravel(), grid[1].ravel()
-
-
-def _covered(raster: DatasetReader, origin: Origin) -> tuple[Array, Array]:
-    """What the whole raster covers, roughly: [low, high] north and east, m."""
-    rows, columns = np.meshgrid(np.linspace(0, raster.height - 1, 5), np.linspace(0, raster.width - 1, 5))
-    lat_deg, lon_deg = _on_earth(raster, rows, columns)
-    ned = geodetic_to_ned(lat_deg, lon_deg, np.full_like(lat_deg, origin.alt_amsl_m), origin)
-    return tuple(np.array([ned[..., axis].min(), ned[..., axis].max()]) for axis in (0, 1))  # type: ignore[return-value]
 
 
 def _on_earth(raster: DatasetReader, row: Array, column: Array) -> tuple[Array, Array]:

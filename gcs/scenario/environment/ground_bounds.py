@@ -5,8 +5,6 @@ elevation model is bilinear, so its bound is its highest value where grid lines 
 the rectangle, the tighter the bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ The ground is the union of solids with a smooth top each: the mountains, both si
 relief. The distance to a union is the least of the distances, so kinks of the ground need no special care.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

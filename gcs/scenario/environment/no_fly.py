@@ -5,8 +5,6 @@ corner it is less than the true distance, never more. `widened` and `narrowed` m
 keep a margin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -4,8 +4,6 @@
 `gcs.plan.ocp.stage_functions` makes its symbols.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

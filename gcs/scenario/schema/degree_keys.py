@@ -3,8 +3,6 @@
 Models have the keys in metres only. `gcs.scenario.validation.to_metres` replaces the others once, as a file is loaded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The number types of scenario tables, the base of a table, and the error for keys that disagree inside it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Self, get_args

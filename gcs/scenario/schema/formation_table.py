@@ -3,8 +3,6 @@
 `gcs.scenario.validation.formation_rules` compares it with limits, times and positions of the flight.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict

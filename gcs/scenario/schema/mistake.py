@@ -1,7 +1,5 @@
 """One mistake in a scenario, its sentence, and keys and values as sentences show them."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Iterable, Sequence

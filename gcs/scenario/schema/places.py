@@ -3,8 +3,6 @@
 [terrain], [[no_fly]], [[keep_in]], [[route]] and [survey].
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 It handles tables, arrays of tables, dotted and quoted keys, and values over several lines. The text must be valid TOML.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

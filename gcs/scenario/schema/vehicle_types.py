@@ -4,8 +4,6 @@ A vehicle file has the tables [vehicle] and [limits] of a scenario, the latter w
 its autopilot. The scenario's own keys override it. Its mistakes are reported with its own lines.
 """
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Spreadsheets of several countries write CSV in their own ways.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

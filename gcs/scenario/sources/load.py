@@ -179,7 +179,14 @@ def _meant(file: Path, text: str, model: type[Part], also: tuple[str, ...] = ())
         else:
             data, text, slips = _read_toml(text)
     except tomllib.TOMLDecodeError as error:
-        raise _error_report(file, [_syntax_mistake(text, error)]) from None
+        said = _PLACE.sub("", str(error))
+        words, step = _WORDS.get(said, (said, ""))
+        if found := _TWICE.fullmatch(said):
+            name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
+            words, step = f"table [{name}] stands twice", "keep one, with the keys of both"
+        raise _error_report(
+            file, [Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))]
+        ) from None
     except json.JSONDecodeError as error:
         raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
     except ValueError as error:  # a number of thousands of digits, for example
@@ -211,16 +218,6 @@ def _read_toml(text: str) -> tuple[Table, str, list[Mistake]]:
             lines[number - 1] = mended
             text = "\n".join(lines)
     return _from_toml(text), text, mistakes
-
-
-def _syntax_mistake(text: str, error: tomllib.TOMLDecodeError) -> Mistake:
-    """The mistake of a text that is not TOML."""
-    said = _PLACE.sub("", str(error))
-    words, step = _WORDS.get(said, (said, ""))
-    if found := _TWICE.fullmatch(said):
-        name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
-        words, step = f"table [{name}] stands twice", "keep one, with the keys of both"
-    return Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))
 
 
 def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:

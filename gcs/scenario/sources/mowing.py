@@ -8,8 +8,6 @@ Of all directions, an edge of the area's convex hull has the fewest passes: the 
 across one of its edges. Other edges are tried too, because the legs count as well.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence

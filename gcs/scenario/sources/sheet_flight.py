@@ -1,7 +1,5 @@
 """A flight whose formation and shapes come from sheets: its vehicles, its shapes, and a change to each in turn."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

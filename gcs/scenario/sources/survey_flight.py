@@ -1,7 +1,5 @@
 """A survey as a scenario: start, points of the route, line abreast, box, and the area that must be covered."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

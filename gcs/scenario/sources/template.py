@@ -1,7 +1,5 @@
 """The text of a first scenario: a short one, or one with every table."""
 
-from __future__ import annotations
-
 import math
 import re
 import tempfile

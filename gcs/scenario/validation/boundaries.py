@@ -5,8 +5,6 @@ not which vehicle takes which. Otherwise these rules check the leader alone, and
 others.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 A rule refuses only what no plan can satisfy. The planner decides whether there is a plan.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection
 

@@ -3,8 +3,6 @@
 The separation during a change is for the planner and the verification.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

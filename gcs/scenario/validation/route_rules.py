@@ -5,8 +5,6 @@ formation may have changed its shape, these rules check the leader alone, and th
 others. Zones are in `gcs.scenario.validation.zone_rules`.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

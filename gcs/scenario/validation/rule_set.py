@@ -1,7 +1,5 @@
 """A set of rules between tables. Each rule names the tables it needs, so it also checks a partly valid scenario."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator
 
 from gcs.scenario.schema.mistake import Mistake

@@ -1,7 +1,5 @@
 """Describes a key by its JSON Table, and words pydantic's errors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any

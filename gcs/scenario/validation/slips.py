@@ -1,7 +1,5 @@
 """Corrects slips in a file's tables, so that each is reported once and hides no other mistake."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The pairs of places that are closer than a distance, among thousands of places."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

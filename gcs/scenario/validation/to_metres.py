@@ -3,8 +3,6 @@
 All later layers know metres only.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 They are within all ranges, so that a plan could be made of them: a flight of centimetres, for example.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

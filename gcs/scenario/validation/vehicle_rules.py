@@ -3,8 +3,6 @@
 They check scenarios and vehicle files alike.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control

@@ -1,7 +1,5 @@
 """Rules about zones at the start, at every point of the route, and at the end: no-fly zones and keep-in areas."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.errors import counted

@@ -3,8 +3,6 @@
 All places are in metres. North is ahead: a line is abreast (east and west of the leader), a column is behind it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

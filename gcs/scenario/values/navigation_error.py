@@ -9,8 +9,6 @@ them. With RTK, light ones make it 0.08 m in calm air and 0.11 m in 8 m/s, moder
 0.27 and 0.40 m.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from types import MappingProxyType

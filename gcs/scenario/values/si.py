@@ -3,8 +3,6 @@
 Among them are the accelerations that its vehicle can reach at most, whatever its autopilot is set to.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The reference trajectory that one vehicle flies: a planned path, or a stream of setpoints."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Consecutive waypoints are flown together by the navigator of the path generator.
 time, as one smooth curve, and delays between them do not interrupt it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Generates complete paths: take-off, flight to a position, stop, landing and return."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ one. Position, velocity and acceleration are reset at every setpoint; jerk and s
 Positions cannot provide them: float32 at 1.5 km rounds to 0.1 mm, which is 10^4 m/s^4 at 25 Hz.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import insort
 from dataclasses import dataclass, field

@@ -70,6 +70,7 @@ class Instruments:
     uid: bytes
     t_s: float = 0.0
     gnss_ahead_s: float = 0.0  # a fault
+    sag_V: float = 0.0  # a fault
 
     @property
     def estimate(self) -> Array:
@@ -135,7 +136,7 @@ class Instruments:
         """Volt, ampere, remaining share of the charge, Ah drawn."""
         battery, row = self.airframes.battery, self.row
         volt, ampere, left = battery.voltage_V[row], battery.current_A[row], battery.remaining[row]
-        return float(volt), float(ampere), float(left), float(battery.used_Ah[row])
+        return float(volt) - self.sag_V, float(ampere), float(left), float(battery.used_Ah[row])
 
     @property
     def used_J(self) -> float:

@@ -1,7 +1,5 @@
 """Telemetry of motion and its setpoints, and of identity, time, home, origin and mission progress."""
 
-from __future__ import annotations
-
 import math
 import zlib
 

@@ -1,7 +1,5 @@
 """Message rates: which messages a vehicle can send, and which are due, in simulated time."""
 
-from __future__ import annotations
-
 import math
 
 from gcs.link.wire.message import Message

@@ -1,7 +1,5 @@
 """Telemetry of state and health: HEARTBEAT, sensors, filter, battery, receiver, ground contact."""
 
-from __future__ import annotations
-
 import math
 
 from gcs.mavlink import PREARM_CHECK, MavState, MavType, MessageId, ModeFlag
@@ -9,6 +7,7 @@ from sim_bridge.personality import Intent, Milestone
 from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources, on_earth
 
 _UNKNOWN = 0xFFFF
+_BATTERY = 0x2000000  # MAV_SYS_STATUS_SENSOR_BATTERY
 _RTK_FIXED, _FIX_3D = 6, 3
 _SATELLITES = 18
 _DILUTION = {"rtk": (60, 100), "gnss": (121, 200)}  # of precision, in hundredths: horizontal, vertical
@@ -37,7 +36,7 @@ def _status(sources: Sources) -> MavState:
     autopilot = sources.autopilot
     if not sources.reached(Milestone.RUNNING):
         return sources.personality.boot.starting
-    if autopilot.failing:
+    if autopilot.failing or (sources.personality.failsafes.low_is_critical and sources.failsafe.charge_state > 1):
         return MavState.CRITICAL
     if not sources.personality.arming.status_shows_armable:
         return MavState.ACTIVE if autopilot.mode_actions.ground.aloft else MavState.STANDBY
@@ -53,6 +52,8 @@ def _sys_status(sources: Sources) -> Fields:
         present, enabled = present & ~health.gnss, enabled & ~health.gnss
     if not (sources.reached(Milestone.FIXED) and instruments.has_fix):
         healthy &= ~health.gnss
+    if sources.failsafe.charge_state > 1:
+        healthy &= ~_BATTERY
     if sources.autopilot.can_arm(instruments.t_s):
         healthy |= PREARM_CHECK
     volt, ampere, share, _ = instruments.battery
@@ -86,7 +87,7 @@ def _battery_status(sources: Sources) -> Fields:
         "current_consumed": round(used_Ah * 1000.0),
         "energy_consumed": round(sources.instruments.used_J / 100.0),
         "battery_remaining": _percent(share),
-        "charge_state": 1,
+        "charge_state": sources.failsafe.charge_state,
     }
 
 

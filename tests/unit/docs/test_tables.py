@@ -147,7 +147,7 @@ FLOWN = {
     ],
     "flight refused, not confirmed, or stopped before it arms": [
         (HOSTILE + "custody.py", "test_further_flights_of_vehicles_that_fly_leave_them_alone"),
-        (HOSTILE + "custody.py", "test_a_flight_that_is_not_confirmed_sends_nothing"),
+        (HOSTILE + "custody.py", "test_a_flight_that_is_not_confirmed_reads_what_is_on_board_and_changes_nothing"),
     ],
     "vehicle armed by a pilot or another ground station": [
         (HOSTILE + "custody.py", "test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot")

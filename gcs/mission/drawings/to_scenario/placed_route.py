@@ -3,8 +3,6 @@
 There are as many as a scenario may have, and no two of them at one place; a recorded line is thinned.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -266,7 +264,9 @@ def _in_the_air(points: list[DrawnPoint], said: list[LeftOut]) -> tuple[list[Dra
     """A track without its take-off and landing, and the height of the ground where it takes off."""
     if any(point.datum is Datum.NONE for point in points):
         return points, None
-    places_m = _local_m(points)
+    # The places of points of one datum (N, 3), north, east and up from the first, m
+    lat, lon = np.array([point.place for point in points]).T
+    places_m = place_up_m(lat, lon, np.array([point.height_m for point in points]), Origin(*points[0].place, 0.0))
     first, last = airborne(places_m)
     if last <= first:
         return points, None
@@ -327,9 +327,3 @@ def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
         f"a vehicle flies at {LOWEST_M:g} m or more.",
         hint=hint,
     )
-
-
-def _local_m(points: Sequence[DrawnPoint]) -> Array:
-    """The places of points of one datum (N, 3), north, east and up from the first, m."""
-    lat, lon = np.array([point.place for point in points]).T
-    return place_up_m(lat, lon, np.array([point.height_m for point in points]), Origin(*points[0].place, 0.0))

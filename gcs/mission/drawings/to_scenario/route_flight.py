@@ -1,7 +1,5 @@
 """The scenario of a drawn route: the values for its template, with names and heights as drawn."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass, replace
@@ -78,9 +76,10 @@ class RouteFlight:
         source = tidy(Path(self.drawing.source).name)
         yaw = f"roll_pitch_yaw_deg = [0.0, 0.0, {first['YAW']}]\n" if first["YAW"] != "0.0" else ""
         interior = points[1:] if returns else points[1:-1]
-        legs = zip(interior, self._turns_rad, strict=False)
+        legs = zip(interior, [float(turn) for turn in turns_rad(self._course_m)], strict=False)
         north_m, east_m = self._box(places_m)
         ends = np.array([points[0].place_m[2], points[0 if returns else -1].place_m[2]]) + float(places_m[:, 2].max())
+        heads = ["[[keep_in]]"] * len(self.areas.keep_in) + ["[[no_fly]]"] * len(self.areas.no_fly)
         return first | {
             "ALONG": _text(f"{first['TITLE']} along {source}")[1:-1],
             "SOURCE": source,
@@ -97,7 +96,7 @@ class RouteFlight:
                     _place_table("[start]", points[0], "of the leader, which hovers there") + yaw,
                     *(self._route_table(point, turn) for point, turn in legs),
                     *([] if returns else [_place_table("[end]", points[-1]) + yaw]),
-                    *map(_area_text, *_named_areas(self.areas)),
+                    *map(_area_text, *(heads, [*self.areas.keep_in, *self.areas.no_fly])),
                 ]
             ),
             "BOX_NORTH": str(north_m),
@@ -129,10 +128,6 @@ class RouteFlight:
     def _leg_speeds_mps(self) -> Array:
         plain_mps = self.drawing.speed_mps or CRUISE_MPS
         return np.array([min(self._most_mps, plain_mps if speed is None else speed) for speed in self._drawn_mps])
-
-    @property
-    def _turns_rad(self) -> list[float]:
-        return [float(turn) for turn in turns_rad(self._course_m)]
 
     @property
     def _speeds_said(self) -> list[LeftOut]:
@@ -228,11 +223,6 @@ def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
         told = f'{told}, "{point.drawn.name}"'
     title = _commented(head, f"{told}, {also}" if also else told)
     return f"{title}\nposition_deg = {_shown(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
-
-
-def _named_areas(areas: AreaTables) -> tuple[list[str], list[AreaTable]]:
-    heads = ["[[keep_in]]"] * len(areas.keep_in) + ["[[no_fly]]"] * len(areas.no_fly)
-    return heads, [*areas.keep_in, *areas.no_fly]
 
 
 def _area_text(head: str, area: AreaTable) -> str:

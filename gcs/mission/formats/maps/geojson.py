@@ -4,8 +4,6 @@ A third coordinate would be a height above the ellipsoid (RFC 7946, section 4). 
 so they are properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -60,13 +58,9 @@ def _route_point(point: MapPoint) -> _Members:
 def _area(polygon: FencePolygon) -> _Members:
     """Exterior rings run counterclockwise and close; `clockwise` records the order in the fence."""
     ring = [list(place.place_deg[::-1]) for place in polygon.points]
-    clockwise = _is_clockwise(ring)
+    lon, lat = np.array(ring).T
+    clockwise = bool(np.sum(lon * np.roll(lat, -1) - np.roll(lon, -1) * lat) < 0)
     if clockwise:
         ring = [ring[0], *ring[:0:-1]]
     properties = {"kind": "area", "inclusion": polygon.inclusion, "clockwise": clockwise}
     return _feature({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}, properties)
-
-
-def _is_clockwise(ring: list[list[float]]) -> bool:
-    lon, lat = np.array(ring).T
-    return bool(np.sum(lon * np.roll(lat, -1) - np.roll(lon, -1) * lat) < 0)

@@ -3,8 +3,6 @@
 What KML has no tag for (a circle's radius, the vehicle, the plan) is in ExtendedData, which other programs ignore.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import zipfile
@@ -17,7 +15,6 @@ import numpy as np
 import simplekml
 
 from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile
-from gcs.mission.geofence import FenceCircle
 
 _DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
 _T0 = datetime.fromisoformat(T0_SHOWN)
@@ -41,7 +38,9 @@ def write_kml(file: MapFile) -> bytes:
         line.newgxcoord(
             list(zip(track.lon_deg.tolist(), track.lat_deg.tolist(), track.alt_amsl_m.tolist(), strict=True))
         )
-        line.style.linestyle.color = _colour(number)
+        hue = number * 0.618034 % 1.0 * 6.0
+        parts = (round(255 * min(max(abs((hue + shift) % 6 - 3) - 1, 0), 1)) for shift in (2, 4, 0))
+        line.style.linestyle.color = "ff" + "".join(f"{part:02x}" for part in parts)
         line.style.linestyle.width = 3
     for point in file.points:
         spot = kml.newpoint(name=point.title, altitudemode=simplekml.AltitudeMode.absolute)
@@ -52,7 +51,12 @@ def write_kml(file: MapFile) -> bytes:
     for polygon in file.geofence.polygons:
         _draw(kml, polygon.inclusion, (place.place_deg[::-1] for place in polygon.points))
     for circle in file.geofence.circles:
-        drawn = _draw(kml, circle.inclusion, _corners(circle))
+        lat, lon = circle.center.place_deg
+        angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+        north = circle.radius_m / _METRES_PER_DEGREE
+        east = north / max(math.cos(math.radians(lat)), 1e-3)
+        places = np.round([lon + east * np.sin(angles), lat + north * np.cos(angles)], DEGREE_DECIMALS)
+        drawn = _draw(kml, circle.inclusion, zip(*places.tolist(), strict=True))
         for name, value in (
             ("latitude_degE7", circle.center.lat_degE7),
             ("longitude_degE7", circle.center.lon_degE7),
@@ -77,13 +81,6 @@ def _when(t_s: float) -> str:
     return (_T0 + timedelta(milliseconds=round(t_s * _MS))).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
 
-def _colour(number: int) -> str:
-    """A colour for the track with this number; consecutive numbers have distant hues."""
-    hue = number * 0.618034 % 1.0 * 6.0
-    parts = (round(255 * min(max(abs((hue + shift) % 6 - 3) - 1, 0), 1)) for shift in (2, 4, 0))
-    return "ff" + "".join(f"{part:02x}" for part in parts)
-
-
 def _draw(kml: Any, inclusion: bool, corners: Iterable[tuple[float, float]]) -> Any:
     ring = list(corners)
     drawn = kml.newpolygon(name="stay inside" if inclusion else "stay outside", outerboundaryis=[*ring, ring[0]])
@@ -92,12 +89,3 @@ def _draw(kml: Any, inclusion: bool, corners: Iterable[tuple[float, float]]) -> 
     drawn.style.linestyle.color = _INSIDE if inclusion else _OUTSIDE
     drawn.style.linestyle.width = 2
     return drawn
-
-
-def _corners(circle: FenceCircle) -> Iterable[tuple[float, float]]:
-    lat, lon = circle.center.place_deg
-    angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
-    north = circle.radius_m / _METRES_PER_DEGREE
-    east = north / max(math.cos(math.radians(lat)), 1e-3)
-    places = np.round([lon + east * np.sin(angles), lat + north * np.cos(angles)], DEGREE_DECIMALS)
-    return zip(*places.tolist(), strict=True)

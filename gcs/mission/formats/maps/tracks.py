@@ -3,21 +3,16 @@
 Altitudes are AMSL. Times are plan times; formats that need a date show T0 as `T0_SHOWN`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.frames import ned_to_geodetic
 from gcs.mission.geofence import NO_FENCE, Geofence
 from gcs.physics.states import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 T0_SHOWN = "2000-01-01T00:00:00Z"  # plans have no date
 PERIOD_S = 1.0

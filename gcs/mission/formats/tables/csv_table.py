@@ -3,8 +3,6 @@
 A comment has the form `# name (remark): value`. Comments may be missing; missing rows are then not found.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Mapping

@@ -1,18 +1,13 @@
 """State and control of one vehicle over a whole plan, as CSV: for plots and comparisons, not for flying."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from gcs.mission.formats.tables.csv_table import with_units, write_csv
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
-
-if TYPE_CHECKING:
-    from gcs.plan.trajectory.plan import Plan
 
 COLUMNS = with_units(
     "t_s north_m east_m down_m v_north_mps v_east_mps v_down_mps roll_rad pitch_rad yaw_rad "

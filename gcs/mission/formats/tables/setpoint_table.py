@@ -4,8 +4,6 @@ Positions are in the formation's common local NED frame. Its origin is in the fi
 of each vehicle begins at its own start.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Pages carry checksums, so that a damaged file is not flown.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import asdict

@@ -9,8 +9,6 @@ tolerance. In the middle of an interval they are the nearest allowed shape; Newt
 Taylor models gives the higher powers. What such polynomials leave of their ranges counts as a distance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar

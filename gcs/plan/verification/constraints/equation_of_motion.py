@@ -1,7 +1,5 @@
 """Eq. 1 over every window of 5 s: the leader's whole flight, and vehicles of their own where they move apart."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 The result of each change is computed anew from the scenario, not taken from the planner.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import PPoly
 from scipy.sparse import csr_array

@@ -5,8 +5,6 @@ one angle, at the same distance. While it shrinks, all offsets have one scale. W
 straight and in step from one standstill of the shape to the next.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal

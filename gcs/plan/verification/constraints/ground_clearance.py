@@ -7,8 +7,6 @@ On the ground phases a vehicle stands or hovers over its pad. There the height a
 and the distance at least a quarter of the height above the pad, less 0.25 m: slopes are allowed, a wall is not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 

@@ -4,8 +4,6 @@ A thousand vehicles have half a million pairs. Groups of a tree that are far apa
 bounded together.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

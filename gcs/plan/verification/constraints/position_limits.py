@@ -1,7 +1,5 @@
 """Places of every vehicle: box and height limits (Eq. 51), no-fly zones (Eqs. 21, 24) and keep-in areas."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

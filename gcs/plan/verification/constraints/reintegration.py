@@ -7,8 +7,6 @@ The distance to the exact solution then grows no faster than the solution of e' 
 derivatives of Eq. 1. The reported error contains both: the distance to the plan, and this bound.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

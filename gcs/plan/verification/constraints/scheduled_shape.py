@@ -3,8 +3,6 @@
 Rigid between changes. During a change all vehicles follow the smooth step of its leg.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal

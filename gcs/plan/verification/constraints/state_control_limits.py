@@ -4,8 +4,6 @@ Where the shape is rigid and the wind is the same at every height, all vehicles 
 control: one bound holds for all.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

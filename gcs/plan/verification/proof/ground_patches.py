@@ -4,8 +4,6 @@ A patch is a rectangle in the ground's own coordinates: north and east in metres
 elevation model, which is bilinear between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -211,7 +209,17 @@ class ReliefGround:
         flat = direction_ned[:, :1] * north + direction_ned[:, 1:2] * east
         up = -direction_ned[:, 2]
         exact = (flat + up[:, None] * self._height_m(rows, columns)).max(axis=1)
-        crude = flat.max(axis=1) + up * self._highest_m(patches)
+        # A height (N,) that no pixel of a patch exceeds
+        shape = np.array(self.relief.pixels_m.shape)
+        low = np.clip(np.floor(patches[:, [0, 2]]), 0, shape - 1).astype(int)
+        high = np.clip(np.ceil(patches[:, [1, 3]]), 0, shape - 1).astype(int)
+        level = np.ceil(np.log2((high - low).max(axis=1) + 1)).astype(int)
+        found = np.empty(len(patches))
+        for number in np.unique(level):
+            chosen = level == number
+            table = self._peaks[min(number, len(self._peaks) - 1)]
+            found[chosen] = table[low[chosen, 0], low[chosen, 1]]
+        crude = flat.max(axis=1) + up * found
         return np.asarray(np.where(self._few(patches), exact, crude) + self._map_bend_m(patches))
 
     def slack_m(self, patches: Array) -> Array:
@@ -317,19 +325,6 @@ class ReliefGround:
             wide = np.maximum(last, last[:, columns])
             tables.append(np.maximum(wide, wide[rows]))
         return tables
-
-    def _highest_m(self, patches: Array) -> Array:
-        """A height (N,) that no pixel of a patch exceeds."""
-        shape = np.array(self.relief.pixels_m.shape)
-        low = np.clip(np.floor(patches[:, [0, 2]]), 0, shape - 1).astype(int)
-        high = np.clip(np.ceil(patches[:, [1, 3]]), 0, shape - 1).astype(int)
-        level = np.ceil(np.log2((high - low).max(axis=1) + 1)).astype(int)
-        found = np.empty(len(patches))
-        for number in np.unique(level):
-            chosen = level == number
-            table = self._peaks[min(number, len(self._peaks) - 1)]
-            found[chosen] = table[low[chosen, 0], low[chosen, 1]]
-        return found
 
     def _map_bend_m(self, patches: Array) -> Array:
         """How far (N,) places and coordinates of a patch differ from an affine map between its corners."""

@@ -1,7 +1,5 @@
 """Piecewise polynomials as Taylor models over intervals that lie within one piece."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly

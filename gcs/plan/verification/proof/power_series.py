@@ -4,8 +4,6 @@ Each coefficient of a product, a sine, a root or a power follows from the lower 
 method; A. Jorba and M. Zou, A software package for the numerical integration of ODEs by high-order Taylor methods).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor

@@ -14,7 +14,7 @@ from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from tests.unit.flight.contingency.straight_plan import reported, straight_plan
 
-T0 = 1_700_000_000.0
+T0, MICROSECOND_S = 1_700_000_000.0, 1e-6
 ALL = (1, 2, 3, 4, 5, 6)
 
 
@@ -78,13 +78,14 @@ def straight(
     aloft: tuple[int, ...] = (1, 2, 3),
     starting: tuple[int, ...] = (),
     tracks: PredictedTracks | None = None,
-    follow: bool = False,
+    streamed: bool = False,
 ) -> dict[tuple[int, int], tuple[float, float]]:
     """Conflicts of the straight plan at the third look, as (seconds ahead, metres) by pair."""
-    ours = SeparationWatch(straight_plan(), limit_m, tracks, follow=follow)
+    ours = SeparationWatch(straight_plan(), limit_m, tracks, streamed=streamed)
     for looks in range(3):
         views = reported(t_s, T0, ages_s)
         move(views)
+        views[1].unix_s += MICROSECOND_S * looks
         found = ours.look(views, t_s, T0 + t_s, on_plan, aloft, starting)
         assert looks == 2 or not found
     return {one.pair: (one.in_s, round(one.distance_m, 3)) for one in found}
@@ -137,11 +138,27 @@ def test_two_who_fly_towards_each_other_are_seen_six_seconds_ahead(age_s: float)
     assert straight(0.0, 2.55, move=moved(1, off_mps=(1.0, 0.0, 0.0))) == {}, "the plan's own 5 m are too near"
 
 
-def test_a_follower_that_brakes_with_its_leader_is_no_conflict() -> None:
-    """Vehicle 1 catches up 2.5 m/s from 5 m behind, but goes with its leader after a second; 3.5 m/s are too fast."""
+def test_a_vehicle_that_its_setpoints_brake_is_no_conflict() -> None:
+    """Vehicle 1 catches up 2.5 m/s from 5 m behind, but has its own speed after a second; 3.5 m/s are too fast."""
     assert (1, 3) in straight(0.0, 2.0, move=moved(1, off_mps=(2.5, 0.0, 0.0)))
-    assert straight(0.0, 2.0, move=moved(1, off_mps=(2.5, 0.0, 0.0)), follow=True) == {}
-    assert (1, 3) in straight(0.0, 2.0, move=moved(1, off_mps=(3.5, 0.0, 0.0)), follow=True)
+    assert straight(0.0, 2.0, move=moved(1, off_mps=(2.5, 0.0, 0.0)), streamed=True) == {}
+    assert (1, 3) in straight(0.0, 2.0, move=moved(1, off_mps=(3.5, 0.0, 0.0)), streamed=True)
+
+
+def test_a_vehicle_that_comes_back_to_its_hover_is_no_conflict(hop: Plan) -> None:
+    """5 m apart, vehicle 2 moves at 0.8 m/s towards vehicle 1; recorded PX4s did so for a second."""
+
+    def found(t_s: float) -> int:
+        ours = SeparationWatch(hop, 2.0)
+        for looks in range(3):
+            views = views_at(hop, t_s, age_s=0.01 * looks)
+            between_m = views[1].position_ned_m - views[2].position_ned_m
+            views[2].velocity_ned_mps = views[2].velocity_ned_mps + 0.8 * between_m / np.linalg.norm(between_m)
+            conflicts = ours.look(views, t_s, T0 + t_s, (1, 2, 3), (1, 2, 3))
+        return len(conflicts)
+
+    assert found(0.5 * hop.flight_s) == 1
+    assert found(hop.flight_s + 1.0) == 0
 
 
 def test_vehicles_on_missions_go_on_along_their_own_tracks_at_their_own_speeds() -> None:
@@ -167,11 +184,25 @@ def test_only_vehicles_aloft_with_a_position_count() -> None:
 def test_three_looks_in_a_row_are_a_conflict_and_one_without_it_begins_anew() -> None:
     ours = SeparationWatch(straight_plan(), 2.0)
     told = []
-    for near in (True, True, False, True, True, True, True, False, True):
+    for n, near in enumerate((True, True, False, True, True, True, True, False, True)):
         views = reported(0.0, T0)
+        views[1].unix_s += MICROSECOND_S * n
         moved(1, (3.5 * near, 0.0, 0.0))(views)
         told.append(len(ours.look(views, 0.0, T0, (1, 2, 3), (1, 2, 3))))
     assert told == [0, 0, 0, 0, 0, 1, 1, 0, 0]
+
+
+def test_one_report_that_is_looked_at_again_is_one_sample() -> None:
+    """A link that stalls, or a log that ends, leaves the last noisy report; one new report of either vehicle counts."""
+    ours = SeparationWatch(straight_plan(), 2.0)
+    views = reported(0.0, T0)
+    moved(1, (3.5, 0.0, 0.0))(views)
+    for later_s in (0.0, 0.1, 0.2, 0.3):
+        assert ours.look(views, later_s, T0 + later_s, (1, 2, 3), (1, 2, 3)) == []
+    views[1].unix_s += 0.01
+    assert ours.look(views, 0.4, T0 + 0.4, (1, 2, 3), (1, 2, 3)) == []
+    views[3].unix_s += 0.02
+    assert len(ours.look(views, 0.4, T0 + 0.4, (1, 2, 3), (1, 2, 3))) == 1
 
 
 @pytest.mark.parametrize("t_s", [-20.5, 59.0, 61.0])

@@ -162,7 +162,9 @@ def test_a_pilots_vehicle_gets_no_order_and_is_watched_until_it_has_landed(simul
     async def come_down(landing: FleetLanding, crew: FlightVehicle) -> None:
         asyncio.get_running_loop().call_later(DOWN_S, lambda: setattr(vehicle, "armed", False))
         landing.send_once()
+        assert landing.of_pilots() == [crew.sysid]
         await landing.land_all()
+        assert landing.of_pilots() == []
 
     took_s, told = land(vehicle, simulation1_plan, come_down, state=State.LEFT)
     assert DOWN_S < took_s < DOWN_S + 2.0

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import pytest
 
-from gcs.errors import FlightError
+from gcs.errors import FlightError, PeerTimeout
 from gcs.flight.monitoring.fleet_time import AGREE_S, FleetTime
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.session.vehicle_session import VehicleSession
@@ -155,6 +155,27 @@ def test_a_wait_ends_with_the_report_of_a_vehicle_that_flies_faster_than_predict
         began_s = fleet.loop.time()
         await fleet.time.comes_to(end_s)
         assert fleet.loop.time() - began_s == pytest.approx(0.01, abs=1e-3)
+
+    on_a_loop(work, monkeypatch)
+
+
+def test_a_wait_for_vehicles_that_all_fell_silent_ends_with_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their time stands then: an order that waits by it would never end, nor the landing that waits for the order."""
+
+    async def work() -> None:
+        fleet = Fleet(0.0, 0.0)
+        began_s = fleet.loop.time()
+
+        async def fall_silent() -> None:
+            await asyncio.sleep(8.0)
+            fleet.silent |= {1, 2}
+
+        silence = asyncio.ensure_future(fall_silent())
+        fleet.hear()
+        with pytest.raises(PeerTimeout, match=r"^no vehicle has reported its time for 10 s"):
+            await reporting(fleet, fleet.time.until(fleet.time.sure_s() + 60.0))
+        assert fleet.loop.time() - began_s == pytest.approx(18.0, abs=1.0)
+        await silence
 
     on_a_loop(work, monkeypatch)
 

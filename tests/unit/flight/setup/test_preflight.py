@@ -55,6 +55,8 @@ def moved(plan, row, north_m, down_m=0.0):
     ("name", "change"),
     [
         ("disarmed", lambda plan: {"armed": True}),
+        ("can arm", lambda plan: {"prearm_ok": False}),
+        ("can arm", lambda plan: {"not_ready_texts": ("Preflight Fail: Accel 0 uncalibrated",)}),
         ("position estimate", lambda plan: {"estimate_ok": False}),
         ("position estimate", lambda plan: {"estimate_ok": None}),
         ("sensors", lambda plan: {"ailing": ("compass",)}),
@@ -131,8 +133,8 @@ def test_the_plans_own_energy_counts_where_the_vehicle_is_described(simulation1_
     checks = [c for c in preflight(plan, reports, PreflightTable(reserve=0.3)) if c.name == "battery"]
     assert [c.ok for c in checks] == [ok] * 6
     assert checks[0].measured.startswith("has 100%, needs ")
-    assert checks[0].required.startswith("30% left (of ")
-    assert checks[0].required.endswith(" Wh, need from the plan)")
+    assert checks[0].required.startswith("30% left (need from the plan; ")
+    assert checks[0].required.endswith(" Wh in [vehicle.power])")
 
 
 @pytest.mark.parametrize(

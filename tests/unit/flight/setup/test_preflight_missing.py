@@ -31,7 +31,7 @@ from gcs.scenario.values.si import local_origin
 FAILS = {
     "version": (),
     "uid": (),
-    "prearm_ok": (),
+    "prearm_ok": ("can arm",),
     "estimate_ok": ("position estimate",),
     "ailing": ("sensors",),
     "home": ("home",),

@@ -10,9 +10,10 @@ from pydantic import ValidationError
 
 from gcs.cli.main import run
 from gcs.errors import FlightError, UsageError
+from gcs.flight.monitoring.own_battery import nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import CHECKS, PreflightCheck, known_checks, refuse_no_go, waive
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
-from gcs.flight.setup.preflight import compare_capacity, nominal_V, preflight
+from gcs.flight.setup.preflight import battery_needed, compare_capacity, preflight
 from gcs.link.session.status_report import VehicleReport
 from gcs.mavlink_names import SENSORS, sensor_names
 from gcs.plan.trajectory.plan import Plan
@@ -92,6 +93,10 @@ def test_a_scenario_without_the_table_is_written_as_before(simulation1_plan: Pla
     ("power", "reported_V", "volt"),
     [
         (POWER.model_copy(update={"battery_V": 14.8}), None, 14.8),
+        (POWER.model_copy(update={"battery_V": 14.8}), 16.8, 14.8),
+        (POWER.model_copy(update={"battery_V": 14.8}), 13.2, 14.8),  # nearly empty
+        (POWER.model_copy(update={"battery_V": 14.8}), 12.6, 11.1),  # a charged one of three cells
+        (POWER.model_copy(update={"battery_V": 14.8}), 25.2, 22.2),
         (POWER, 16.2, 14.8),
         (POWER, 12.6, 11.1),
         (POWER, 25.2, 22.2),
@@ -128,8 +133,29 @@ def test_another_capacity_on_board_is_a_warning(
         assert all(word in found.warning for word in (name, "3300 mAh", "5200 mAh", "76.96 Wh", "14.8 V"))
 
 
-def test_a_capacity_is_never_a_no_go(simulation1_plan: Plan) -> None:
-    reports = {s: replace(full(simulation1_plan, row), capacity_mAh=100.0)
+@pytest.mark.parametrize(("spare", "ok"), [(0.01, True), (-0.01, False)])
+def test_the_need_is_told_in_percent_of_the_vehicles_own_battery(
+    simulation1_plan: Plan, spare: float, ok: bool
+) -> None:
+    """Three cells of 11.1 V, so large that the flight ends with its reserve and so much to spare, or less."""
+    plan, table = simulation1_plan, PreflightTable()
+    power = plan.scenario.vehicle.power
+    assert power is not None
+    taken_Wh = float(battery_needed(plan, table).max()) * power.battery_Wh
+    own_mAh = 1000.0 * taken_Wh / (1.0 - table.reserve - spare) / 11.1
+    reports = {s: replace(full(plan, row), capacity_mAh=own_mAh) for row, s in enumerate(plan.sysids)}
+    (worst, *_) = sorted((c for c in preflight(plan, reports) if c.name == "battery"), key=lambda c: c.ok)
+    assert worst.ok == ok
+    assert (
+        worst.measured
+        == f"has 100%, needs {0.75 - spare:.0%} of {own_mAh * 0.0111:.1f} Wh ({own_mAh:.0f} mAh at 11.1 V)"
+    )
+    for unset_mAh in (None, 0.0, -1.0, float("nan")):
+        assert own_battery(replace(full(plan, 0), capacity_mAh=unset_mAh), power).scale(power) == 1.0
+
+
+def test_another_capacity_that_is_enough_is_a_warning_alone(simulation1_plan: Plan) -> None:
+    reports = {s: replace(full(simulation1_plan, row), capacity_mAh=9000.0)
                for row, s in enumerate(simulation1_plan.sysids)}  # fmt: skip
     checks = preflight(simulation1_plan, reports)
     assert all(c.warning for c in checks if c.name == "capacity")
