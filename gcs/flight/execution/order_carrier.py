@@ -127,7 +127,8 @@ class OrderCarrier:
             except Exception as error:
                 if not self._armed(order.sysid) and order.attempts:
                     break  # it has landed meanwhile
-                self._book.note_failure(order, loop.time(), _reason(error))
+                words = error.message if isinstance(error, GcsError) else f"{type(error).__name__}: {error}"
+                self._book.note_failure(order, loop.time(), words.rstrip("."))
                 with suppress(Exception):  # a failed report does not end the order
                     on_failure(order)
             else:
@@ -135,8 +136,3 @@ class OrderCarrier:
                 return
         if self._book.stands(order):
             self._book.end(order.sysid)
-
-
-def _reason(error: Exception) -> str:
-    words = error.message if isinstance(error, GcsError) else f"{type(error).__name__}: {error}"
-    return words.rstrip(".")

@@ -18,7 +18,7 @@ from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
-from gcs.mission.returns.fence_rally import Safety, build_safety
+from gcs.mission.returns.fence_rally import build_safety
 from gcs.mission.returns.rtl_altitudes import return_warnings
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
@@ -50,7 +50,11 @@ def build_loads(
         safe, missions = exported.safety, exported.missions
     else:
         safe = build_safety(plan, each)
-        missions = _missions(plan, MissionOrder(each, timed=timed), safe, warn)
+        made = make_missions(plan, MissionOrder(each, timed=timed), safe, select_formats(["plan"]))
+        if made.refusal is not None:
+            raise made.refusal
+        _say_spread(made.timing, made.legs, warn)
+        missions = made.missions
     if not safety:
         return missions_only(missions)
     for text in return_warnings(plan, safe.returns, each):
@@ -135,14 +139,6 @@ def _with_warnings(
 def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]:
     """Return loads with missions alone: fences, rally points and parameters on board stay."""
     return tuple(VehicleLoad(mission) for mission in missions)
-
-
-def _missions(plan: Plan, order: MissionOrder, safe: Safety, warn: Callable[[str], None]) -> tuple[VehicleMission, ...]:
-    made = make_missions(plan, order, safe, select_formats(["plan"]))
-    if made.refusal is not None:
-        raise made.refusal
-    _say_spread(made.timing, made.legs, warn)
-    return made.missions
 
 
 def _firmware(sysid: int, autopilot: int) -> Autopilot:
