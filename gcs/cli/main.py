@@ -5,8 +5,6 @@ Heavy imports are inside the function, so that `gcs --help` and mistyped argumen
 this). A traceback is printed with `--debug` only.
 """
 
-from __future__ import annotations
-
 import difflib
 import errno
 import os

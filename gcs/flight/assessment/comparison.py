@@ -1,7 +1,5 @@
 """The errors of a flight: between planned, estimated and true positions (RMS), and of its landings by telemetry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ their place in it, so that the deviation is what the plan moves meanwhile. Every
 separation, no-fly zones, fence, ground, height, speed and acceleration. Time is an argument.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

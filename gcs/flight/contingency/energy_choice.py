@@ -6,8 +6,6 @@ chosen: the plan's end, then the cheaper of return and nearest safe point, then 
 one with the least need is chosen. A vehicle over its landing point in the landing phase always lands there.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace

@@ -1,7 +1,5 @@
 """Detects incidents during a flight and carries out the orders of the contingency policy."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Awaitable, Callable

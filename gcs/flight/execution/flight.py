@@ -4,8 +4,6 @@ No vehicle is armed before all of them have their own mission of this plan, read
 for whatever reason, the vehicles in the air are ordered to land.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence

@@ -1,7 +1,5 @@
 """The charge that a flight needs by the current of the hover before T0. Without the reserve it ends there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from statistics import median

@@ -1,7 +1,5 @@
 """The vehicles that fly one plan together, and the orders in a crisis, repeated until carried out or out of reach."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress

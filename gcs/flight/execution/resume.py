@@ -1,7 +1,5 @@
 """A flight that lost its ground station: the instant of the plan it is nearest to, and its landing, return or rest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

@@ -1,7 +1,5 @@
 """Streams setpoints to every vehicle, all timed from one T0."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Mapping, Sequence

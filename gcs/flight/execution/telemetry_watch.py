@@ -6,8 +6,6 @@ before a reboot may be gone: until a vehicle is armed, it ends the flight. Later
 HEARTBEATs tell (`IncidentKind.MOTORS_STOPPED`).
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable, Mapping

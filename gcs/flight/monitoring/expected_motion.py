@@ -4,8 +4,6 @@ The landing is ordered at the beginning of the plan's landing phase. From then o
 point, and descends at the speeds of its autopilot, not at those of the plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -5,8 +5,6 @@ the pad. So until T0 separations count from `VehicleView.place_ned_m`: the pad, 
 was armed. From T0 on vehicles are steered by what they report, and separations count from that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A figure and its file: colours, titles that fit, places of labels, a layout that holds still, and the file."""
 
-from __future__ import annotations
-
 import io
 import textwrap
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One picture of a scenario or a plan: the map, and over time speed, clearance, separation and distance to zones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The folder of a flight: its name, the names of its files, its events and its report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import asdict

@@ -3,8 +3,6 @@
 A thread writes them, so that a disk that stands still keeps no setpoint waiting.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import queue

@@ -1,7 +1,5 @@
 """From a plan to the load of each vehicle: mission, fence, rally point, parameters, and what keeps its times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -162,6 +160,7 @@ def export_for_flight(
     """
     if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL):
         return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
+    say("timing the missions by the model of their autopilot, for all answers that it may give")
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
     if not keeping.emulated or keeping.navigator is NavigatorChoice.OWN:
         index = export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report)

@@ -4,8 +4,6 @@ Nothing is changed on board. A streamed message counts while it is fresh; any ot
 does not arrive gives None.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from contextlib import suppress

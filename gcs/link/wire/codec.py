@@ -4,8 +4,6 @@ Bytes that are no frame of this dialect are skipped: vehicles write console text
 discard the valid frame behind it. The work for a chunk is bounded by its length (`frame_scanner`).
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from collections.abc import Hashable

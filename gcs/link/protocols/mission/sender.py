@@ -3,8 +3,6 @@
 It follows the MAVLink mission protocol (`gcs.link.protocols.mission.rules`), by the table at the end.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
