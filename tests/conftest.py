@@ -15,20 +15,24 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from tests.kept import PATCHES, kept, make_room
 from tests.progress import AreaProgress
+from tests.sharing.kept_functions import KEPT
 
 # What tests share is made once, on disk: set before any other module imports these functions by name.
-for module, name, *makers in (
-    ("gcs.plan.verification.verify", "verify"),
-    ("gcs.plan.planner", "make_plan"),
-    ("gcs.mission.waypoints.arrival_times", "corrected_legs", "gcs/mission"),
-    ("gcs.mission.returns.rtl_altitudes", "plan_returns", "gcs/mission"),
-):
+for module, (name, *makers) in KEPT.items():
     place = import_module(module)
     setattr(place, name, kept(getattr(place, name), *makers))
 
 settings.register_profile("suite", max_examples=40, deadline=None)
 settings.load_profile("suite")
-LONG = ("test_fly.py", "test_every_await.py", "test_recorded_flight.py", "test_mixed_fleet.py", "test_real_flights.py")
+LONG = (
+    "test_course_frame_cost.py",
+    "test_readme.py",
+    "test_fly.py",
+    "test_every_await.py",
+    "test_recorded_flight.py",
+    "test_mixed_fleet.py",
+    "test_real_flights.py",
+)
 
 
 @pytest.hookimpl(trylast=True)

@@ -23,7 +23,6 @@ from gcs.mission.model import Home, MissionItem
 from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S
 from sim_bridge.fleet import plain_scenario
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
 from tools.bench.frame import apart, finish, options, serve
@@ -75,8 +74,21 @@ def under_way(vehicles: int, autopilot: str, ground: socket.socket) -> World:
         world.step()
     for row, vehicle in enumerate(world.vehicles):
         pilot = vehicle.autopilot
-        _ask_for_telemetry(vehicle)
-        pilot.set_mission(_square(world, row, scenario.origin.model_dump()))
+        for number, rate_hz in RATES_HZ.items():
+            params = {f"param{i}": 0.0 for i in range(1, 8)} | {"param1": float(number), "param2": 1e6 / rate_hz}
+            fields = {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "target_system": vehicle.station.sysid}
+            vehicle.receive(
+                Message("COMMAND_LONG", {**fields, "target_component": 1, "confirmation": 0, **params}, *GROUND), 0.0
+            )
+        origin, pad = Origin(**scenario.origin.model_dump()), world.airframes.truth[row, :3]
+        corners = [(SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0)]
+        items = [MissionItem(22, 3, (0.0,) * 4, *_place(pad, origin), 5.0)]
+        for north, east in corners * 60:
+            items.append(MissionItem(16, 3, (0.0,) * 4, *_place(pad + np.array([north, east, 0.0]), origin), 10.0))
+        home = Home(*(float(v) for v in ned_to_geodetic(pad, origin)))
+        pilot.set_mission(
+            with_home(tuple(items), home) if world.vehicles[row].autopilot.mode_actions.progress.first else tuple(items)
+        )
         pilot.set_mode(world.t_s, CopterMode.GUIDED)
         pilot.arm(world.t_s, world.airframes.estimate[row])
         pilot.start_mission(world.t_s, world.airframes.estimate[row])
@@ -107,26 +119,6 @@ def filter_costs(world: World) -> dict[str, float]:
         delattr(estimator, name)
     vehicles = len(world.vehicles)
     return {f"{name}_us": 1e6 * total / count / vehicles for name, (total, count) in costs.items()}
-
-
-def _ask_for_telemetry(vehicle: Conversation) -> None:
-    for number, rate_hz in RATES_HZ.items():
-        params = {f"param{i}": 0.0 for i in range(1, 8)} | {"param1": float(number), "param2": 1e6 / rate_hz}
-        fields = {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "target_system": vehicle.station.sysid}
-        vehicle.receive(
-            Message("COMMAND_LONG", {**fields, "target_component": 1, "confirmation": 0, **params}, *GROUND), 0.0
-        )
-
-
-def _square(world: World, row: int, origin_fields: dict[str, float]) -> tuple[MissionItem, ...]:
-    """Up, and round a square for an hour."""
-    origin, pad = Origin(**origin_fields), world.airframes.truth[row, :3]
-    corners = [(SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0)]
-    items = [MissionItem(22, 3, (0.0,) * 4, *_place(pad, origin), 5.0)]
-    for north, east in corners * 60:
-        items.append(MissionItem(16, 3, (0.0,) * 4, *_place(pad + np.array([north, east, 0.0]), origin), 10.0))
-    home = Home(*(float(v) for v in ned_to_geodetic(pad, origin)))
-    return with_home(tuple(items), home) if world.vehicles[row].autopilot.mode_actions.progress.first else tuple(items)
 
 
 def _place(ned_m: np.ndarray, origin: Origin) -> tuple[int, int]:

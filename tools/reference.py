@@ -3,11 +3,15 @@
 ./tools/run python tools/reference.py
 """
 
+import inspect
 import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import typer
+
+from gcs.cli.main import PANELS, app
 from gcs.flight.contingency.detection import DETECTED
 from gcs.flight.contingency.policy import ALL, MEANING, Row, State
 from gcs.flight.contingency.policy_rows import KEEPS, POLICY
@@ -35,7 +39,6 @@ from gcs.util.bounded_file import FILE_KINDS, JSON_VALUES_MAX, in_mib
 from gcs.util.bounded_parquet import ROWS_MAX
 from gcs.util.bounded_xml import XML_ELEMENTS_MAX
 from tools.api_reference import api_reference
-from tools.commands_reference import commands_reference
 from tools.house import house
 from tools.markdown import table
 
@@ -140,6 +143,62 @@ def _default(value: Schema, required: bool) -> str:
     if isinstance(default, str):
         return f'`"{default}"`'
     return "none" if default in ([], {}) or isinstance(default, dict) else f"`{default}`"
+
+
+EVERYWHERE = ("debug", "json", "help")  # options of every command
+
+
+def commands_reference() -> str:
+    """Every command, by panel."""
+    group: Any = typer.main.get_command(app)
+    parts: list[str] = []
+    for panel in PANELS.values():
+        commands = [command for command in group.commands.values() if command.rich_help_panel == panel]
+        parts.append(f"## {panel}\n")
+        parts += [_command(command) for command in commands]
+    return "\n".join(parts)
+
+
+def _command(command: Any) -> str:
+    """One command: what it does, its arguments and options, its examples."""
+    text, examples = split_help(inspect.cleandoc(command.help))
+    arguments = [p for p in command.params if not p.opts[0].startswith("-")]
+    options = [p for p in command.params if p.opts[0].startswith("-")]
+    usage = " ".join([f"gcs {command.name}", *(p.metavar for p in arguments if p.metavar)])
+    rows = [_option_row(p) for p in (*arguments, *options) if p.name not in EVERYWHERE]
+    parts = [f"### `{usage}`", text]
+    if rows:
+        parts.append(table(("argument, option", "what", "if left out"), rows).rstrip())
+    if not any(p.name == "json" for p in options):
+        parts.append("It has no `--json`.")
+    if examples:
+        parts.append("```text\n" + "\n".join(examples) + "\n```")
+    return "\n\n".join(parts) + "\n"
+
+
+def split_help(help_text: str) -> tuple[str, list[str]]:
+    """The description and the example lines of a docstring."""
+    text, _, examples = help_text.partition("Example")
+    lines = examples.removeprefix("s").removeprefix(":").splitlines()
+    return text.strip(), [line.strip() for line in lines if line.strip()]
+
+
+def _option_row(parameter: Any) -> tuple[str, str, str]:
+    is_option = parameter.opts[0].startswith("-")
+    name = ", ".join(parameter.opts) if is_option else parameter.metavar
+    if is_option and not parameter.is_flag:
+        name += f" {parameter.metavar or parameter.opts[0].strip('-').replace('-', '_').upper()}"
+    return f"**`{name}`**" if parameter.required else f"`{name}`", parameter.help, _option_default(parameter)
+
+
+def _option_default(parameter: Any) -> str:
+    """The default as `--help` shows it; nothing for flags and for options without one."""
+    if isinstance(parameter.show_default, str):
+        return parameter.show_default
+    if parameter.required or parameter.default in (None, False) or not parameter.show_default:
+        return ""
+    default = parameter.default
+    return f"`{' '.join(map(str, default)) if isinstance(default, tuple) else default}`"
 
 
 def policy_tables() -> str:

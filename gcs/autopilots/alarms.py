@@ -4,8 +4,6 @@ Texts are parts in lower case, from recordings and the autopilots' published sou
 counts. A text of no row is shown as the vehicle said it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum

@@ -8,8 +8,6 @@ own. `autocontinue` is not stored and reads back as true: false would be lost, s
 a waypoint or a landing does not turn the vehicle, WP_YAW_BEHAVIOR does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

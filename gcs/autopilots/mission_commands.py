@@ -3,8 +3,6 @@
 Which command an autopilot executes, and how that is known, stands in its row (`MissionSupport.commands`).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

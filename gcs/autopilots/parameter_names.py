@@ -4,8 +4,6 @@ The tables are in the rows (`LinkBehaviour.renaming`). A vehicle does not answer
 requests go out under every name that its version may have, and the answer decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 

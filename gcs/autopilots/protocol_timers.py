@@ -4,8 +4,6 @@
 table of its own in its row; both begin with `STANDARD`. All times are in seconds.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -7,8 +7,6 @@ Items without a position come back as they were sent, all seven numbers. Of item
 command uses; headings are stored as radians in single precision. Frames come back as 5 for 0 and 6 for 3.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

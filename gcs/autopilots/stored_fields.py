@@ -4,8 +4,6 @@ A table has one row per command, and in a row one rule per field. A rule says ho
 is stored as intended, and the source of that.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Mapping

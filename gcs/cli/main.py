@@ -5,8 +5,6 @@ Heavy imports are inside the function, so that `gcs --help` and mistyped argumen
 this). A traceback is printed with `--debug` only.
 """
 
-from __future__ import annotations
-
 import difflib
 import errno
 import os
@@ -222,7 +220,9 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
         return f"{path} takes no more arguments; there is also {found[1]}", see
     if found := _NUMBER.search(text):
         kind = "number" if found[1] == "number" else "whole number"
-        name = _named(error)
+        param = getattr(error, "param", None)
+        names = [*getattr(param, "opts", ())]
+        name = str(max(names, key=len, default="the value"))
         return f"{name}: must be a {kind}, without a unit, and with a decimal point", f"write for example {name} 5"
     return text, see
 
@@ -230,9 +230,3 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
 def best_of(name: str, known: list[str]) -> str:
     """The known name that is the most similar."""
     return max(known, key=lambda one: difflib.SequenceMatcher(None, name, one).ratio())
-
-
-def _named(error: typer.TyperException) -> str:
-    param = getattr(error, "param", None)
-    names = [*getattr(param, "opts", ())]
-    return str(max(names, key=len, default="the value"))

@@ -48,7 +48,7 @@ from gcs.flight.recording.flight_folder import (
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
-from gcs.flight.recording.record_gaps import RecordGaps, needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.recording.record_table import write_record
 from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
@@ -167,21 +167,22 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-    now, ctrl_c = _Prepared(order, watcher, folder, index, navigator, stream), Stoppable()
+    ctrl_c = Stoppable()
     with held_folder(folder):
-        flew = ctrl_c.run(_fly(now, ctrl_c))
+        now = _LinkedFlight(order, watcher, folder, index, navigator, stream)
+        flew, monitor = ctrl_c.run(now.run(ctrl_c))
     watcher.lap("fly")
-    times = replace(flew.times, clock=flown_plan_time(flew.times.t0_unix_s, read_events(folder / EVENTS)))
+    times = replace(flew, clock=flown_plan_time(flew.t0_unix_s, read_events(folder / EVENTS)))
     verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
-    extra |= {} if order.link is None else {"preflight": checks_data(flew.checks)}
+    extra |= {} if order.link is None else {"preflight": checks_data(now.checks)}
     watcher.lap("judge")
-    gaps, late_s, nearest = flew.gaps, flew.monitor.late_s, tuple(flew.monitor.nearest.values())
+    gaps, late_s, nearest = now.journal.record.gaps, monitor.late_s, tuple(monitor.nearest.values())
     if tracks is not None:
         with gaps.kept("map.png"):
             _draw(plan, tracks, folder)
     watcher.lap("pictures")
     extra |= {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
-    extra |= {"missions": sent_data(flew.sent), "incomplete": gaps.data()}
+    extra |= {"missions": sent_data(now.sent), "incomplete": gaps.data()}
     extra |= {**_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     if verdict is not None:
@@ -190,7 +191,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
 
 
-def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
+def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
     order, plan = now.order, now.order.plan
     truth = load_truth(now.folder / "truth.npz")
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
@@ -202,7 +203,7 @@ def _judged_truth(now: _Prepared, times: FlightTimes) -> tuple[Verdict, Tracks, 
     return judge(plan, truth, times), tracks, extra
 
 
-def _judged_reports(now: _Prepared, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
+def _judged_reports(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
     plan, link = now.order.plan, now.order.link
     record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
     tracks = reported_tracks(plan, record, times.plan_time)
@@ -215,31 +216,20 @@ def refuse_late_starts(scenario: Scenario) -> None:
     refuse_no_hour(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
 
 
-@dataclass(frozen=True)
-class _Prepared:
-    order: FlightRun
-    watcher: Watcher
-    folder: Path
-    exported: ExportIndex
-    navigator: NavigatorChoice
-    stream: SetpointStream
-
-
-@dataclass(frozen=True)
-class _Ended:
-    """What is known of a flight after its landing. `checks` are its pre-flight, `gaps` what the folder lacks."""
-
-    times: FlightTimes
-    monitor: Monitor
-    gaps: RecordGaps
-    checks: tuple[PreflightCheck, ...]
-    sent: Mapping[int, SentAs]  # how each mission was sent
-
-
 class _LinkedFlight:
-    def __init__(self, now: _Prepared, ctrl_c: Stoppable) -> None:
-        order = now.order
-        self._now, self._order, self._plan, self._ctrl_c = now, order, order.plan, ctrl_c
+    """One flight whose folder and files are made. After it, `checks` are its pre-flight, `sent` how missions went."""
+
+    def __init__(
+        self,
+        order: FlightRun,
+        watcher: Watcher,
+        folder: Path,
+        exported: ExportIndex,
+        navigator: NavigatorChoice,
+        stream: SetpointStream,
+    ) -> None:
+        self.order, self._plan, self._watcher = order, order.plan, watcher
+        self.folder, self._exported, self.navigator, self._stream = folder, exported, navigator, stream
         self._known = replace(order.link or Connection((SIM_LINK,)), also_to=order.also_to)
         state = FlightState(
             mission=self._plan.scenario.name,
@@ -253,16 +243,16 @@ class _LinkedFlight:
             pid=os.getpid(),
             waived=tuple(sorted(order.options.waived)),
         )
-        self._journal = FlightJournal(now.folder, state, now.watcher.say, now.watcher.warn)
-        self._checks: tuple[PreflightCheck, ...] = ()
-        self._sent: Mapping[int, SentAs] = {}
+        self.journal = FlightJournal(folder, state, watcher.say, watcher.warn)
+        self.checks: tuple[PreflightCheck, ...] = ()
+        self.sent: Mapping[int, SentAs] = {}
         self._loaded: tuple[VehicleLoad, ...] = ()
-        kept, say = self._journal.record.gaps.kept, self._journal.say
-        self._before = BoardBefore(now.folder / BEFORE, self._plan.hash, kept, say)
+        kept, say = self.journal.record.gaps.kept, self.journal.say
+        self._before = BoardBefore(folder / BEFORE, self._plan.hash, kept, say)
 
-    async def run(self) -> _Ended:
+    async def run(self, ctrl_c: Stoppable) -> tuple[FlightTimes, Monitor]:
         """Fly, and restore what was changed on board, however the flight ends."""
-        plan, order, journal, systems = self._plan, self._order, self._journal, self._known.systems
+        plan, order, journal, systems = self._plan, self.order, self.journal, self._known.systems
         async with AsyncExitStack() as stack:
             stack.enter_context(journal.record)
             fleet = await stack.enter_async_context(
@@ -273,11 +263,11 @@ class _LinkedFlight:
                 await stack.enter_async_context(simulator(self._simulated(fleet)))
             sessions = await fleet.vehicles(plan.sysids, order.options.find_timeout_s, systems=systems)
             flight = await self._flight(fleet, sessions)
-            self._ctrl_c.again_calls(flight.landing.tell_aloft)
+            ctrl_c.again_calls(flight.landing.tell_aloft)
             showing = asyncio.ensure_future(self._show(flight))
             try:
                 times = await flight.run()
-                return _Ended(times, flight.monitor, journal.record.gaps, self._checks, self._sent)
+                return times, flight.monitor
             finally:
                 await ended(showing)
                 if flight.held is not None:
@@ -286,32 +276,32 @@ class _LinkedFlight:
                     self._before.tell_kept()
 
     def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
-        folder, port = self._now.folder, fleet.local_address[1]
+        folder, port = self.folder, fleet.local_address[1]
         log, truth = folder / "simulator.log", folder / "truth.npz"
-        return SimulatorOptions(folder / SCENARIO, port, self._order.emulated, log, truth, self._now.navigator)
+        return SimulatorOptions(folder / SCENARIO, port, self.order.emulated, log, truth, self.navigator)
 
     async def _show(self, flight: FlightSequence) -> None:
         try:
-            await self._now.watcher.follow(flight)
+            await self._watcher.follow(flight)
         except Exception as failure:
-            self._journal.say(f"WARNING: the flight goes on without its display: {type(failure).__name__}: {failure}")
+            self.journal.say(f"WARNING: the flight goes on without its display: {type(failure).__name__}: {failure}")
 
     def _note_sent(self, held: Holdings) -> None:
-        self._sent = held.sent_as
+        self.sent = held.sent_as
         self._before.uploaded(held)
-        self._journal.on_sent(held.sent_as)
-        self._journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
+        self.journal.on_sent(held.sent_as)
+        self.journal.say(f"missions read back and equal; {sent_words(held.sent_as)}")
 
     async def _flight(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> FlightSequence:
         """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
-        order, plan, exported = self._order, self._plan, self._now.exported
+        order, plan, exported = self.order, self._plan, self._exported
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.options.follow and len(set(autopilots.values())) > 1:
-            self._now.watcher.warn(MIXED_FOLLOWING)
+            self._watcher.warn(MIXED_FOLLOWING)
         emulated = order.link is None
         self._loaded = missions_only(exported.missions) if emulated else await self._loads(autopilots)
         hooks = FlightHooks(
-            self._journal.on_event, self._journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
+            self.journal.on_event, self.journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
         )
         return FlightSequence(
             plan,
@@ -323,7 +313,7 @@ class _LinkedFlight:
                 watched_elsewhere=bool(order.also_to),
             ),
             loads=self._loaded,
-            stream=self._now.stream,
+            stream=self._stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
             tracks=self._tracks(),
@@ -331,43 +321,39 @@ class _LinkedFlight:
 
     def _tracks(self) -> PredictedTracks | None:
         """The tracks of missions on board: by the model of the autopilot, or the plan's own; None: not predicted."""
-        exported = self._now.exported
-        if self._order.keeping.mode is FlightMode.STREAM:
+        exported = self._exported
+        if self.order.keeping.mode is FlightMode.STREAM:
             return None
-        if self._now.navigator is NavigatorChoice.IDEAL:
+        if self.navigator is NavigatorChoice.IDEAL:
             return PredictedTracks.of_plan(self._plan)
         if exported.report is None or exported.timing is None:
             return None
         return PredictedTracks.of_missions(self._plan, exported.missions, exported.report)
 
     async def _loads(self, autopilots: Mapping[int, int]) -> tuple[VehicleLoad, ...]:
-        order, plan = self._order, self._plan
+        order, plan = self.order, self._plan
         if order.keeping.mode is FlightMode.MISSION:
             rows = [(sysid, autopilots[sysid]) for sysid in plan.sysids]
             refuse_no_hour(rows)  # first: the scenario may name no autopilot, and has the default then
             refuse_other_autopilots(plan, (number for _, number in rows))
-        warn, exported = self._now.watcher.warn, self._now.exported
+        warn, exported = self._watcher.warn, self._exported
         return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
 
     async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
-        order, plan, watcher, charge = self._order, self._plan, self._now.watcher, None
+        order, plan, watcher, charge = self.order, self._plan, self._watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
             timed = self._loaded if order.keeping.mode is FlightMode.MISSION else ()
-            self._checks, charge = await go_or_no_go(
+            self.checks, charge = await go_or_no_go(
                 fleet, sessions, plan, limits, watcher.checks, watcher.say, waived, timed
             )
-            for event in waived_events(self._checks, sessions):
-                self._journal.on_event(event)
+            for event in waived_events(self.checks, sessions):
+                self.journal.on_event(event)
             await self._before.read(sessions, self._loaded)
             await watcher.confirm()
         fleet.check()
         fleet.freeze()
         return charge
-
-
-async def _fly(now: _Prepared, ctrl_c: Stoppable) -> _Ended:
-    return await _LinkedFlight(now, ctrl_c).run()
 
 
 def _skew(late_s: dict[int, float]) -> dict[str, object]:

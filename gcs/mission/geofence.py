@@ -109,7 +109,10 @@ def fence_from_items(items: Sequence[MissionItem]) -> Geofence:
         item = items[index]
         step = 1
         if item.command in (FenceCommand.POLYGON_INCLUSION, FenceCommand.POLYGON_EXCLUSION):
-            step = _vertices(item, index)
+            count = item.params[0]
+            if not (LEAST_VERTICES <= count <= 0xFFFF and count == round(count)):
+                raise BadItem(index, f"begins a polygon of {count:g} vertices; {LEAST_VERTICES} or more required")
+            step = round(count)
             run = items[index : index + step]
             if len(run) < step or any((i.command, i.params[0]) != (item.command, item.params[0]) for i in run):
                 raise BadItem(index, f"begins a polygon of {step} vertices, and fewer follow")
@@ -140,13 +143,6 @@ def rally_from_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
         if item.frame != Frame.GLOBAL_RELATIVE_ALT:
             raise BadItem(index, f"has altitude frame {item.frame}; rally points require 3, above home")
     return tuple(RallyPoint(_place(item), item.alt_m) for item in items)
-
-
-def _vertices(item: MissionItem, index: int) -> int:
-    count = item.params[0]
-    if not (LEAST_VERTICES <= count <= 0xFFFF and count == round(count)):
-        raise BadItem(index, f"begins a polygon of {count:g} vertices; {LEAST_VERTICES} or more required")
-    return round(count)
 
 
 def _item(command: FenceCommand, frame: Frame, p1: float, place: GeoPoint, alt_m: float = 0.0) -> MissionItem:

@@ -96,11 +96,6 @@ class Estimator:
         return np.concatenate((self._state[:9], self._slow)).T
 
     @property
-    def covariance(self) -> Array:
-        """Covariances (V, 19, 19) after the last update."""
-        return np.asarray(self.ekf.P)
-
-    @property
     def ratios(self) -> Ratios:
         """Innovation test ratios of the last samples."""
         return Ratios(*self._ratio.T)

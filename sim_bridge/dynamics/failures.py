@@ -128,22 +128,19 @@ class Failures:
         effects = Effects.none(len(self))
         for row, schedule in enumerate(self._schedules):
             for failure in schedule.active(t_s):
-                self._add(effects, row, failure)
+                effects.sound = False
+                effects.gnss_lost[row] |= failure.gnss_lost
+                effects.gnss_offset_ned_m[row] += failure.offset_ned_m
+                if failure.sensor is not None:
+                    effects.stuck[row, failure.sensor] = True
+                if failure.motor:
+                    effects.motor_strength[row, failure.motor - 1] *= 1.0 - failure.share
+                effects.speed_max_mps[row] = min(effects.speed_max_mps[row], failure.speed_mps)
+                effects.wind_ned_mps[row] += failure.wind_ned_mps
+                effects.push_ned_mps2[row] += failure.push_ned_mps2
+                if failure.remaining < 1.0 and id(failure) not in self._struck:
+                    self._struck[id(failure)] = failure
+                    effects.drained[row] = min(effects.drained.get(row, 1.0), failure.remaining)
         edges = (edge for schedule in self._schedules for b in schedule for edge in (b.from_s, b.until_s))
         self.due_s = min((edge for edge in edges if edge > t_s), default=math.inf)
         return effects
-
-    def _add(self, effects: Effects, row: int, failure: Failure) -> None:
-        effects.sound = False
-        effects.gnss_lost[row] |= failure.gnss_lost
-        effects.gnss_offset_ned_m[row] += failure.offset_ned_m
-        if failure.sensor is not None:
-            effects.stuck[row, failure.sensor] = True
-        if failure.motor:
-            effects.motor_strength[row, failure.motor - 1] *= 1.0 - failure.share
-        effects.speed_max_mps[row] = min(effects.speed_max_mps[row], failure.speed_mps)
-        effects.wind_ned_mps[row] += failure.wind_ned_mps
-        effects.push_ned_mps2[row] += failure.push_ned_mps2
-        if failure.remaining < 1.0 and id(failure) not in self._struck:
-            self._struck[id(failure)] = failure
-            effects.drained[row] = min(effects.drained.get(row, 1.0), failure.remaining)

@@ -112,23 +112,20 @@ class _Errors:
     def draw(self) -> Array:
         """Return the errors (C, V) of the next sample."""
         if self._next == _BLOCK:
-            self._draw_block()
+            channels, vehicles = self.slow.shape
+            normals = np.empty((_BLOCK, 2, channels, vehicles))
+            for i, generator in enumerate(self._generators):
+                normals[..., i] = generator.standard_normal((_BLOCK, 2, channels))
+            slow = np.zeros((_BLOCK, channels, vehicles))
+            for c, (start, keep, add) in enumerate(self._steps):
+                if start or add:
+                    slow[:, c], _ = lfilter([add], [1.0, -keep], normals[:, 1, c], axis=0, zi=keep * self.slow[None, c])
+            self._slow, self._all = slow, slow + self._white * normals[:, 0]
+            self._next = 0
         now = self._next
         self._next += 1
         self.slow = self._slow[now]
         return np.asarray(self._all[now])
-
-    def _draw_block(self) -> None:
-        channels, vehicles = self.slow.shape
-        normals = np.empty((_BLOCK, 2, channels, vehicles))
-        for i, generator in enumerate(self._generators):
-            normals[..., i] = generator.standard_normal((_BLOCK, 2, channels))
-        slow = np.zeros((_BLOCK, channels, vehicles))
-        for c, (start, keep, add) in enumerate(self._steps):
-            if start or add:
-                slow[:, c], _ = lfilter([add], [1.0, -keep], normals[:, 1, c], axis=0, zi=keep * self.slow[None, c])
-        self._slow, self._all = slow, slow + self._white * normals[:, 0]
-        self._next = 0
 
 
 class Sensors:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gcs.autopilots.mission_commands import has_position
 from gcs.link.wire.message import Message
-from gcs.mavlink import MissionResult, MissionType
+from gcs.mavlink import MissionResult
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.missions.fence import POLYGONS
 from sim_bridge.missions.transfer_traits import StorageTraits
@@ -91,23 +91,6 @@ def in_single_precision(message: Message) -> Message:
     with np.errstate(over="ignore"):
         scaled = {key: float(np.float32(f[key]) * np.float32(1e7)) / 1e7 for key in ("x", "y")}
     return Message(message.name, {**f, **scaled}, *message.source)
-
-
-def in_wire_order(items: Sequence[MissionItem], seq: int, item: MissionItem) -> tuple[MissionItem, ...]:
-    """Return the items with `item` as number `seq`, replaced or appended."""
-    return (*items[:seq], item, *items[seq + 1 :])
-
-
-def capacity(storage: StorageTraits | None) -> int:
-    """Return how many items fit; 0 for an unknown type."""
-    return storage.capacity if storage is not None else 0
-
-
-def types_meant(kind: int, known: Sequence[int], *, clears_all: bool) -> tuple[int, ...]:
-    """Return the mission types that a MISSION_CLEAR_ALL of type `kind` names."""
-    if kind == MissionType.ALL and clears_all:
-        return tuple(known)
-    return (kind,) if kind in known else ()
 
 
 def _numbers(item: MissionItem) -> MissionResult:

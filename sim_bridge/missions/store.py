@@ -29,12 +29,9 @@ from gcs.mission.model import Home, MissionItem
 from sim_bridge.missions.acceptance import (
     as_reported_m,
     as_stored,
-    capacity,
     in_single_precision,
-    in_wire_order,
     item_result,
     too_few_vertices,
-    types_meant,
 )
 from sim_bridge.missions.fence import count_shapes, encloses, places, what_is_wrong
 from sim_bridge.missions.transfer_traits import Download, MissionAnswer, MissionTraits, StorageTraits, Upload
@@ -126,11 +123,11 @@ class MissionStore:
             return False
         for seq, item in enumerate(items, start):
             accepted = not self.rejects and item_result(item, storage) == MissionResult.ACCEPTED
-            if not accepted or too_few_vertices(item, storage) or seq > len(held) or seq >= capacity(storage):
+            if not accepted or too_few_vertices(item, storage) or seq > len(held) or seq >= storage.capacity:
                 if storage.item_by_item:
                     self._hold(mission_type, held)
                 return False
-            held = in_wire_order(held, seq, as_stored(item, storage))
+            held = (*held[:seq], as_stored(item, storage), *held[seq + 1 :])
         self._hold(mission_type, held)
         return True
 
@@ -202,7 +199,7 @@ class MissionStore:
         if kind not in self._items:
             return self._answer(traits.unknown_type, peer, kind)
         storage = traits.storage[kind]
-        if count > capacity(storage):
+        if count > storage.capacity:
             return self._answer(traits.no_space, peer, kind)
         self._uploads.pop(kind, None)
         if storage.item_by_item and count < len(self._items[kind]):
@@ -254,7 +251,8 @@ class MissionStore:
             self._on_float_item(upload)
         item = as_stored(item, storage, message.fields["frame"])
         if storage.item_by_item:
-            self._hold(kind, in_wire_order(self._items[kind], upload.seq, item))
+            held = self._items[kind]
+            self._hold(kind, (*held[: upload.seq], item, *held[upload.seq + 1 :]))
         upload.items.append(item)
         if upload.seq < upload.count:
             return self._request_item(upload, now_s)
@@ -297,7 +295,8 @@ class MissionStore:
 
     def _on_clear_all(self, message: Message, kind: int, _: float) -> list[Message]:
         traits, peer = self._traits, message.source
-        kinds = types_meant(kind, tuple(self._items), clears_all=traits.clears_all)
+        every = kind == MissionType.ALL and traits.clears_all
+        kinds = [known for known in self._items if every or known == kind]
         upload = self._conflicting_upload(kind)
         if upload is not None and upload.peer != peer:
             return self._answer(traits.second_station, peer, kind)
@@ -377,8 +376,8 @@ class MissionStore:
     def _answer(self, answer: MissionAnswer, peer: Station, kind: int) -> list[Message]:
         storage: StorageTraits | None = self._traits.storage.get(kind)
         if answer.text:
-            name = storage.name if storage is not None else ""
-            self._send_text(answer.severity, answer.text.format(name=name, capacity=capacity(storage)))
+            name, capacity = (storage.name, storage.capacity) if storage is not None else ("", 0)
+            self._send_text(answer.severity, answer.text.format(name=name, capacity=capacity))
         return [mission_ack(peer, answer.result, kind)] if answer.result is not None else []
 
 

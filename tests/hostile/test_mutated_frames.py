@@ -25,7 +25,7 @@ ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "MISSION_ACK", "MISSION_COUNT
 def ended_by_a_rule(done: Ended, world: object) -> None:
     """No bug, no traceback; a vehicle that stays in the air was handed over by name, and the exit code is not 0."""
     assert done.code != BUG and "Traceback" not in done.output, done.output
-    assert done.code in (0, 4, 5, 6, 7, 8, 9), done.output
+    assert done.code in (0, 4, 5, 6, 7, 8, 9, 10), done.output  # 10: what they say breaks a criterion
     if not all_down(world):  # type: ignore[arg-type]
         assert done.code != 0, done.output
         assert "handed over" in done.output or "still armed" in done.output or "not heard" in done.output, done.output

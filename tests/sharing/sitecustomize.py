@@ -10,12 +10,7 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 
-KEPT = {
-    "gcs.plan.verification.verify": ("verify",),
-    "gcs.plan.planner": ("make_plan",),
-    "gcs.mission.waypoints.arrival_times": ("corrected_legs", "gcs/mission"),
-    "gcs.mission.returns.rtl_altitudes": ("plan_returns", "gcs/mission"),
-}
+from kept_functions import KEPT
 
 
 class Keeping(PathFinder):

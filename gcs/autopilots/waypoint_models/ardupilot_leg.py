@@ -7,8 +7,6 @@ start. It is made if the leg's cruise would take long enough, and then as far as
 a slow-down can come late, in part, or never.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

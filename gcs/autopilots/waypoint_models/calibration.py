@@ -6,8 +6,6 @@ back in descents, and the error of home's altitude in the first two minutes of f
 at which waypoints PX4 brakes. `tools/fit_navigator.py` reproduces the fitted values and the residuals.
 """
 
-from __future__ import annotations
-
 from gcs.autopilots.waypoint_models.ardupilot_navigator import ArduPilotNavigator
 from gcs.autopilots.waypoint_models.px4_navigator import Px4Navigator
 from gcs.autopilots.waypoint_models.tracking import Following, Loop

@@ -1,7 +1,5 @@
 """Predict one vehicle's flight of a mission: run the navigator model until the last waypoint is completed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import takewhile
 

@@ -6,8 +6,6 @@ vertical speed has the same kind of limit. The target flies straight at its goal
 goal the vertical limit reduces the whole speed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

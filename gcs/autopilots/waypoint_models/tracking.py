@@ -11,8 +11,6 @@ Along each axis, with p, v, a of the target and x, u of the vehicle:
 commands. Some autopilots then reduce the integral (`unwinding`), and stay slower than commanded.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gcs.autopilots.waypoint_models.navigator import NavigatorState, Vector, vector

@@ -1,7 +1,5 @@
 """`gcs attach`: resume control of a flight whose ground station ended."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -3,8 +3,6 @@
 It fits 80 columns and the terminal's height; wider terminals get longer headings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

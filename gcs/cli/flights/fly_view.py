@@ -1,7 +1,5 @@
 """`gcs fly` at work: its pre-flight table, the answer of the operator, progress, and the table of the verdict."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import sys

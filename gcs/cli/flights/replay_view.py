@@ -1,7 +1,5 @@
 """`gcs replay` at work: a live table or lines over time, and the recorded frames sent to another ground station."""
 
-from __future__ import annotations
-
 import asyncio
 import bisect
 import math

@@ -79,7 +79,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     tracks = reported_tracks(plan, record, plan_time)
     verdict, judged = None if tracks is None else judge_reports(plan, tracks), REPORTS
     if truth is not None:
-        hover_s, landing_s = plan.airborne_s, plan.phase("landing").start_s
+        hover_s, landing_s = plan.airborne_s, plan.landing_s
         times = FlightTimes(book.t0_unix_s + hover_s, book.t0_unix_s, book.t0_unix_s + landing_s, plan_time)
         verdict, judged = judge(plan, truth, times), TRUE_STATES
     if verdict is not None:

@@ -182,7 +182,10 @@ def tell(
     from gcs.util.aio import Stoppable
 
     known = shared.connection(link, None, signing_key_file)
-    said = Stoppable().run(_tell(known, backend, what, _named(vehicles), listen))
+    parts = [part.strip() for part in vehicles.split(",")] if vehicles is not None else []
+    if not all(map(shared.is_system, parts)):
+        raise UsageError(f"--vehicles {vehicles}: not system ids", hint="give for example --vehicles 1,3")
+    said = Stoppable().run(_tell(known, backend, what, tuple(dict.fromkeys(map(int, parts))), listen))
     for sysid, (_, word) in said.items():
         screen.say(f"vehicle {sysid}: {word}")
     if failed := [sysid for sysid, (ok, _) in said.items() if not ok]:
@@ -192,13 +195,6 @@ def tell(
         )
     screen.result({"told": what, "vehicles": {str(sysid): word for sysid, (_, word) in said.items()}})
     return 0
-
-
-def _named(text: str | None) -> tuple[int, ...]:
-    parts = [part.strip() for part in text.split(",")] if text is not None else []
-    if not all(map(shared.is_system, parts)):
-        raise UsageError(f"--vehicles {text}: not system ids", hint="give for example --vehicles 1,3")
-    return tuple(dict.fromkeys(map(int, parts)))
 
 
 async def _tell(

@@ -1,7 +1,5 @@
 """The options of `gcs new` as they are typed (`--end 47.40 8.55`, `--course north-east`), and as numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

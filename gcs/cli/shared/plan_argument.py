@@ -1,7 +1,5 @@
 """The MISSION argument: a mission folder, a scenario or a plan file becomes a verified plan."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator

@@ -3,8 +3,6 @@
 What cannot be written is dropped, and the command goes on: six vehicles may be in the air.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import queue
@@ -149,6 +147,8 @@ def install() -> tuple[SafeStream, SafeStream]:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
     if hasattr(signal, "SIGTTOU"):  # `stty tostop` would stop a job in the background at its next line
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # a log, or `tee`, shows a flight as it goes
     out, err = SafeStream(sys.stdout), SafeStream(sys.stderr)
     sys.stdout, sys.stderr = out, err
     return out, err

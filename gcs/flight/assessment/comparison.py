@@ -1,7 +1,5 @@
 """The errors of a flight: between planned, estimated and true positions (RMS), and of its landings by telemetry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,7 +89,7 @@ def landing_errors(plan: Plan, record: pa.Table) -> tuple[LandingError, ...]:
     """
     names = ("sysid", "t_s", "armed", "north_m", "east_m", "down_m", "v_down_mps", "planned_down_m")
     columns = {name: record.column(name).to_numpy() for name in names}
-    landing_s = plan.phase("landing").start_s
+    landing_s = plan.landing_s
     found = []
     for sysid, point in zip(plan.sysids, plan.landing_points_ned_m, strict=True):
         mine = columns["sysid"] == sysid

@@ -1,7 +1,5 @@
 """One criterion of a flight: the measured value against its limit, and what the measurement leaves open."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import StrEnum

@@ -7,7 +7,7 @@ criterion is not known (`gcs.flight.assessment.judge`).
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -184,19 +184,9 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
     off_plan = mission & airborne.off_plan
     mission &= ~off_plan
     rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
-    worst = int(np.argmax(rms))
-    criteria = [
-        Criterion(
-            "position error (RMS)",
-            "m",
-            float(rms[worst]),
-            limits.position_rms_m,
-            False,
-            plan.sysids[worst],
-            lowest=float((rms - within).max()),
-            highest=float((rms + within).max()),
-        )
-    ]
+    name, limit_m = "position error (RMS)", limits.position_rms_m
+    error_rms = _extreme(plan, name, rms[:, None], within[:, None], t_s, limit_m, at_least=False)
+    criteria = [replace(error_rms, t_s=None)]
     criteria.append(_clearance(plan, airborne))
     criteria += area_criteria(plan, everywhere, airborne)
     if plan.passages:
@@ -219,7 +209,7 @@ def _separations(plan: Plan, tracks: Tracks) -> list[Criterion]:
     Vehicles may stand on their pads: these are as far apart as `limits.separation_min_m`, which is not below the limit.
     Errors of two vehicles are independent, and add as squares.
     """
-    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.phase("landing").start_s)
+    on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.landing_s)
     limit, planned_m = judged_separation_m(plan.scenario), plan.scenario.limits.separation_min_m
     first, second = np.triu_indices(len(plan.sysids), 1)
     known = tracks.horizontal_m.shape == (1, 1)
@@ -363,7 +353,7 @@ def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
     on_plan = (tracks.t_s >= 0.0) & (tracks.t_s <= plan.flight_s) & ~tracks.off_plan
     if not on_plan.any() or np.isnan(tracks.ned_m).any():
         return None
-    landing_s = plan.phase("landing").start_s
+    landing_s = plan.landing_s
     return judge_tracks(plan, tracks, tracks.during((tracks.t_s >= plan.airborne_s) & (tracks.t_s <= landing_s)))
 
 

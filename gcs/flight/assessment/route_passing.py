@@ -1,7 +1,5 @@
 """Position and time errors at each point of the route."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

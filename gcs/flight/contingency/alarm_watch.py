@@ -3,8 +3,6 @@
 Its texts are events of `gcs.flight.execution.text_watch`; here they only lower what counts as left of the battery.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

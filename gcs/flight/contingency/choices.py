@@ -1,7 +1,5 @@
 """The operator's choices for a flight, which the commands offer too: it imports nothing else of Skein."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

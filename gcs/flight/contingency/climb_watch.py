@@ -6,8 +6,6 @@ faster than 0.21 m/s on the way to the hover; on the pad those of PX4 wander by 
 tumbled about its pad from 4.2 s on: it sank at 1.2 m/s 0.4 s later, and was tilted by 79 degrees after 5.2 s.
 """
 
-from __future__ import annotations
-
 import math
 
 from gcs.link.wire.message import Message, local_motion

@@ -7,8 +7,6 @@ their place in it, so that the deviation is what the plan moves meanwhile. Every
 separation, no-fly zones, fence, ground, height, speed and acceleration. Time is an argument.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -83,7 +81,7 @@ def common_rejoin(plan: Plan, routes: ReturnRoutes, here: Stranded, now_s: float
     apart_m = max(judged_separation_m(plan.scenario), least_m)
     off_now_m = _off_m(plan, rows, here, np.array([_within(plan, now_s)]))[0]
     reasons: list[str] = []
-    in_time = now_s + FADE_S <= plan.phase("landing").start_s
+    in_time = now_s + FADE_S <= plan.landing_s
     if off_now_m <= (NEAR_M if in_time else THERE_M):
         found = _checked(plan, routes, here, _within(plan, now_s), FADE_S, apart_m)
         if not isinstance(found, str):
@@ -92,7 +90,7 @@ def common_rejoin(plan: Plan, routes: ReturnRoutes, here: Stranded, now_s: float
     if any(zone.moves for zone in plan.scenario.no_fly):
         return "; ".join([*reasons, "no-fly zones move, so the plan cannot wait"])
     instants = np.arange(max(since_s - _BACK_S, plan.airborne_s), max(now_s, since_s) + _LOOK_S, _LOOK_S)
-    instants = instants[instants < plan.phase("landing").start_s]
+    instants = instants[instants < plan.landing_s]
     if not len(instants):
         return "; ".join([*reasons, "the plan is over"])
     off_m = _off_m(plan, rows, here, instants)
@@ -102,7 +100,7 @@ def common_rejoin(plan: Plan, routes: ReturnRoutes, here: Stranded, now_s: float
     for fade_s in _FADES_S:
         flown: list[tuple[float, float, float]] = []  # peak, begin, separation
         for share in _SHARES:
-            t_s = min(float(instants[best]) - share * fade_s, plan.phase("landing").start_s - fade_s)
+            t_s = min(float(instants[best]) - share * fade_s, plan.landing_s - fade_s)
             if t_s < plan.airborne_s:
                 continue
             found = _checked(plan, routes, here, t_s, fade_s, apart_m)

@@ -14,8 +14,6 @@ Before T0 a vehicle climbs on at its present rate up to its hover, as far to the
 it, and it comes back. A vehicle more than `COLUMN_M` to the side is off the plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

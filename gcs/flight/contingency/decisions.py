@@ -1,7 +1,5 @@
 """Executes the contingency policy: incidents in, orders out, one state per vehicle. Time is an argument."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

@@ -5,8 +5,6 @@ A mode that was not ordered is a failsafe's if the vehicle shows the signs of on
 Time is an argument, in the fleet's common time, so that it passes as fast as emulated vehicles fly.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import StrEnum

@@ -6,8 +6,6 @@ chosen: the plan's end, then the cheaper of return and nearest safe point, then 
 one with the least need is chosen. A vehicle over its landing point in the landing phase always lands there.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -173,7 +171,7 @@ class EnergyAdviser:
 
     def committed(self, now: EnergySituation) -> bool:
         """Whether a vehicle is over its landing point in the landing phase: it lands there, whatever is left."""
-        if now.plan_time_s is None or now.plan_time_s < self._plan.phase("landing").start_s:
+        if now.plan_time_s is None or now.plan_time_s < self._plan.landing_s:
             return False
         return straight_m(now.place_ned_m, self._plan.landing_points_ned_m[now.row]) < _OVER_M
 
@@ -203,7 +201,7 @@ class EnergyAdviser:
     def _finish(self, now: EnergySituation, t_s: float) -> EnergyOption:
         """The rest of the plan; in its landing phase a descent with the landing's own speeds."""
         plan, row = self._plan, now.row
-        landing_s = plan.phase("landing").start_s
+        landing_s = plan.landing_s
         start_s = min(t_s, landing_s)
         places = plan.states(np.linspace(start_s, landing_s, 60))[row, :, :3]
         over = places[-1]

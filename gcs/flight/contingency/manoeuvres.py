@@ -5,8 +5,6 @@ autopilots fly on with the last velocity and acceleration they received. The acc
 Braking keeps out of no-fly zones and inside the fence where that is possible.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence

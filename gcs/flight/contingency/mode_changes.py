@@ -4,8 +4,6 @@ A text of a failsafe counts, and so does a system_status that turned critical, u
 Without any sign a pilot, or another ground station, has changed the mode.
 """
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """The options of a flight and their defaults."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss

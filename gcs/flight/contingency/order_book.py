@@ -4,8 +4,6 @@ It ends when the vehicle shows the ordered mode, has landed, or is out of reach.
 known to the end of the flight. A planned landing is repeated in the same way; it has failed only if nothing came of it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 20.0

@@ -4,8 +4,6 @@
 that applies counts.
 """
 
-from __future__ import annotations
-
 from gcs.flight.contingency import policy as p
 from gcs.flight.contingency.detection import IncidentKind
 from gcs.flight.contingency.policy import Row

@@ -7,8 +7,6 @@ have the same start before one of them is ordered to fly its mission: if the new
 time, all get the provisional one back.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Mapping, Sequence

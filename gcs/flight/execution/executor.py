@@ -1,7 +1,5 @@
 """Detects incidents during a flight and carries out the orders of the contingency policy."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
@@ -38,7 +36,6 @@ from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _STAMPED_S = 0.005  # local time in which many messages get one stamp
-_REJOIN_S = 8.0
 _ALARMS = frozenset(
     {IncidentKind.ALARM, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL}
 )
@@ -300,7 +297,7 @@ class ContingencyExecutor:
         what = "released" if order.action is Action.LEAVE else f"ordered to {order.action.value}"
         self._on_event(Event(self._time.sure_s(), t_s, order.sysid, what, order.rule))
         vehicle = self._vehicles[order.sysid]
-        watch, m, view = self._watches[order.sysid], vehicle.behaviour, vehicle.view
+        watch, m = self._watches[order.sysid], vehicle.behaviour
         self._returning.pop(order.sysid, None)
         begin_s = t_s + self._options.lead_s
         match order.action:
@@ -316,9 +313,9 @@ class ContingencyExecutor:
                 self._start(order.sysid, order.action.value, partial(self._fleet.land, order.sysid))
             case Action.REJOIN:
                 if self._options.mode is FlightMode.STREAM:
-                    self._streamer.rejoin(vehicle, view, begin_s, _REJOIN_S)
+                    self._streamer.rejoin(vehicle, begin_s)
             case Action.PROMOTE:
-                self._streamer.promote(order.sysid, begin_s, _REJOIN_S)
+                self._streamer.promote(order.sysid, begin_s)
             case Action.HOLD | Action.SPREAD | Action.RETURN | Action.DIVERT:
                 watch.order(m.guided, m.land, m.returning)
                 self._start(order.sysid, order.action.value, partial(self._take_over, order))

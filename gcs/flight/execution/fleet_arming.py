@@ -3,8 +3,6 @@
 None takes off before all have confirmed that they are armed. One that fails to climb stops its motors on the ground.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Mapping
 

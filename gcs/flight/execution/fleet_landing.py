@@ -5,8 +5,6 @@ the ground station, its autopilot or a pilot flies it. It ends when all vehicles
 of the last vehicle in the air would leave it alone.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import suppress

@@ -4,8 +4,6 @@ No vehicle is armed before all of them have their own mission of this plan, read
 for whatever reason, the vehicles in the air are ordered to land.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
@@ -52,6 +50,7 @@ from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.trajectory.energy import BatteryModel, battery_model
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.util.aio import alongside, each, ended
@@ -199,7 +198,7 @@ class FlightSequence:
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
-            ahead_s = self.options.start_after_takeoff_s + 2.0 * self.plan.phase("takeoff").duration_s
+            ahead_s = self.options.start_after_takeoff_s + 2.0 * self.plan.phase(PhaseKind.TAKEOFF).duration_s
             self._start = CommonStart(self.sessions, self.time, self.loads, ahead_s)
             self.loads = self._start.loads
         self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
@@ -225,7 +224,7 @@ class FlightSequence:
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
             t0_unix_s = await fly()
         self.enter_done()
-        landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
+        landing_unix_s = t0_unix_s + self.plan.landing_s
         self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
@@ -305,7 +304,7 @@ class FlightSequence:
 
     async def _until_landing(self) -> None:
         """Wait until the plan's landing; T0 may move, and the plan waits while vehicles are led back to it."""
-        t0_unix_s, begin_s = self.monitor.t0_s, self.plan.phase("landing").start_s
+        t0_unix_s, begin_s = self.monitor.t0_s, self.plan.landing_s
         while self.contingency.waits or self.time.sure_s() < self.monitor.t0_s + begin_s:
             if self.monitor.t0_s != t0_unix_s:
                 t0_unix_s = self.monitor.t0_s

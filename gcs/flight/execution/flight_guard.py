@@ -3,8 +3,6 @@
 It watches the links beside the flight, which ends when vehicles are silent for too long, and reports own standstills.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, TypeVar

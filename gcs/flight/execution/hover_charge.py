@@ -1,19 +1,16 @@
 """The charge that a flight needs by the current of the hover before T0. Without the reserve it ends there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from statistics import median
 
-from gcs.errors import FlightError, counted
+from gcs.errors import FlightError
 from gcs.flight.contingency.energy_choice import ChargeWatch
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.link.wire.message import Message
 
 _LISTEN_S = 2.0  # of vehicle time: SYS_STATUS comes twice a second
-_LISTED = 6
 _RULE = "The current in the hover replaces that of the plan"
 
 
@@ -47,9 +44,8 @@ async def check_hover(
     if least[2]:
         tell(least[1], least[2], _RULE)
     if short:
-        more = f"; and {counted(len(short) - _LISTED, 'more vehicle')}" if len(short) > _LISTED else ""
         raise FlightError(
-            f"the start was aborted: {'; '.join(short[:_LISTED])}{more}. {rule.reserve:.0%} must be left at the end.",
+            f"the start was aborted: {'; '.join(short)}. {rule.reserve:.0%} must be left at the end.",
             hint="fly a shorter plan, or larger batteries; `--reserve` is what must be left, `--waive battery` flies "
             "once in spite of it",
         )

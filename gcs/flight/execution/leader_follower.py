@@ -15,8 +15,6 @@ With F = D / x and G the follower's response to D, the loop is stable while |F (
 about 1 where G is, and small where G is delayed.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The vehicles that fly one plan together, and the orders in a crisis, repeated until carried out or out of reach."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
@@ -127,7 +125,8 @@ class OrderCarrier:
             except Exception as error:
                 if not self._armed(order.sysid) and order.attempts:
                     break  # it has landed meanwhile
-                self._book.note_failure(order, loop.time(), _reason(error))
+                words = error.message if isinstance(error, GcsError) else f"{type(error).__name__}: {error}"
+                self._book.note_failure(order, loop.time(), words.rstrip("."))
                 with suppress(Exception):  # a failed report does not end the order
                     on_failure(order)
             else:
@@ -135,8 +134,3 @@ class OrderCarrier:
                 return
         if self._book.stands(order):
             self._book.end(order.sysid)
-
-
-def _reason(error: Exception) -> str:
-    words = error.message if isinstance(error, GcsError) else f"{type(error).__name__}: {error}"
-    return words.rstrip(".")

@@ -1,7 +1,5 @@
 """Incidents of positions: vehicles in danger of coming too close, and vehicles off their predicted tracks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gcs.flight.contingency.alarm_watch import Place

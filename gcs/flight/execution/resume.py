@@ -1,7 +1,5 @@
 """A flight that lost its ground station: the instant of the plan it is nearest to, and its landing, return or rest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -51,7 +49,7 @@ def where_in_plan(plan: Plan, positions_ned_m: Array) -> Where:
 
     NaN is the position of a vehicle that is not heard: the others decide.
     """
-    t_s = np.arange(plan.airborne_s, plan.phase("landing").start_s, _STEP_S)
+    t_s = np.arange(plan.airborne_s, plan.landing_s, _STEP_S)
     places = plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s)  # (V, N, 3)
     heard = np.isfinite(positions_ned_m).all(axis=1)
     off = np.linalg.norm(places[heard] - positions_ned_m[heard, None], axis=-1).max(axis=0, initial=0.0)

@@ -5,8 +5,6 @@ the plan at once. If an autopilot has left its mode for want of setpoints, all s
 setpoints again; then they go on together. Time is an argument, but for the ages of messages.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Streams setpoints to every vehicle, all timed from one T0."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +19,6 @@ from gcs.flight.execution.leader_follower import FollowerState, FollowReference,
 from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
 from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import VehicleView
 from gcs.link.protocols.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
@@ -38,6 +35,7 @@ _EMULATED_AHEAD_S = 3.0  # ten times as fast, and on a busy machine
 _EMULATED_SOON_S = 0.6
 _NEVER_S = 1e6
 _HUSHED_S = 3.0
+_REJOIN_S = 8.0
 
 
 class Streamer:
@@ -182,14 +180,15 @@ class Streamer:
                 self._stream_on(vehicle, t0_unix_s)
         return t0_unix_s
 
-    def rejoin(self, vehicle: FlightVehicle, view: VehicleView, begin_s: float, fade_s: float) -> None:
-        """Lead a vehicle from its position back to its reference within `fade_s`."""
+    def rejoin(self, vehicle: FlightVehicle, begin_s: float) -> None:
+        """Lead a vehicle from its position back to its reference within 8 s."""
         assert self.scheduler is not None
         streamed, t0_unix_s = self.streamed[vehicle.sysid], self.scheduler.t0_unix_s
         base = streamed.reference.base if isinstance(streamed.reference, RejoinReference) else streamed.reference
+        view = vehicle.view
         seen_s = view.unix_s - t0_unix_s
         values = base.at(self.scheduler.grid.ahead_of(seen_s) - 1, seen_s)
-        self._lead_back(vehicle, base, values, (view.position_ned_m, view.velocity_ned_mps), begin_s, fade_s)
+        self._lead_back(vehicle, base, values, (view.position_ned_m, view.velocity_ned_mps), begin_s, _REJOIN_S)
 
     def rejoin_together(
         self, vehicles: Sequence[FlightVehicle], t0_unix_s: float, t_s: float, fade_s: float, leader: int
@@ -241,14 +240,14 @@ class Streamer:
         """Vehicles fly their own missions from this T0; be ready to stream to one of them."""
         self.scheduler = self._scheduler(t0_unix_s)
 
-    def promote(self, sysid: int, begin_s: float, fade_s: float) -> None:
-        """Make a vehicle the leader from plan time `begin_s` on; it is back on the plan after `fade_s`."""
+    def promote(self, sysid: int, begin_s: float) -> None:
+        """Make a vehicle the leader from plan time `begin_s` on; it is back on the plan after 8 s."""
         following = self._following
         if following is None:
             return
         off_m, off_mps, _ = following.at(sysid, begin_s)
         timed = PlanReference(self._stream, self._fleet[sysid].row)
-        self.streamed[sysid].reference = RejoinReference(timed, off_m, off_mps, begin_s, fade_s)
+        self.streamed[sysid].reference = RejoinReference(timed, off_m, off_mps, begin_s, _REJOIN_S)
         following.lead(self._fleet[sysid].view)
 
     def _let_follow(self, t0_unix_s: float, leader: int | None = None) -> None:

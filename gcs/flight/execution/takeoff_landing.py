@@ -1,7 +1,5 @@
 """One vehicle before its flight: telemetry, readiness, the order to take off, and its modes."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterable
 from contextlib import suppress

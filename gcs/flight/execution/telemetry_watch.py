@@ -6,8 +6,6 @@ before a reboot may be gone: until a vehicle is armed, it ends the flight. Later
 HEARTBEATs tell (`IncidentKind.MOTORS_STOPPED`).
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable, Mapping
@@ -80,7 +78,8 @@ class TelemetryWatch:
         if session.clock.restarts == self._restarts[sysid]:
             return
         self._restarts[sysid] = session.clock.restarts
-        what = f"rebooted {self._boot_s(session):.0f} s ago"
+        newest = max((name for name in _STAMPED if name in session.latest), key=session.latest_s.__getitem__)
+        what = f"rebooted {(float(session.latest[newest].fields['time_boot_ms']) / 1e3):.0f} s ago"
         if self.checked and not self._any_armed():
             raise FlightError(
                 f"vehicle {sysid} {what}: what was checked and read back may be gone.",
@@ -111,7 +110,3 @@ class TelemetryWatch:
         """How long HEARTBEATs have come alone; 0 while a report is as young as they are, or was never asked for."""
         silent_s = self._silent_s(session)
         return silent_s if _BEATS_S < silent_s < math.inf and session.heartbeat_age_s() < _BEATS_S else 0.0
-
-    def _boot_s(self, session: VehicleSession) -> float:
-        newest = max((name for name in _STAMPED if name in session.latest), key=session.latest_s.__getitem__)
-        return float(session.latest[newest].fields["time_boot_ms"]) / 1e3

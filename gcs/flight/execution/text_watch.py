@@ -6,8 +6,6 @@ A text that a vehicle repeats is an event again after `REPEAT_S`, with the numbe
 one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from functools import partial

@@ -4,8 +4,6 @@ The landing is ordered at the beginning of the plan's landing phase. From then o
 point, and descends at the speeds of its autopilot, not at those of the plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -38,7 +36,7 @@ class ExpectedMotion:
     def __init__(self, plan: Plan, profiles: Mapping[int, LandingProfile] | None = None) -> None:
         self.plan = plan
         self.profiles = dict(profiles or {})
-        self._landing_s = plan.phase("landing").start_s
+        self._landing_s = plan.landing_s
         self._from = plan.states(np.array([self._landing_s]))[:, 0]
         self._ground_ned_m = plan.landing_points_ned_m
 

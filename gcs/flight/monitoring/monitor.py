@@ -5,8 +5,6 @@ the pad. So until T0 separations count from `VehicleView.place_ned_m`: the pad, 
 was armed. From T0 on vehicles are steered by what they report, and separations count from that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -22,6 +20,7 @@ from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, local_motion
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.distances import formation_error_m
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
@@ -173,7 +172,7 @@ class Monitor:
         t_s = self.plan_time_s
         if self.t0_unix_s is None or t_s is None or t_s < 0.0:
             return FlightPart.TAKEOFF
-        return FlightPart.FLIGHT if t_s < self.plan.phase("landing").start_s else FlightPart.LANDING
+        return FlightPart.FLIGHT if t_s < self.plan.landing_s else FlightPart.LANDING
 
     def formation_error_m(self) -> float:
         """Return the formation error (Definition 1); NaN before all have reported, or before T0 is known.
@@ -181,7 +180,7 @@ class Monitor:
         In the landing it is NaN: there every vehicle descends at the speeds of its own autopilot, and no shape is kept.
         """
         now = self._now(self.in_formation)
-        if now is None or self.t0_unix_s is None or now[0] - self.t0_unix_s > self.plan.phase("landing").start_s:
+        if now is None or self.t0_unix_s is None or now[0] - self.t0_unix_s > self.plan.landing_s:
             return math.nan
         unix_s, positions = now
         t_s = np.clip(np.array([unix_s - self.t0_unix_s]), self.plan.t_start_s, self.plan.t_end_s)
@@ -211,7 +210,7 @@ class Monitor:
         return newest, np.array(places) + np.array(ahead)
 
     def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
-        if t_s < self.plan.phase("mission").start_s - 60.0:
+        if t_s < self.plan.phase(PhaseKind.MISSION).start_s - 60.0:
             return
         self.plan_time_s = t_s
         at_s = np.array([t_s])
@@ -278,5 +277,5 @@ class Completion:
     @property
     def _flight_s(self) -> float:
         """How long the plan takes from where it was begun to its landing."""
-        landing_s = self._plan.phase("landing").start_s
+        landing_s = self._plan.landing_s
         return 0.0 if self._begin_s is None else max(landing_s - self._begin_s, 0.0)

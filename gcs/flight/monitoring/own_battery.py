@@ -4,8 +4,6 @@ They replace those of `[vehicle.power]` where they are known. The fall of the pe
 vehicle without a current sensor has it from the voltage, which sags as soon as the motors turn.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

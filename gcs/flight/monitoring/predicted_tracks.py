@@ -6,8 +6,6 @@ outside three times that time, and twice that distance or the navigation error o
 than predicted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self

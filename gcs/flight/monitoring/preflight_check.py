@@ -1,7 +1,5 @@
 """One pre-flight check of one vehicle, its name, and what a set of checks allows: go, no-go, waived for one flight."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 

@@ -1,7 +1,5 @@
 """Every vehicle as it reports itself at one moment, for display: state, link, and the margins to zones and ground."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from functools import cached_property

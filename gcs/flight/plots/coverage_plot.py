@@ -1,7 +1,5 @@
 """The picture of a survey: its area, what the vehicles see of it, and what they leave out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

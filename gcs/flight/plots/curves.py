@@ -1,7 +1,5 @@
 """Curves over plan time, one panel each: speed, and the distances to ground, zones and between vehicles."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 

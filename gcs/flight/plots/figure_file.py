@@ -1,7 +1,5 @@
 """A figure and its file: colours, titles that fit, places of labels, a layout that holds still, and the file."""
 
-from __future__ import annotations
-
 import io
 import textwrap
 from pathlib import Path
@@ -74,9 +72,9 @@ def head(axes: Axes, text: str, width_in: float, size_pt: float = 11.0) -> None:
     axes.set_title(fitted(text, width_in, size_pt), fontsize=size_pt, parse_math=False)
 
 
-def head_figure(figure: Figure, text: str, size_pt: float = 12.0) -> None:
+def head_figure(figure: Figure, text: str) -> None:
     """Write a title over a whole figure."""
-    figure.suptitle(fitted(text, 0.95 * figure.get_figwidth(), size_pt), fontsize=size_pt, parse_math=False)
+    figure.suptitle(fitted(text, 0.95 * figure.get_figwidth(), 12.0), fontsize=12.0, parse_math=False)
 
 
 def fitted(text: str, width_in: float, size_pt: float) -> str:
@@ -130,7 +128,8 @@ class Labels:
                 "left" if right > 0.4 * reach else "right" if right < -0.4 * reach else "center"
             )
             box = note.get_window_extent(self._renderer).padded(_ROOM_PX)
-            if not self._within(axes, box):
+            room = axes.bbox
+            if not (room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1):
                 continue
             first = first or (right, up, note.get_horizontalalignment(), box)
             if not any(box.overlaps(other) for other in self._taken):
@@ -145,10 +144,6 @@ class Labels:
         note.set_horizontalalignment(first[2])
         self._taken.append(first[3])
         return False
-
-    def _within(self, axes: Axes, box: Bbox) -> bool:
-        room = axes.bbox
-        return bool(room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1)
 
     def _join(self, axes: Axes, point: tuple[float, float], offset_pt: tuple[float, float]) -> None:
         line = axes.annotate(

@@ -1,7 +1,5 @@
 """The map of a flight, north up: ground, zones, the plan beneath the flown tracks, course, time marks, wind."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """The pictures of a flight: in 3D over terrain (Fig. 8), as a map (Fig. 9), and panels of the formation (Fig. 11)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Common layers of all maps: area, ground, zones, and the wind in the legend."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One picture of a scenario or a plan: the map, and over time speed, clearance, separation and distance to zones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import NED_FROM_UP, leader_index, offsets_ned_m, sysids
@@ -88,7 +87,7 @@ def draw_scenario(scenario: Scenario) -> Figure:
 
 def draw_plan(plan: Plan) -> Figure:
     """Return the map of a plan, its curves, and its shapes where they change."""
-    scenario, mission = plan.scenario, plan.phase("mission")
+    scenario, mission = plan.scenario, plan.phase(PhaseKind.MISSION)
     several, zones = len(plan.sysids) > 1, bool(scenario.no_fly or scenario.keep_in)
     t_s = np.append(np.arange(plan.t_start_s, plan.t_end_s, _STEP_S), np.nextafter(plan.t_end_s, plan.t_start_s))
     states = plan.states(t_s)

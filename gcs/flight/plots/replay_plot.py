@@ -1,7 +1,5 @@
 """One picture of a recorded flight: map, heights, speeds, separation and deviation, flown and planned."""
 
-from __future__ import annotations
-
 import textwrap
 from pathlib import Path
 

@@ -214,7 +214,11 @@ def draw_close_up(axes: Axes, scenario: Scenario, chart: FlightMap, what: CloseU
     during = np.flatnonzero((t_s >= what.begin_s) & (t_s <= what.end_s))
     tracks = tracks_ned_m[:, during, 1::-1]
     at = int(np.argmin(np.abs(t_s - what.at_s))) if what.at_s is not None else int(during[-1])
-    low, high = _frame(tracks)
+    low, high = np.nanmin(tracks, axis=(0, 1)), np.nanmax(tracks, axis=(0, 1))
+    room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
+    scale = float(np.max((high - low + 2.0 * room_m) / np.array(_PANEL_IN)))
+    half, middle = 0.5 * scale * np.array(_PANEL_IN), 0.5 * (low + high)
+    low, high = middle - half, middle + half
     map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
     map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
     for colour, track, place in zip(colours(chart.sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
@@ -228,15 +232,6 @@ def draw_close_up(axes: Axes, scenario: Scenario, chart: FlightMap, what: CloseU
     axes.grid(alpha=0.3)
     when = "" if what.at_s is None else f"\nat t = {what.at_s:.1f} s"
     head(axes, what.title + when, _PANEL_IN[0], 9.0)
-
-
-def _frame(tracks: Array) -> tuple[Array, Array]:
-    """The least and the greatest east and north (2,) around tracks (V, N, 2), with room, that fill a close-up."""
-    low, high = np.nanmin(tracks, axis=(0, 1)), np.nanmax(tracks, axis=(0, 1))
-    room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
-    scale = float(np.max((high - low + 2.0 * room_m) / np.array(_PANEL_IN)))
-    half, middle = 0.5 * scale * np.array(_PANEL_IN), 0.5 * (low + high)
-    return middle - half, middle + half
 
 
 def label_close_up(axes: Axes, labels: Labels, chart: FlightMap, what: CloseUp) -> None:

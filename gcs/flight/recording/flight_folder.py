@@ -1,7 +1,5 @@
 """The folder of a flight: its name, the names of its files, its events and its report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -84,13 +82,13 @@ def criteria_data(verdict: Verdict) -> JsonObject:
         # A vehicle that never arrives is infinitely late, which JSON has no number for.
         "criteria": [
             asdict(c)
-            | {name: _finite(getattr(c, name)) for name in ("value", "lowest", "highest")}
+            | {name: finite(getattr(c, name)) for name in ("value", "lowest", "highest")}
             | {"ok": c.ok, "verdict": c.outcome.value}
             for c in verdict.criteria
         ],
-        "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
-        "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
-        "formation_error_max_m": _finite(verdict.formation_error_m),
+        "position_rms_m": {str(k): finite(v) for k, v in verdict.rms_m.items()},
+        "position_max_m": {str(k): finite(v) for k, v in verdict.max_m.items()},
+        "formation_error_max_m": finite(verdict.formation_error_m),
         **({"off_plan_s": verdict.off_plan_s} if verdict.off_plan_s else {}),
     }
 
@@ -109,7 +107,8 @@ def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> JsonObje
     return {"separation_reported": list(rows)}
 
 
-def _finite(value: float | None) -> float | None:
+def finite(value: float | None) -> float | None:
+    """Return a value that JSON knows: None for one that is infinite or NaN."""
     return None if value is None or not math.isfinite(value) else value
 
 

@@ -3,10 +3,7 @@
 A thread writes them, so that a disk that stands still keeps no setpoint waiting.
 """
 
-from __future__ import annotations
-
 import json
-import math
 import os
 import queue
 import struct
@@ -22,7 +19,7 @@ from typing import Self
 
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.progress import Event, Step, notice_event, spared
-from gcs.flight.recording.flight_folder import EVENTS, PLAN, TELEMETRY
+from gcs.flight.recording.flight_folder import EVENTS, PLAN, TELEMETRY, finite
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.recording.record_gaps import RecordGaps
@@ -189,7 +186,7 @@ class FlightRecord:
 
     def write_event(self, event: Event) -> None:
         """Log one event; times that are not known yet are null."""
-        data = asdict(event) | {"unix_s": _finite(event.unix_s), "t_s": _finite(event.t_s)}
+        data = asdict(event) | {"unix_s": finite(event.unix_s), "t_s": finite(event.t_s)}
         self._append(EVENTS, (json.dumps(data, default=str) + "\n").encode(), 1)
         self._tell()
 
@@ -256,10 +253,6 @@ class FlightRecord:
     def _tell(self) -> None:
         while self._untold:
             self._warn(self._untold.popleft())
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 class FlightJournal:

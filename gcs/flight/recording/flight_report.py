@@ -3,8 +3,6 @@
 `report.json` is for programs, `report.md` for people: with it the flight can be cited, and flown again.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import shlex

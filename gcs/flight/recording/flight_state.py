@@ -1,7 +1,5 @@
 """`flight.json`: the state from which another process continues a flight."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

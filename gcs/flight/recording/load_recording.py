@@ -1,7 +1,5 @@
 """Loads a recording from a flight's folder, or from a `.tlog` of any ground station."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace

@@ -3,8 +3,6 @@
 A gap is reported once, and again at the flight's end.
 """
 
-from __future__ import annotations
-
 import os
 import threading
 import time

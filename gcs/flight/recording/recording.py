@@ -1,7 +1,5 @@
 """A recorded flight: the reports of every vehicle over time, and its events, in one frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

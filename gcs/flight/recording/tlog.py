@@ -4,8 +4,6 @@ Stamps are the writer's clock, big-endian microseconds since 1970; frames from b
 damaged section, reading continues at the next frame.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

@@ -1,7 +1,5 @@
 """What the vehicles of a flight had on board before it: shown, kept in the flight's folder, and given back after it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """From a plan to the load of each vehicle: mission, fence, rally point, parameters, and what keeps its times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
-from gcs.mission.returns.fence_rally import Safety, build_safety
+from gcs.mission.returns.fence_rally import build_safety
 from gcs.mission.returns.rtl_altitudes import return_warnings
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
@@ -50,7 +48,11 @@ def build_loads(
         safe, missions = exported.safety, exported.missions
     else:
         safe = build_safety(plan, each)
-        missions = _missions(plan, MissionOrder(each, timed=timed), safe, warn)
+        made = make_missions(plan, MissionOrder(each, timed=timed), safe, select_formats(["plan"]))
+        if made.refusal is not None:
+            raise made.refusal
+        _say_spread(made.timing, made.legs, warn)
+        missions = made.missions
     if not safety:
         return missions_only(missions)
     for text in return_warnings(plan, safe.returns, each):
@@ -137,14 +139,6 @@ def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]
     return tuple(VehicleLoad(mission) for mission in missions)
 
 
-def _missions(plan: Plan, order: MissionOrder, safe: Safety, warn: Callable[[str], None]) -> tuple[VehicleMission, ...]:
-    made = make_missions(plan, order, safe, select_formats(["plan"]))
-    if made.refusal is not None:
-        raise made.refusal
-    _say_spread(made.timing, made.legs, warn)
-    return made.missions
-
-
 def _firmware(sysid: int, autopilot: int) -> Autopilot:
     try:
         return Autopilot(autopilot)
@@ -166,6 +160,7 @@ def export_for_flight(
     """
     if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL):
         return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
+    say("timing the missions by the model of their autopilot, for all answers that it may give")
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
     if not keeping.emulated or keeping.navigator is NavigatorChoice.OWN:
         index = export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report)

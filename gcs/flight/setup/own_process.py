@@ -4,8 +4,6 @@ A thread would not do: Python runs one thread at a time, and a long computation 
 process is `python -m gcs.own_process`, not a worker of `multiprocessing`: that would execute the caller's script again.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import pickle

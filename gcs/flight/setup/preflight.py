@@ -9,8 +9,6 @@ assumed to hover for `endurance_s`, and the flight needs its own duration of tha
 (`gcs.flight.execution.hover_charge`).
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ A name is `udpin:HOST:PORT` (listen for vehicles), `udpout:HOST:PORT` (call a pe
 `serial:DEVICE:BAUD`. An IPv6 host stands in brackets: `udpin:[::1]:14550`.
 """
 
-from __future__ import annotations
-
 import re
 import string
 from collections.abc import Callable

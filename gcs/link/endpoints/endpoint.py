@@ -1,7 +1,5 @@
 """The endpoints of the ground station, on asyncio: UDP for many vehicles, TCP and serial lines for one peer."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import socket

@@ -1,7 +1,5 @@
 """UDP ports and byte streams that never wait, under any event loop, and the addresses of IPv4 and IPv6."""
 
-from __future__ import annotations
-
 import errno
 import os
 import socket

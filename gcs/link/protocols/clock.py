@@ -10,8 +10,6 @@ A clock that is held follows its boot clock: it corrects its offset slowly, and 
 What is not plausible is dropped: unix times outside 2010 to 2100, and a single boot time that runs back or far ahead.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from statistics import median

@@ -1,7 +1,5 @@
 """What all machines of one session share: both stations, the autopilot's timers, the round trips measured so far."""
 
-from __future__ import annotations
-
 from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers, RoundTripTimers
 from gcs.autopilots.traits import link_behaviour
 from gcs.link.wire.message import GROUND, Message, Station

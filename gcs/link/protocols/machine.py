@@ -3,8 +3,6 @@
 Time is an argument: seconds of any monotonic clock. tools/reference.py prints the tables into docs/links.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto

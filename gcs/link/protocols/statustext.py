@@ -4,8 +4,6 @@ A long text comes in chunks of 50 characters, identified by source, id and chunk
 `timeout_s` a missing chunk is written as "[...]".
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ We send `tc1 = 0, ts1 = now`; the vehicle answers with `tc1` = its time and `ts1
 the error of a sample, so the sample with the shortest round trip is used.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Uploads items to one vehicle, as a file or item by item, reads them back and compares them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

@@ -5,8 +5,6 @@ addressed to another station are ignored; so are frames that are not signed with
 with the system id of a vehicle that come from elsewhere. In a flight only the systems of its plan have sessions.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What was on vehicles before an upload: old parameters and items, which are read, recorded and given back."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import struct

@@ -3,8 +3,6 @@
 MAVSDK repeats setpoints by itself, 20 times a second, with its own time stamps.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 import time

@@ -6,8 +6,6 @@ other one has proved to be the same vehicle. Before a flight a vehicle that has 
 proof. An address that does not report its id in time counts as a second vehicle. Time is an argument.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple

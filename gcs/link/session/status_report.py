@@ -4,8 +4,6 @@ Nothing is changed on board. A streamed message counts while it is fresh; any ot
 does not arrive gives None.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from contextlib import suppress
@@ -137,7 +135,7 @@ def _prearm_ok(status: Message | None) -> bool | None:
     return None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK)
 
 
-async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) -> TimeSample | None:
+async def measure_clock(session: VehicleSession) -> TimeSample | None:
     """Return the offset of the vehicle's boot clock and the round trip, by TIMESYNC; None without an answer."""
     loop = asyncio.get_running_loop()
     sync = TimeSync(session.station)
@@ -149,12 +147,12 @@ async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) ->
         if message.name == "TIMESYNC" and message.fields["tc1"]:
             sync.receive(message, loop.time())
             count += 1
-            if count >= exchanges:
+            if count >= _EXCHANGES:
                 answered.set()
 
     stop = session.subscribe(receive)
     try:
-        for _ in range(exchanges):
+        for _ in range(_EXCHANGES):
             session.send(sync.request(loop.time()))
             await asyncio.sleep(_EXCHANGE_S)
         try:

@@ -4,8 +4,6 @@ The budget is for addresses where no vehicle of the flight is. What exceeds it i
 there costs the price of receiving it.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from gcs.link.session.routing_table import LinkAddress

@@ -6,8 +6,6 @@ items are cleared, parameters get their old values, and the error gives the stat
 allows a flight to start.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

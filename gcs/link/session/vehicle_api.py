@@ -4,8 +4,6 @@ Every failure raises `PeerError`. A flight of a formation does not use `Flyable`
 (`gcs.flight`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """The load of one vehicle (mission, fence, rally points, parameters), its hash, and what is on board instead."""
 
-from __future__ import annotations
-
 import hashlib
 import struct
 from collections.abc import Sequence

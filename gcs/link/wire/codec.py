@@ -4,16 +4,14 @@ Bytes that are no frame of this dialect are skipped: vehicles write console text
 discard the valid frame behind it. The work for a chunk is bounded by its length (`frame_scanner`).
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from collections.abc import Hashable
 
 os.environ["MAVLINK20"] = "1"  # read once, when the dialect is imported
 
-from collections.abc import Sequence
 from struct import Struct
+from typing import Any
 
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -40,29 +38,17 @@ class FrameLayout:
 
     It packs and reads frames directly, without objects of pymavlink, which take several times as long. Nine of ten
     messages are of this kind. Arrays are not handled, and signatures are not written.
-
-    `wire_order` lists its fields in the order that `packer` packs them, `fields` the same in the order of the message
-    definition. `texts` are the fields of characters, `crc_extra` is the dialect's byte in the checksum.
     """
 
-    def __init__(
-        self,
-        *,
-        name: str,
-        message_id: int,
-        crc_extra: int,
-        packer: Struct,
-        wire_order: Sequence[str],
-        fields: Sequence[str],
-        texts: Sequence[str],
-    ) -> None:
-        self.name = name
-        self._id = message_id.to_bytes(3, "little")
-        self._crc_extra = bytes([crc_extra])
-        self._packer = packer
-        self._wire_order = tuple(wire_order)
-        self._fields = [(field, wire_order.index(field)) for field in fields]
-        self._texts = [wire_order.index(field) for field in texts]
+    def __init__(self, message: Any) -> None:
+        """`message`: its class in the dialect."""
+        self.name: str = message.msgname
+        self._id = int(message.id).to_bytes(3, "little")
+        self._crc_extra = bytes([message.crc_extra])
+        self._packer: Struct = message.unpacker
+        self._wire_order: tuple[str, ...] = tuple(message.ordered_fieldnames)
+        self._fields = [(field, self._wire_order.index(field)) for field in message.fieldnames]
+        self._texts = [self._wire_order.index(field) for field in _TEXT_FIELDS[self.name]]
 
     def pack(self, fields: Fields, station: tuple[int, int], seq: int) -> bytes | None:
         """Return the frame from a station (system, component); None unless `fields` are exactly those of the message.
@@ -97,15 +83,7 @@ class FrameLayout:
 
 # All messages without arrays and single characters among their fields.
 _LAYOUTS: dict[str, FrameLayout] = {
-    name: FrameLayout(
-        name=name,
-        message_id=cls.id,
-        crc_extra=cls.crc_extra,
-        packer=cls.unpacker,
-        wire_order=cls.ordered_fieldnames,
-        fields=cls.fieldnames,
-        texts=_TEXT_FIELDS[name],
-    )
+    name: FrameLayout(cls)
     for name, cls in _CLASSES.items()
     if all(
         (length > 0) == (cls.ordered_fieldnames[at] in _TEXT_FIELDS[name])

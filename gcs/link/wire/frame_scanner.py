@@ -4,8 +4,6 @@ A header must be plausible before anything is computed, and checksums have a bud
 link with errors, but an attack or another protocol: the rest of the chunk is dropped whole.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

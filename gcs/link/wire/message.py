@@ -1,7 +1,5 @@
 """One MAVLink message as a plain value, and the station (system, component) that sends or receives it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple

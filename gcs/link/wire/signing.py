@@ -5,8 +5,6 @@ A signature is 13 bytes behind the checksum: link id, time in 10 µs since the b
 of SHA-256 over the key and everything before them. Timestamps only increase. No `repr` and no error shows a key.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 from dataclasses import dataclass, field

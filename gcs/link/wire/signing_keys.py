@@ -4,8 +4,6 @@ A key is 64 hexadecimal digits, or 32 bytes of a file that is no text. Any other
 the key, as in Mission Planner, QGroundControl and MAVProxy.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

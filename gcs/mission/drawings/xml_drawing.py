@@ -81,7 +81,12 @@ def _placemark(placemark: Element, number: int, found: MapSketch) -> None:
         modes = shape.iter("altitudeMode") if shape.tag == "MultiTrack" else shape.findall("altitudeMode")
         datum = next((_DATUMS.get(said(mode), Datum.NONE) for mode in modes), Datum.NONE)
         if shape.tag == "Polygon":
-            _polygon(shape, label, _INSIDE.get(marks.get("inclusion", "")), found)
+            outer = shape.find("outerBoundaryIs/LinearRing")
+            if outer is None:
+                raise ValueError(f"{label} is a polygon without an edge")
+            holes = [inner.find("LinearRing") for inner in shape.findall("innerBoundaryIs")]
+            inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
+            found.areas.append(DrawnArea(_ring(outer, label), label, _INSIDE.get(marks.get("inclusion", "")), inner))
         elif shape.tag == "Point":
             found.spots += _points(_coordinates(shape), datum, label, name)
         elif shape.tag in ("LineString", "LinearRing"):
@@ -124,15 +129,6 @@ def _points(rows: Iterator[list[float]], datum: Datum, label: str, name: str = "
         height_m, point_datum = (rest[0], datum) if rest else (0.0, Datum.NONE)
         own = label if name or label == "" else f"point {number} of {label}"
         yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
-
-
-def _polygon(shape: Element, label: str, inside: bool | None, found: MapSketch) -> None:
-    outer = shape.find("outerBoundaryIs/LinearRing")
-    if outer is None:
-        raise ValueError(f"{label} is a polygon without an edge")
-    holes = [inner.find("LinearRing") for inner in shape.findall("innerBoundaryIs")]
-    inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
-    found.areas.append(DrawnArea(_ring(outer, label), label, inside, inner))
 
 
 def _ring(edge: Element, label: str) -> tuple[Place, ...]:

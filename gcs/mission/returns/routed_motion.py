@@ -119,7 +119,13 @@ def routed_motion(
     knots = _Knots(stop.places, stop.velocities)
     knots.add(stop.duration_s / 2, stop.half_ned_mps, stop.half_ned_m)
     knots.add(stop.duration_s / 2, np.zeros_like(stop.places), stop.end_ned_m)
-    ways_m = _moving_first(ways_m)
+    # Ways (N, W, 2) without legs of no length but at their ends
+    moved = np.any(ways_m[:, 1:] != ways_m[:, :-1], axis=2)
+    order = np.argsort(~np.column_stack([np.ones(len(ways_m), dtype=bool), moved]), axis=1, kind="stable")
+    count = 1 + moved.sum(axis=1)
+    kept = np.take_along_axis(ways_m, order[..., None], axis=1)
+    kept = np.where((np.arange(ways_m.shape[1]) < count[:, None])[..., None], kept, ways_m[:, -1:])
+    ways_m = np.asarray(kept[:, : max(2, int(count.max()))])
     tops = np.broadcast_to(top_down_m[:, None, None], (*ways_m.shape[:2], 1))
     points = np.concatenate([ways_m, tops], axis=2)
     knots.straight(points[:, 0], up, (zero, zero), speeds.climb_mps)
@@ -159,16 +165,6 @@ def _follow(knots: _Knots, points: Array, cruise_mps: float) -> None:
                 out[:, None] * along[:, leg + 1],
                 points[:, leg + 1] + around[:, leg + 1, None] * along[:, leg + 1],
             )
-
-
-def _moving_first(ways_m: Array) -> Array:
-    """Ways (N, W, 2) without legs of no length but at their ends."""
-    moved = np.any(ways_m[:, 1:] != ways_m[:, :-1], axis=2)
-    order = np.argsort(~np.column_stack([np.ones(len(ways_m), dtype=bool), moved]), axis=1, kind="stable")
-    count = 1 + moved.sum(axis=1)
-    kept = np.take_along_axis(ways_m, order[..., None], axis=1)
-    kept = np.where((np.arange(ways_m.shape[1]) < count[:, None])[..., None], kept, ways_m[:, -1:])
-    return np.asarray(kept[:, : max(2, int(count.max()))])
 
 
 def _stop(places: Array, velocities: Array, brake_mps2: float, sideways: float) -> Stops:

@@ -122,7 +122,8 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
     points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
     places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
-    home = Home(*_home(places[-1]))
+    # A pad's latitude, longitude and altitude, with the decimals of which all machines are certain
+    home = Home(*[round(part, decimals) for part, decimals in zip(places[-1].tolist(), _HOME_DECIMALS, strict=True)])
     below_m = np.full(len(places), places[-1, 2] if altitude is Altitude.RELATIVE else 0.0)
     if altitude is Altitude.TERRAIN:
         ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])
@@ -227,11 +228,6 @@ class _Draft:
         delay_s = round(float(duration_s), _TIME_DECIMALS)
         if delay_s > 0:
             self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
-
-
-def _home(place: Array) -> list[float]:
-    """A pad's latitude, longitude and altitude, with the decimals of which all machines are certain."""
-    return [round(part, decimals) for part, decimals in zip(place.tolist(), _HOME_DECIMALS, strict=True)]
 
 
 def _as_kept(places: Array, firmware: Autopilot) -> Array:

@@ -19,7 +19,6 @@ from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.formation.timeline import Move, in_turn, lay, starts_at_points
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.multipliers import moved
 from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
@@ -228,3 +227,10 @@ def _motion(trajectory: Trajectory, shape: Shape, problem: Problem, t_s: Array, 
 
 def _overlapping(joints: Array, start: float, end: float) -> list[int]:
     return list(np.flatnonzero((joints[1:] > start) & (joints[:-1] < end)))
+
+
+def moved(solution: Solution, before: Mesh, after: Mesh) -> Solution:
+    """The solution with each multiplier at the time to which its row moved with the joints of the mesh."""
+    times = np.interp([t_s for _, t_s in solution.g_multipliers], before.joints_s, after.joints_s).tolist()
+    rows = zip(solution.g_multipliers.items(), times, strict=True)
+    return replace(solution, g_multipliers={(one, t_s): price for ((one, _), price), t_s in rows})

@@ -65,12 +65,6 @@ class Violation:
         return f"{self.constraint} violated by {self.by:.3g} {self.unit} at t = {self.t_s:.1f} s"
 
 
-def check_between_nodes(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
-    """The worst instant of each violation, and descriptions of the violations."""
-    found = find_violations(problem, trajectory, shape)
-    return np.array(sorted({miss.t_s for miss in found})), complaints(found)
-
-
 def complaints(found: tuple[Violation, ...]) -> tuple[str, ...]:
     """A description of the worst violation of each constraint."""
     worst: dict[ConstraintId, Violation] = {}
@@ -222,13 +216,15 @@ def _heading(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
 def _positions(
     problem: Problem, trajectory: Trajectory, shape: Shape, rows: Rows, times: Array
 ) -> list[tuple[Margin, float]]:
-    scenario = problem.scenario
     places = trajectory.state(times)[:, :3] + shape.offsets(times, 0, rows)
+    return [(margin, LENGTH_TOLERANCE_M) for margin in _of_places(problem, places, times)]
+
+
+def _of_places(problem: Problem, places: Array, times: Array) -> list[Margin]:
+    """The margins of places (V, N, 3) at times (N,): ground, zones, heights and box."""
+    scenario = problem.scenario
     found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places, times)]
-    found.append(margins.height(scenario, places))
-    if problem.has_box:
-        found += margins.box(scenario, places)
-    return [(margin, LENGTH_TOLERANCE_M) for margin in found]
+    return [*found, margins.height(scenario, places), *(margins.box(scenario, places) if problem.has_box else [])]
 
 
 def _near_a_limit(problem: Problem, trajectory: Trajectory, shape: Shape, start_s: float, end_s: float) -> Rows:
@@ -238,17 +234,10 @@ def _near_a_limit(problem: Problem, trajectory: Trajectory, shape: Shape, start_
         return every_row
     times = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / _COARSE_S)) + 1)
     places = trajectory.state(times)[:, :3] + shape.offsets(times)
-    scenario = problem.scenario
     near = np.zeros(problem.vehicles, dtype=bool)
-    others = [
-        margins.clearance(scenario, places),
-        *margins.no_fly(scenario, places, times),
-        margins.height(scenario, places),
-    ]
-    others += margins.box(scenario, places) if problem.has_box else []
     # Between two coarse instants a vehicle comes closer to anything by at most half the distance that it flies.
     reach = 0.5 * np.linalg.norm(np.diff(places, axis=1), axis=2).max(axis=1)
-    for margin in others:
+    for margin in _of_places(problem, places, times):
         near |= margin.value.min(axis=1) < _FAR_M + reach
     return np.flatnonzero(near)
 

@@ -102,6 +102,11 @@ class Plan:
         return next((p.end_s for p in self.phases if p.name == PhaseKind.TAKEOFF), self.t_start_s)
 
     @property
+    def landing_s(self) -> float:
+        """Begin of the landing, s: then it is ordered."""
+        return self.phase(PhaseKind.LANDING).start_s
+
+    @property
     def t_end_s(self) -> float:
         """End of the landing, s."""
         return self.leader_trajectory.end_s

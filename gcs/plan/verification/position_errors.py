@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import SIGMA
@@ -65,13 +64,9 @@ def _placed(plan: Plan) -> Iterator[tuple[float, Array]]:
     for t_s, points in ((plan.t_start_s, plan.pads_ned_m), (plan.t_end_s, plan.landing_points_ned_m)):
         if t_s != plan.t_start_s or plan.begin_state is None:
             yield t_s, points * [1.0, 1.0, 0.0]
-    for t_s in _shapes(plan.shape, np.arange(plan.airborne_s, plan.phase(PhaseKind.LANDING).start_s, STEP_S)):
-        yield t_s, plan.shape.at(t_s)
-
-
-def _shapes(shape: Shape, times: Array) -> list[float]:
-    """The instants at which the shape differs: all where it moves, one of each rigid stretch."""
-    moving = shape.is_moving(times)
-    piece = np.searchsorted(shape.joints_s, times, side="right")
+    times = np.arange(plan.airborne_s, plan.phase(PhaseKind.LANDING).start_s, STEP_S)
+    moving = plan.shape.is_moving(times)
+    piece = np.searchsorted(plan.shape.joints_s, times, side="right")
     once = np.unique(piece[~moving], return_index=True)[1]
-    return [*times[~moving][once].tolist(), *times[moving].tolist()]
+    for t_s in [*times[~moving][once].tolist(), *times[moving].tolist()]:
+        yield t_s, plan.shape.at(t_s)

@@ -69,7 +69,10 @@ class _ReliefBound:
         self._relief = relief
         self._blocks = [relief.pixels_m]  # maxima over blocks of 2**level pixels each way
         while max(self._blocks[-1].shape) > 1:
-            self._blocks.append(_halved(self._blocks[-1]))
+            table = self._blocks[-1]
+            rows, columns = table.shape
+            even = np.pad(table, ((0, rows % 2), (0, columns % 2)), mode="edge")
+            self._blocks.append(np.asarray(even.reshape(len(even) // 2, 2, -1, 2).max(axis=(1, 3))))
 
     def __call__(self, low_m: Array, high_m: Array) -> Array:
         low, high = self._pixels(low_m, high_m)
@@ -127,10 +130,3 @@ def _reach(polynomial: tuple[float, ...], north: Array, east: Array, half: Array
     second += np.abs(p12 + 2 * p112 * n + 2 * p122 * e) * h * k
     third = abs(p111) * h**3 + abs(p112) * h * h * k + abs(p122) * h * k * k + abs(p222) * k**3
     return np.asarray(first + second + third)
-
-
-def _halved(table: Array) -> Array:
-    """Maxima over two by two entries; an odd last one stands alone."""
-    rows, columns = table.shape
-    even = np.pad(table, ((0, rows % 2), (0, columns % 2)), mode="edge")
-    return np.asarray(even.reshape(len(even) // 2, 2, -1, 2).max(axis=(1, 3)))

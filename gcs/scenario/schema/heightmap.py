@@ -101,10 +101,12 @@ class Relief(Part):
 
     def height_m(self, north_m: Array, east_m: Array) -> Array:
         """Bilinear height (...) at places (...); beyond the last pixel the ground goes on level."""
-        north_m, east_m = np.broadcast_arrays(north_m, east_m)
+        return _interpolated(self.pixels_m, self.pixel_place(*np.broadcast_arrays(north_m, east_m)), order=1)
+
+    def pixel_place(self, north_m: Array, east_m: Array) -> Array:
+        """Row and column (2, ...) of places (...)."""
         terms = terms_of((north_m - self.centre_m[0]) / self.reach_m, (east_m - self.centre_m[1]) / self.reach_m)
-        place = np.stack([np.tensordot(np.array(p), terms, axes=1) for p in (self.row, self.column)])
-        return _interpolated(self.pixels_m, place, order=1)
+        return np.stack([np.tensordot(np.array(p), terms, axes=1) for p in (self.row, self.column)])
 
     def local_grid(self, north_m: Array, east_m: Array) -> tuple[Array, Array, Array]:
         """Row and column (N,) of places (N,), and what one of each is there in m north and east (N, 2, 2)."""
@@ -198,7 +200,15 @@ def _envelope(relief: Relief) -> Envelope:
     below = relief.height_m(*places) - surface.height_m(*places)
     # A kink between two places stands out by no more than half of the second difference beside it, along each axis.
     hidden = sum(np.abs(ndimage.correlate1d(below, [1.0, -2.0, 1.0], axis, mode="nearest")) for axis in (0, 1))
-    windows = np.lib.stride_tricks.sliding_window_view(below + 0.5 * hidden, (_SUBSAMPLES + 1,) * 2)
+    # Two kinks between the same two places may hide each other: they do so near the pixel where they cross.
+    pixel = relief.pixel_place(*places)
+    _, _, to_metres = relief.local_grid(*(np.array([0.5 * sum(axis)]) for axis in (relief.north_m, relief.east_m)))
+    away_m = np.tensordot(to_metres[0], np.round(pixel) - pixel, axes=1)
+    near = np.abs(away_m).max(axis=0) <= 0.51 * step / _SUBSAMPLES  # no other sample is nearer
+    crossings = [axis[near] + away for axis, away in zip(places, away_m[:, near], strict=True)]
+    most = below + 0.5 * hidden
+    most[near] = np.maximum(most[near], relief.height_m(*crossings) - surface.height_m(*crossings))
+    windows = np.lib.stride_tricks.sliding_window_view(most, (_SUBSAMPLES + 1,) * 2)
     missing = np.maximum(windows[::_SUBSAMPLES, ::_SUBSAMPLES].max(axis=(2, 3)), 0.0) + ENVELOPE_RESERVE_M
     # Cell (i, j) is made from coefficients i-1 .. i+2: coefficient i takes part in cells i-2 .. i+1.
     raised = np.full((count[0], count[1]), ENVELOPE_RESERVE_M)

@@ -13,8 +13,7 @@ import gcs
 from gcs.cli.main import app
 from gcs.scenario.schema.scenario import Scenario
 from tools.api_reference import CHAPTERS
-from tools.commands_reference import split_help
-from tools.reference import MAKERS, page, scenario_reference
+from tools.reference import MAKERS, page, scenario_reference, split_help
 
 
 def test_the_pages_are_up_to_date(repo_root: Path) -> None:

@@ -3,8 +3,6 @@
 seq uint16 | session | opcode | size | req_opcode | burst_complete | padding (uint8 each) | offset uint32 | data
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from enum import IntEnum

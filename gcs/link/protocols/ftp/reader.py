@@ -19,8 +19,6 @@ CalcFileCRC32 is not used. ArduPilot computes it over another reading of the fil
 the unused numbers of an item depend on where a piece begins (`mission_dat`): the answer says nothing about these bytes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from gcs.errors import GcsError, PeerTimeout, ProtocolMisuse

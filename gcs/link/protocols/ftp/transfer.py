@@ -1,7 +1,5 @@
 """What reading and writing a file by MAVLink FTP have in common: states, opening, end."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse

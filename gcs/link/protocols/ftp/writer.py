@@ -21,8 +21,6 @@ DONE means that the server closed the file. ArduPilot before 4.7 acknowledges th
 a read-back is a proof.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gcs.errors import GcsError, ProtocolMisuse

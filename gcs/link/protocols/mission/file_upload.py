@@ -5,8 +5,6 @@ contents are unknown: only the read-back counts. It is compared item by item. A 
 one by one show which of them is refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gcs.errors import GcsError, PeerError, PeerTimeout

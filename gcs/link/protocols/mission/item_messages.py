@@ -3,8 +3,6 @@
 Floats on the wire are float32: `read_back` compares what returns.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

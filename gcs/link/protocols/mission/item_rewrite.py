@@ -5,8 +5,6 @@ it with a request for that item. A MISSION_ACK proves nothing, and its loss does
 other items stay as they are. After FAILED an item on board is the old one or the new one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from gcs.errors import GcsError, PeerError, PeerTimeout

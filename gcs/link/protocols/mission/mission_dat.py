@@ -11,8 +11,6 @@ ArduPilot replaces the mission when the file is closed. It refuses a file with a
 never arrived. Pieces therefore end at the end of an item: only whole items can be missing.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ float32 rounding; NaN for NaN; the frame of items without a position; integer fr
 6 = 3, 11 = 10); `autocontinue` of fences and rally points, where it has no meaning.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

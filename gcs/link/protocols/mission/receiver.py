@@ -3,8 +3,6 @@
 It follows the MAVLink mission protocol (`gcs.link.protocols.mission.rules`), by the table at the end.
 """
 
-from __future__ import annotations
-
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, ignore

@@ -30,8 +30,6 @@ Rules
     read-back is worthwhile.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Self
 

@@ -3,8 +3,6 @@
 It follows the MAVLink mission protocol (`gcs.link.protocols.mission.rules`), by the table at the end.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -30,7 +28,7 @@ _OPEN = (_S.OFFERED, _S.SENDING, _S.ALL_SENT)
 
 
 class MissionSender(MissionMachine):
-    """One transfer of `items` to the peer. `current` is the item to start with; `integer_frames`: `item_to_message`."""
+    """One transfer of `items` to the peer, which begin with the first; `integer_frames`: `item_to_message`."""
 
     def __init__(
         self,
@@ -38,7 +36,6 @@ class MissionSender(MissionMachine):
         exchange: Exchange,
         *,
         mission_type: int = MissionType.MISSION,
-        current: int = 0,
         integer_frames: bool = True,
     ) -> None:
         super().__init__(SENDER, exchange, mission_type)
@@ -47,7 +44,6 @@ class MissionSender(MissionMachine):
         self.doubt: MissionRefused | None = None  # a refusal that may answer a late copy
         self._counts_repeated = 0
         self._last_repeated = False
-        self._current = current
         self._integer_frames = integer_frames
         self._sent: set[int] = set()
         self._last_seq: int | None = None  # the last answered request
@@ -200,7 +196,7 @@ class MissionSender(MissionMachine):
             self.items[seq],
             seq,
             self.peer,
-            current=seq == self._current,
+            current=seq == 0,
             mission_type=self.mission_type,
             integer_frames=self._integer_frames,
         )

@@ -1,7 +1,5 @@
 """How a mission is uploaded: as one file or item by item, with a fallback."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum

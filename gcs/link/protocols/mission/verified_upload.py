@@ -8,8 +8,6 @@ only the read-back counts. What the autopilots do:
 - ArduPilot answers requests for items in any order, so several are requested at a time. PX4 expects them one by one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gcs.errors import GcsError, PeerTimeout

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.mesh_refinement import with_times
-from gcs.plan.nlp.multipliers import moved
+from gcs.plan.nlp.mesh_refinement import moved, with_times
 from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
 from gcs.scenario.schema.scenario import Scenario

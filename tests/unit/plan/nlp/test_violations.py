@@ -14,7 +14,6 @@ from gcs.plan.formation.transforms import straight as straight_leg
 from gcs.plan.nlp.violations import (
     Violation,
     accel_reserve_mps2,
-    check_between_nodes,
     find_violations,
     jerk_reserve_mps3,
     tightenings,
@@ -57,8 +56,8 @@ def crossing(scenario: Scenario, count: int, **tables: Any) -> Problem:
 def found(problem: Problem, shape: Shape | None = None, trajectory: Trajectory | None = None) -> dict[str, str]:
     """Complaints by the constraint they name."""
     shape = problem.shape if shape is None else shape
-    _, complaints = check_between_nodes(problem, straight(problem) if trajectory is None else trajectory, shape)
-    return {text.split(" violated by")[0]: text for text in complaints}
+    found = find_violations(problem, straight(problem) if trajectory is None else trajectory, shape)
+    return {text.split(" violated by")[0]: text for text in complaints_of(found)}
 
 
 STEP_S = 0.01
@@ -160,7 +159,8 @@ def clearance_m(problem: Problem, place: Array) -> Array:
 @pytest.mark.parametrize("count", [5, 60])
 def test_where_nothing_is_broken_nothing_is_found(simulation1: Scenario, count: int) -> None:
     problem = crossing(simulation1, count)
-    instants, complaints = check_between_nodes(problem, straight(problem), problem.shape)
+    found = find_violations(problem, straight(problem), problem.shape)
+    instants, complaints = np.array(sorted({miss.t_s for miss in found})), complaints_of(found)
     assert complaints == ()
     assert len(instants) == 0
 
@@ -496,7 +496,8 @@ def test_in_a_wind_that_grows_with_height_the_highest_of_many_is_looked_at(simul
 def test_the_worst_instant_of_every_stretch_is_named(simulation1: Scenario) -> None:
     """Two hills, one after the other: two instants, each over a summit."""
     problem = crossing(simulation1, 1, terrain={"ripple": None, "mountains": {**HILLS, "east_m": [0.0, 0.0]}})
-    instants, complaints = check_between_nodes(problem, straight(problem), problem.shape)
+    found = find_violations(problem, straight(problem), problem.shape)
+    instants, complaints = np.array(sorted({miss.t_s for miss in found})), complaints_of(found)
     np.testing.assert_allclose(instants, [10.0, 18.75], atol=0.06)
     assert len(complaints) == 1
     assert "violated by 2 m at t = 10.0 s" in complaints[0]

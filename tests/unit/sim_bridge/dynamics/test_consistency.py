@@ -43,7 +43,7 @@ def watched(airframes, seconds):
     vehicles = len(airframes.landed)
     home = airframes.estimate[:, :3].copy()
     flight, motors_on = course(yaw_swing_rad=0.3), np.ones(vehicles, dtype=bool)
-    known = np.flatnonzero(airframes.estimator.covariance[0].diagonal() > 0.0)  # rtk has no slow error of position
+    known = np.flatnonzero(airframes.estimator.ekf.P[0].diagonal() > 0.0)  # rtk has no slow error of position
     nees, nis = [], {"fix": [], "compass": [], "baro": []}
     for k in range(steps(seconds)):
         airframes.step(flight.at(k, home), motors_on)
@@ -57,7 +57,7 @@ def watched(airframes, seconds):
         nis["fix"].append(np.mean(np.asarray(ekf.y.T.dot(ekf.SI).dot(ekf.y))))
         truth = np.concatenate((airframes.truth[:, :9], airframes.sensors.slow_errors.T), axis=1)
         off = (airframes.estimator.mean - truth)[:, known]
-        covariance = airframes.estimator.covariance[:, known[:, None], known]
+        covariance = airframes.estimator.ekf.P[:, known[:, None], known]
         nees.append(np.mean(np.einsum("vi,vi->v", off, np.linalg.solve(covariance, off[..., None])[..., 0])))
     return Consistency(np.array(nees), len(known), {name: np.array(values) for name, values in nis.items()})
 

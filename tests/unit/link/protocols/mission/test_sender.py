@@ -205,15 +205,15 @@ def asked(seq, kind):
 
 
 @pytest.mark.parametrize(
-    ("how", "kind", "marked", "frame"),
-    [({}, 0, 0, 6), ({"mission_type": 1, "current": 1, "integer_frames": False}, 1, 1, 3)],
+    ("how", "kind", "frame"),
+    [({}, 0, 6), ({"mission_type": 1, "integer_frames": False}, 1, 3)],
 )
-def test_items_carry_their_type_their_frames_and_the_mark_of_the_first(how, kind, marked, frame):
+def test_items_carry_their_type_their_frames_and_the_mark_of_the_first(how, kind, frame):
     sender = started(**how)
     for seq in range(3):
         (item,) = sender.receive(asked(seq, kind), 10.1)
         fields = item.fields
-        assert (fields["current"], fields["mission_type"], fields["frame"]) == (int(seq == marked), kind, frame)
+        assert (fields["current"], fields["mission_type"], fields["frame"]) == (int(seq == 0), kind, frame)
 
 
 def test_other_messages_are_not_heard_and_a_cancelled_transfer_says_nothing_more():
