@@ -58,5 +58,6 @@ def arrival_spread(flight: PredictedFlight, others: Sequence[PredictedFlight]) -
 
 
 def _completed_s(flight: PredictedFlight) -> Array:
-    last = np.append(np.flatnonzero(np.diff(flight.item)), len(flight.item) - 1)
-    return np.asarray(flight.t_s[last])
+    # The knot at which the next item begins is always kept; the one before it may be far ahead on a straight leg.
+    ends = np.append(np.flatnonzero(np.diff(flight.item)) + 1, len(flight.item) - 1)
+    return np.asarray(flight.t_s[ends])
