@@ -101,7 +101,7 @@ def flight_of_survey(
     """The flight; and its origin where that is the area's first corner. Raises UsageError for what cannot be flown."""
     from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
 
-    areas = [area for area in read_drawing(file).areas if area.inside is not False]
+    areas = [area for area in read_drawing(file).areas if area.inside is not False and area.radius_m is None]
     if not areas:
         raise UsageError(f"{file} has no polygon.", hint="draw the area as a polygon")
     if len(areas) > 1:

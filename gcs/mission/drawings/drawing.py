@@ -51,22 +51,16 @@ class DrawnPoint:
 
 @dataclass(frozen=True)
 class DrawnArea:
-    """A polygon: its corners, its holes, and whether vehicles stay inside it; None where the file does not say so."""
+    """A polygon: its corners, its holes, and whether vehicles stay inside it; None where the file does not say so.
+
+    With a radius it is a disk, whose only corner is its centre.
+    """
 
     corners: tuple[Place, ...]
     label: str
     inside: bool | None = None
     holes: tuple[tuple[Place, ...], ...] = ()
-
-
-@dataclass(frozen=True)
-class DrawnDisk:
-    """A disk: its centre, its radius, and whether vehicles stay inside it."""
-
-    centre: Place
-    radius_m: float
-    label: str
-    inside: bool
+    radius_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -87,7 +81,6 @@ class Drawing:
     source: str
     points: tuple[DrawnPoint, ...]
     areas: tuple[DrawnArea, ...] = ()
-    disks: tuple[DrawnDisk, ...] = ()
     home: Home | None = None
     speed_mps: float | None = None
     returns: bool = False  # to its start, after the last point
@@ -95,20 +88,57 @@ class Drawing:
     left_out: tuple[LeftOut, ...] = ()
 
 
+@dataclass(frozen=True)
+class DrawnLine:
+    """A line of a map. `recorded`: a receiver wrote it on its way."""
+
+    label: str
+    points: tuple[DrawnPoint, ...]
+    recorded: bool = False
+
+
 @dataclass
 class Sketch:
-    """A drawing while it is read: what was found so far."""
+    """A drawing while it is read: what was found so far. On a map with lines, `points` stand beside them."""
 
     source: str
     points: list[DrawnPoint] = field(default_factory=list)
+    lines: list[DrawnLine] = field(default_factory=list)
     areas: list[DrawnArea] = field(default_factory=list)
-    disks: list[DrawnDisk] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
 
     def drawing(self, **more: Any) -> Drawing:
-        """The drawing of what was found; `more` fields of it."""
-        found = {name: tuple(getattr(self, name)) for name in ("points", "areas", "disks", "left_out")}
-        return Drawing(self.source, **found | more)
+        """The drawing whose route is the first drawn line, else the first recorded one, else the points.
+
+        What is not flown is left out with a sentence. `more` are other fields.
+        """
+        points, recorded = self.points, False
+        if self.lines:
+            flown = next((line for line in self.lines if not line.recorded), self.lines[0])
+            for line in self.lines:
+                if line is not flown:
+                    text = f"not flown: the route is {flown.label}; a file per route carries it over"
+                    self.leave_out(line.label, text)
+            points, recorded = self._named(flown), flown.recorded
+        found = tuple(points), tuple(self.areas)
+        return Drawing(self.source, *found, recorded=recorded, left_out=tuple(self.left_out), **more)
+
+    def _named(self, line: DrawnLine) -> list[DrawnPoint]:
+        """The points of a line, with the names of those beside it that are on it."""
+        points = list(line.points)
+        if not self.points or not points:
+            return points
+        origin = Origin(*points[0].place, 0.0)
+        lat, lon = np.array([point.place for point in points]).T
+        places_m = geodetic_to_ned(lat, lon, 0.0, origin)
+        for spot in self.points:
+            away_m = np.linalg.norm(places_m - geodetic_to_ned(*spot.place, 0.0, origin), axis=1)
+            row = int(away_m.argmin())
+            if away_m[row] <= _SAME_M and spot.name and not points[row].name:
+                points[row] = replace(points[row], name=spot.name)
+            elif away_m[row] > _SAME_M:
+                self.leave_out(spot.label, f"not on the route, {line.label}; not carried over")
+        return points
 
     def leave_out(self, label: str, text: str) -> None:
         """Add a sentence."""
@@ -180,54 +210,3 @@ def _parts(label: str) -> tuple[str, str, str]:
     """A label's noun, its number, and what follows."""
     found = re.fullmatch(r"([A-Za-z -]+) ([0-9]+)(.*)", label, re.DOTALL)
     return (found[1], found[2], found[3]) if found else (label, "", "")
-
-
-@dataclass(frozen=True)
-class DrawnLine:
-    """A line of a map. `recorded`: a receiver wrote it on its way."""
-
-    label: str
-    points: tuple[DrawnPoint, ...]
-    recorded: bool = False
-
-
-@dataclass
-class MapSketch(Sketch):
-    """A map while it is read: lines, and points beside them."""
-
-    lines: list[DrawnLine] = field(default_factory=list)
-    spots: list[DrawnPoint] = field(default_factory=list)
-
-
-def drawing_of(sketch: MapSketch) -> Drawing:
-    """The drawing whose route is the first drawn line, else the first recorded one, else the `spots`.
-
-    What is not flown is left out with a sentence.
-    """
-    lines = sketch.lines
-    if not lines:
-        return sketch.drawing(points=tuple(sketch.spots))
-    flown = next((line for line in lines if not line.recorded), lines[0])
-    for line in lines:
-        if line is not flown:
-            sketch.leave_out(line.label, f"not flown: the route is {flown.label}; a file per route carries it over")
-    points = tuple(_named(sketch, flown))
-    return sketch.drawing(points=points, recorded=flown.recorded)
-
-
-def _named(sketch: MapSketch, line: DrawnLine) -> list[DrawnPoint]:
-    """The points of a line, with the names of the spots on them."""
-    points, spots = list(line.points), sketch.spots
-    if not spots or not points:
-        return points
-    origin = Origin(*points[0].place, 0.0)
-    lat, lon = np.array([point.place for point in points]).T
-    places_m = geodetic_to_ned(lat, lon, 0.0, origin)
-    for spot in spots:
-        away_m = np.linalg.norm(places_m - geodetic_to_ned(*spot.place, 0.0, origin), axis=1)
-        row = int(away_m.argmin())
-        if away_m[row] <= _SAME_M and spot.name and not points[row].name:
-            points[row] = replace(points[row], name=spot.name)
-        elif away_m[row] > _SAME_M:
-            sketch.leave_out(spot.label, f"not on the route, {line.label}; not carried over")
-    return points

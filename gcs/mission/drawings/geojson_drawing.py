@@ -10,11 +10,9 @@ from gcs.mission.drawings.drawing import (
     Datum,
     Drawing,
     DrawnArea,
-    DrawnDisk,
     DrawnLine,
     DrawnPoint,
-    MapSketch,
-    drawing_of,
+    Sketch,
     labelled,
     on_earth,
     ring,
@@ -41,7 +39,7 @@ class _Feature:
 
 def draw_geojson(data: bytes, source: str) -> Drawing:
     """The drawing in a GeoJSON file. Raises `FileFormatError`."""
-    found = MapSketch(source)
+    found = Sketch(source)
     try:
         document = read_json(data.decode("utf-8-sig"))
         crs = document.get("crs") if isinstance(document, dict) else None
@@ -55,7 +53,7 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
         raise FileFormatError(f"{source}: {str(error)[:200]}.", hint="save the drawing again as GeoJSON") from error
     if any(point.datum is Datum.SEA for line in found.lines for point in line.points if not line.recorded):
         found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
-    return drawing_of(found)
+    return found.drawing()
 
 
 def _features(document: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
@@ -85,7 +83,7 @@ def _list(value: Any, key: str) -> list[Any]:
     return found
 
 
-def _geometry(feature: _Feature, geometry: Any, found: MapSketch, depth: int = 0) -> None:
+def _geometry(feature: _Feature, geometry: Any, found: Sketch, depth: int = 0) -> None:
     if geometry is None:  # a feature may have no place
         return
     kind = _kind(geometry)
@@ -98,11 +96,11 @@ def _geometry(feature: _Feature, geometry: Any, found: MapSketch, depth: int = 0
     coordinates = _list(geometry, "coordinates")
     if kind == "Point" and _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
         centre, inside = _point(coordinates, feature.label).place, feature.properties.get("inclusion") is True
-        found.disks.append(DrawnDisk(centre, float(radius_m), feature.label, inside))
+        found.areas.append(DrawnArea((centre,), feature.label, inside, radius_m=float(radius_m)))
     elif kind == "Point":
-        found.spots.append(_point(coordinates, feature.label, feature.name))
+        found.points.append(_point(coordinates, feature.label, feature.name))
     elif kind == "MultiPoint":
-        found.spots += _line(coordinates, feature)
+        found.points += _line(coordinates, feature)
     elif kind == "LineString":
         found.lines.append(_drawn(feature, _line(coordinates, feature)))
     elif kind == "MultiLineString":
@@ -144,7 +142,7 @@ def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
     return DrawnPoint(place, float(rest[0]) if rest else 0.0, Datum.SEA if rest else Datum.NONE, label, name)
 
 
-def _area(feature: _Feature, rings: list[Any], found: MapSketch) -> None:
+def _area(feature: _Feature, rings: list[Any], found: Sketch) -> None:
     edges = [
         ring([point.place for point in _line(_list(edge, "coordinates"), feature)], feature.label) for edge in rings
     ]

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationError
 from gcs.autopilots.traits import traits_of
 from gcs.errors import FileFormatError
 from gcs.mavlink import FenceCommand
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, DrawnDisk, Sketch, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, Sketch, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import Key
@@ -105,8 +105,8 @@ def _fence(fence: Geofence, sketch: Sketch) -> None:
         corners = tuple(place.place_deg for place in polygon.points)
         sketch.areas.append(DrawnArea(corners, f"fence polygon {number}", polygon.inclusion))
     for number, circle in enumerate(fence.circles, start=1):
-        label = f"fence circle {number}"
-        sketch.disks.append(DrawnDisk(circle.center.place_deg, circle.radius_m, label, circle.inclusion))
+        centre, label = (circle.center.place_deg,), f"fence circle {number}"
+        sketch.areas.append(DrawnArea(centre, label, circle.inclusion, radius_m=circle.radius_m))
     if fence.return_point is not None:
         sketch.leave_out("the fence's return point", "not carried over; failsafes choose where vehicles return to")
 

@@ -17,9 +17,8 @@ from gcs.mission.drawings.drawing import (
     DrawnArea,
     DrawnLine,
     DrawnPoint,
-    MapSketch,
     Place,
-    drawing_of,
+    Sketch,
     labelled,
     on_earth,
     ring,
@@ -53,7 +52,7 @@ def draw_kmz(data: bytes, source: str) -> Drawing:
 
 def draw_kml(data: bytes, source: str) -> Drawing:
     """The drawing in a KML file. Raises `FileFormatError`."""
-    found = MapSketch(source)
+    found = Sketch(source)
     try:
         root = _root(data, "kml")
         for number, placemark in enumerate(root.iter("Placemark"), start=1):
@@ -63,7 +62,7 @@ def draw_kml(data: bytes, source: str) -> Drawing:
     for kind in _ELSEWHERE:
         for number, one in enumerate(root.iter(kind), start=1):
             found.leave_out(labelled(kind, number, tidy(said(one, "name"))), "not carried over: it draws no line")
-    return drawing_of(found)
+    return found.drawing()
 
 
 def _root(data: bytes, name: str) -> Element:
@@ -73,7 +72,7 @@ def _root(data: bytes, name: str) -> Element:
     return root
 
 
-def _placemark(placemark: Element, number: int, found: MapSketch) -> None:
+def _placemark(placemark: Element, number: int, found: Sketch) -> None:
     name = tidy(said(placemark, "name"))
     label = labelled("Placemark", number, name)
     marks = {data.get("name", ""): said(data, "value") for data in placemark.iter("Data")}
@@ -88,7 +87,7 @@ def _placemark(placemark: Element, number: int, found: MapSketch) -> None:
             inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
             found.areas.append(DrawnArea(_ring(outer, label), label, _INSIDE.get(marks.get("inclusion", "")), inner))
         elif shape.tag == "Point":
-            found.spots += _points(_coordinates(shape), datum, label, name)
+            found.points += _points(_coordinates(shape), datum, label, name)
         elif shape.tag in ("LineString", "LinearRing"):
             found.lines.append(DrawnLine(label, tuple(_points(_coordinates(shape), datum, label))))
         elif shape.tag in ("Track", "MultiTrack"):
@@ -137,7 +136,7 @@ def _ring(edge: Element, label: str) -> tuple[Place, ...]:
 
 def draw_gpx(data: bytes, source: str) -> Drawing:
     """The drawing in a GPX file. Raises `FileFormatError`."""
-    sketch = MapSketch(source)
+    sketch = Sketch(source)
     try:
         root = _root(data, "gpx")
         for number, route in enumerate(root.findall("rte"), start=1):
@@ -147,11 +146,11 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
             label = labelled("track", number, tidy(said(track, "name")))
             points = (point for segment in track.findall("trkseg") for point in segment.findall("trkpt"))
             sketch.lines.append(DrawnLine(label, _gpx_points(points, label), recorded=True))
-        sketch.spots += _gpx_points(root.findall("wpt"), "")
+        sketch.points += _gpx_points(root.findall("wpt"), "")
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as GPX") from error
     sketch.lines = [line for line in sketch.lines if line.points]
-    return drawing_of(sketch)
+    return sketch.drawing()
 
 
 def _gpx_points(elements: Iterable[Element], of: str) -> tuple[DrawnPoint, ...]:

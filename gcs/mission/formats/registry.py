@@ -75,74 +75,36 @@ class Format:
 
 
 def _row(
-    name: str, suffix: str | Mapping[Autopilot, str], content: Content, functions: str, purpose: str, **more: Any
+    name: str, functions: str, content: Content, purpose: str, suffix: str | Mapping[Autopilot, str] = "", **more: Any
 ) -> Format:
     """A row of the table; `functions` is "module:value": `write_value`, and `read_value` of what flies."""
     module, value = functions.split(":")
     writer, reader = (f"gcs.mission.formats.{module}:{does}_{value}" for does in ("write", "read"))
     read_back = content not in (Content.HISTORY, Content.MAP)
-    return Format(name, suffix, content, purpose, writer, reader if read_back else None, **more)
+    return Format(name, suffix or f".{name}", content, purpose, writer, reader if read_back else None, **more)
 
 
+_PLAN = "Waypoint mission, geofence and rally point for QGroundControl"
+_WAYPOINTS = "Waypoint mission for Mission Planner and MAVProxy (QGC WPL 110)"
+_SETPOINTS = "Timed setpoints in the formation's common NED frame, as CSV"
+_PARQUET = "The same setpoints as Parquet, with checksums"
+_HISTORY = "State and control of Eq. 1 over the whole plan, as CSV, for plots and comparisons"
+_PARAM = "Return (RTL) and fence parameters: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl"
+_GEOJSON = "Tracks, plan times, route points and the geofence, for GIS programs (QGIS) and web maps"
+_KML = "Tracks in time, route points and the geofence, for Google Earth"
+_PARAMETER_FILES = {known: str(known.traits.parameter_file) for known in Autopilot}
 FORMATS = (
-    _row(
-        "plan",
-        ".plan",
-        Content.MISSION,
-        "qgc_plan:mission",
-        "Waypoint mission, geofence and rally point for QGroundControl",
-        default=True,
-        fenced=True,
-    ),
-    _row(
-        "waypoints",
-        ".waypoints",
-        Content.MISSION,
-        "qgc_wpl:mission",
-        "Waypoint mission for Mission Planner and MAVProxy (QGC WPL 110)",
-        default=True,
-        begins=b"QGC",
-    ),
-    _row("fence", ".fence", Content.FENCE, "qgc_wpl:fence", "Geofence for MAVProxy (QGC WPL 110)"),
-    _row("rally", ".rally", Content.RALLY, "qgc_wpl:rally", "Rally point for MAVProxy (QGC WPL 110)"),
-    _row(
-        "setpoints",
-        ".setpoints",
-        Content.SETPOINTS,
-        "tables.setpoint_table:setpoints",
-        "Timed setpoints in the formation's common NED frame, as CSV",
-        default=True,
-    ),
-    _row(
-        "parquet",
-        ".parquet",
-        Content.SETPOINTS,
-        "tables.setpoints_parquet:setpoints_parquet",
-        "The same setpoints as Parquet, with checksums",
-    ),
-    _row(
-        "history",
-        ".history.csv",
-        Content.HISTORY,
-        "tables.history_csv:history",
-        "State and control of Eq. 1 over the whole plan, as CSV, for plots and comparisons",
-    ),
-    _row(
-        "param",
-        {known: str(known.traits.parameter_file) for known in Autopilot},
-        Content.PARAMETERS,
-        "param:parameters",
-        "Return (RTL) and fence parameters: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl",
-    ),
-    _row("kml", ".kml", Content.MAP, "maps.kml:kml", "Tracks in time, route points and the geofence, for Google Earth"),
-    _row("kmz", ".kmz", Content.MAP, "maps.kml:kmz", "The same map, compressed"),
-    _row(
-        "geojson",
-        ".geojson",
-        Content.MAP,
-        "maps.geojson:geojson",
-        "Tracks, plan times, route points and the geofence, for GIS programs (QGIS) and web maps",
-    ),
+    _row("plan", "qgc_plan:mission", Content.MISSION, _PLAN, default=True, fenced=True),
+    _row("waypoints", "qgc_wpl:mission", Content.MISSION, _WAYPOINTS, default=True, begins=b"QGC"),
+    _row("fence", "qgc_wpl:fence", Content.FENCE, "Geofence for MAVProxy (QGC WPL 110)"),
+    _row("rally", "qgc_wpl:rally", Content.RALLY, "Rally point for MAVProxy (QGC WPL 110)"),
+    _row("setpoints", "tables.setpoint_table:setpoints", Content.SETPOINTS, _SETPOINTS, default=True),
+    _row("parquet", "tables.setpoints_parquet:setpoints_parquet", Content.SETPOINTS, _PARQUET),
+    _row("history", "tables.history_csv:history", Content.HISTORY, _HISTORY, ".history.csv"),
+    _row("param", "param:parameters", Content.PARAMETERS, _PARAM, _PARAMETER_FILES),
+    _row("kml", "maps.kml:kml", Content.MAP, _KML),
+    _row("kmz", "maps.kml:kmz", Content.MAP, "The same map, compressed"),
+    _row("geojson", "maps.geojson:geojson", Content.MAP, _GEOJSON),
 )
 DEFAULT = tuple(row for row in FORMATS if row.default)
 

@@ -27,22 +27,11 @@ _VERTICAL_MPS2 = 4.0  # no autopilot has more: over centimetres none reaches its
 _DAY_S = 86400.0
 _HOLDING = frozenset({MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT})
 _PLACES = _HOLDING | {MavCommand.NAV_LOITER_UNLIM, MavCommand.NAV_LOITER_TURNS, MavCommand.NAV_LOITER_TO_ALT}
-_UNMODELLED = frozenset(
-    {
-        MavCommand.NAV_LOITER_TURNS,
-        MavCommand.NAV_SPLINE_WAYPOINT,
-        MavCommand.NAV_CONTINUE_AND_CHANGE_ALT,
-        MavCommand.NAV_VTOL_TAKEOFF,
-        MavCommand.NAV_VTOL_LAND,
-        MavCommand.NAV_GUIDED_ENABLE,
-        MavCommand.NAV_PAYLOAD_PLACE,
-        MavCommand.DO_SET_HOME,
-        MavCommand.JUMP_TAG,
-        MavCommand.DO_JUMP_TAG,
-        MavCommand.NAV_SCRIPT_TIME,
-        MavCommand.NAV_ATTITUDE_TIME,
-    }
+_OPEN = (
+    "NAV_LOITER_TURNS NAV_SPLINE_WAYPOINT NAV_CONTINUE_AND_CHANGE_ALT NAV_VTOL_TAKEOFF NAV_VTOL_LAND NAV_GUIDED_ENABLE "
+    "NAV_PAYLOAD_PLACE DO_SET_HOME JUMP_TAG DO_JUMP_TAG NAV_SCRIPT_TIME NAV_ATTITUDE_TIME"
 )
+_UNMODELLED = frozenset(MavCommand[name] for name in _OPEN.split())
 _TERRAIN_FRAMES = frozenset({int(WireFrame.GLOBAL_TERRAIN_ALT), int(WireFrame.GLOBAL_TERRAIN_ALT_INT)})
 _AMSL_FRAMES = frozenset({int(WireFrame.GLOBAL), int(WireFrame.GLOBAL_INT)})
 

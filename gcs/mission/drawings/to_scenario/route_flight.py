@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Drawing, LeftOut, Place, sentences, tidy
-from gcs.mission.drawings.to_scenario.drawn_areas import AreaTable, AreaTables, area_tables
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place, sentences, tidy
+from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
@@ -225,7 +225,7 @@ def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
     return f"{title}\nposition_deg = {_shown(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
 
 
-def _area_text(head: str, area: AreaTable) -> str:
+def _area_text(head: str, area: DrawnArea) -> str:
     lines = [_commented(head, area.label)]
     if area.radius_m is not None:
         (lat_deg, lon_deg), radius_m = area.corners[0], round(max(area.radius_m, 0.001), 3)

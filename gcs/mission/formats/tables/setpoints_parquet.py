@@ -6,11 +6,10 @@ Pages carry checksums, so that a damaged file is not flown.
 import io
 import json
 from dataclasses import asdict
-from typing import Annotated
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
@@ -20,20 +19,11 @@ from gcs.util.bounded_parquet import open_parquet
 _KEY = b"skein.setpoints"
 _TYPES = {name: pa.int32() if name == "sysid" else pa.float64() for name in COLUMNS}
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class _Place(BaseModel):
-    model_config = ConfigDict(strict=True)
-    lat_deg: Finite
-    lon_deg: Finite
-    alt_amsl_m: Finite
-
 
 class _Metadata(BaseModel):
-    model_config = ConfigDict(strict=True)
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
     plan: str
-    origin: _Place | None
+    origin: Origin | None
 
 
 def write_setpoints_parquet(file: StreamFile) -> bytes:
@@ -57,12 +47,8 @@ def read_setpoints_parquet(data: bytes, source: str) -> StreamFile:
             raise ValueError(f"columns are {', '.join(schema.names)[:120]}")
         stream = from_table(file.read())
     except (ValueError, OSError, pa.ArrowException, ValidationError) as error:
-        reason = (
-            "not a setpoint file of this program" if isinstance(error, ValidationError) else str(error).splitlines()[0]
-        )
-        raise FileFormatError(
-            f"{source}: {reason[:200].rstrip('.')}.", hint="write the file again with `gcs export`"
-        ) from error
-    return StreamFile(
-        stream, metadata.plan, None if metadata.origin is None else Origin(**metadata.origin.model_dump())
-    )
+        ours = not isinstance(error, ValidationError)
+        reason = str(error).splitlines()[0] if ours else "not a setpoint file of this program"
+        text = f"{source}: {reason[:200].rstrip('.')}."
+        raise FileFormatError(text, hint="write the file again with `gcs export`") from error
+    return StreamFile(stream, metadata.plan, metadata.origin)

@@ -38,9 +38,9 @@ def test_a_plan_has_points_with_heights_holds_speeds_and_its_survey_as_stored() 
     assert drawing.returns
     assert drawing.speed_mps == 5.0
     assert drawing.home is not None and drawing.home.alt_amsl_m == 488.0
-    (fence,), (disk,) = drawing.areas, drawing.disks
+    fence, disk = drawing.areas
     assert fence.inside and len(fence.corners) == 4
-    assert not disk.inside and (disk.centre, disk.radius_m) == ((47.399, 8.547), 20.0)
+    assert not disk.inside and (disk.corners, disk.radius_m) == (((47.399, 8.547),), 20.0)
 
 
 def test_what_a_plan_loses_is_said_with_number_and_name() -> None:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnDisk, DrawnPoint, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, sentences
 from gcs.mission.drawings.route_formats import drawing_in, read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import (
     RouteFlight,
@@ -148,10 +148,8 @@ def test_fences_are_areas_to_stay_in_and_no_fly_zones(loaded: Any) -> None:
             DrawnArea(square(40, 200, 200), "fence polygon 2", False),
             DrawnArea(square(40, 60, 60), "Placemark 3"),
             DrawnArea(square(900, -350, -350), "Placemark 4"),
-        ),
-        disks=(
-            DrawnDisk(place(100, -100), 25.0, "fence circle 1", False),
-            DrawnDisk(place(0, 0), 500.0, "fence circle 2", True),
+            DrawnArea((place(100, -100),), "fence circle 1", False, radius_m=25.0),
+            DrawnArea((place(0, 0),), "fence circle 2", True, radius_m=500.0),
         ),
     )
     flight = route_flight(drawn)
@@ -203,8 +201,8 @@ def test_fences_that_only_together_contain_the_route_are_joined(loaded: Any) -> 
         (drawing(point(0, 0), point(40_000, 0)), "km long and takes 12,005 s; the longest flight is 7200 s"),
         (drawing(point(0, 0), point(150_000, 0)), "150 km from the origin; the limit is 100 km"),
         (
-            drawing(point(0, 0), point(90, 0), disks=(DrawnDisk(place(90, 5), 20.0, "fence circle 1", False),)),
-            "item 90 lies in fence circle 1, a no-fly zone",
+            drawing(point(0, 0), point(90, 0), areas=(DrawnArea((place(90, 5),), "circle 1", False, radius_m=20.0),)),
+            "item 90 lies in circle 1, a no-fly zone",
         ),
         (
             drawing(point(0, 0), point(90, 0), areas=(DrawnArea(square(50, 50, 50)[::2] * 2, "polygon 1", False),)),
