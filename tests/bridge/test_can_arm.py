@@ -43,8 +43,11 @@ def test_a_mission_is_not_flown_with_other_parameters_than_its_times_assume(
     port = free_port()
     with still_commands(), StillFleet(hop.scenario, links=[f"udpout:127.0.0.1:{port}"]) as fleet:
         fleet._world.vehicles[1]._params.change("WPNAV_ACCEL", 150.0)
-        words = ["fly", str(hop_skein), "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", str(tmp_path)]
-        assert gcs([*words, "--mode", "mission"]) == 9
+        words = [str(hop_skein), "--link", f"udpin:127.0.0.1:{port}"]
+        assert gcs(["upload", *words, "--dry-run"]) == 0
+        told = " ".join("".join(capsys.readouterr()).split())
+        assert told.count("vehicle 2 will not keep its times: WPNAV_ACCEL is 150, assumed 250") == 1
+        assert gcs(["fly", *words, "--mode", "mission", "--yes-arm", "--to", str(tmp_path)]) == 9
         told = capsys.readouterr().err
         assert "no-go: vehicle 2: timing: WPNAV_ACCEL is 150, assumed 250 (required: as the times of" in told
         assert "fly with --mode stream" in told

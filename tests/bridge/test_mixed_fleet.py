@@ -17,6 +17,7 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.setup.build_loads import build_loads
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_load import read_onboard
+from gcs.mission.export import mission_files
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.formats.any_mission import load_missions
@@ -101,9 +102,14 @@ def test_an_export_has_each_vehicles_own_files(mixed: Plan, tmp_path: Path) -> N
     assert json.loads((tmp_path / INDEX).read_text())["firmware"] == "px4"
 
 
-def test_timed_missions_are_predicted_by_each_vehicles_own_model(mixed: Plan, tmp_path: Path) -> None:
+def test_timed_missions_are_predicted_by_each_vehicles_own_model(
+    mixed: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    landings: list[tuple[object, ...]] = []
+    monkeypatch.setattr(mission_files, "refuse_close_landing", lambda *given: landings.append(given[3:]))
     index = export(mixed, tmp_path)
     assert index.timing is not None
+    assert landings == [(), (index.timing.may_differ_s,)], "missions may begin to land as far apart as they fly"
     assert index.timing.nearest is not None
     first, second = (mixed.sysids.index(sysid) for sysid in index.timing.nearest.sysids)
     apart_s = max(MIXED[first].traits.apart_s, MIXED[second].traits.apart_s)
