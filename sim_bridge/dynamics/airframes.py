@@ -17,7 +17,6 @@ from sim_bridge.dynamics.failures import Effects, Failure
 from sim_bridge.dynamics.lqr_gains import ControlLimits, motor_limits
 from sim_bridge.dynamics.plant import Ground, Mask, Motors, Plant
 from sim_bridge.dynamics.presets import power_train_of
-from sim_bridge.dynamics.reference import Reference
 from sim_bridge.dynamics.sensors import BARO_PERIOD_S, GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade, Sensors
 from sim_bridge.dynamics.wind_field import CALM, GUST_PERIOD_S, Wind, WindField
 
@@ -133,8 +132,8 @@ class Airframes:
             self._failures[row] = failures
             self._failures_changed = True
 
-    def step(self, reference: Reference, motors_on: Mask) -> None:
-        """Advance by CONTROL_PERIOD_S: command from the estimate, move, measure, estimate.
+    def step(self, reference: Array, motors_on: Mask) -> None:
+        """Advance by CONTROL_PERIOD_S along a reference (V, 5, 4): command from the estimate, move, measure, estimate.
 
         Motors do not turn where `motors_on` (V,) is False, nor before the filter is aligned (2 s).
         """
@@ -158,7 +157,7 @@ class Airframes:
             if self.battery.empty.any():
                 self._update_motor_strength()
 
-    def _step_rotors(self, reference: Reference, spin: Mask) -> None:
+    def _step_rotors(self, reference: Array, spin: Mask) -> None:
         """Compute the rotor speeds of this step, and draw their energy."""
         turning = spin.all()
         if not turning and not spin.any():

@@ -9,9 +9,8 @@ from sim_bridge.dynamics.error_model import ErrorModel
 from sim_bridge.dynamics.estimator import COASTING_AFTER_S, GATE_SIGMA, GATE_TIMEOUT_S, Estimator
 from sim_bridge.dynamics.failures import Failure, Sensor
 from sim_bridge.dynamics.integrator import Turn
-from sim_bridge.dynamics.reference import hold
 from sim_bridge.dynamics.sensors import BARO_PERIOD_S, GNSS, INERTIAL_PERIOD_S, RTK, Sensors
-from tests.unit.sim_bridge.flights import FIELD, FIELD_LIMITS, YAW_RAD, course, fly, stand, steps
+from tests.unit.sim_bridge.flights import FIELD, FIELD_LIMITS, YAW_RAD, course, fly, hold, stand, steps
 
 STANDING = np.array([True])
 AT_REST = np.array([[0.0], [0.0], [-9.8]])
@@ -168,14 +167,14 @@ def test_a_fix_that_jumps_for_good_is_followed_in_the_end():
     go_on(airframes, there, GATE_TIMEOUT_S + 10.0)
     off = (airframes.truth - airframes.estimate)[:, 0]
     np.testing.assert_allclose(off, [0.0, -2.0], atol=0.05)
-    np.testing.assert_allclose(airframes.estimate[:, :3], there.position_ned_m, atol=0.1)
+    np.testing.assert_allclose(airframes.estimate[:, :3], there[:, 0, :3], atol=0.1)
 
 
 @pytest.mark.parametrize("sensor", [Sensor.BAROMETER, Sensor.COMPASS, Sensor.GNSS])
 def test_an_aid_that_sticks_is_left_out_when_the_vehicle_moves(sensor):
     airframes, there = hovering_fleet()
     airframes.fail(0, [Failure(sensor=sensor)])
-    away = hold(there.position_ned_m + np.array([0.5, 0.0, -4.0]), there.yaw_ned_rad + 1.0)
+    away = hold(there[:, 0, :3] + np.array([0.5, 0.0, -4.0]), there[:, 0, 3] + 1.0)
     worst = 0.0
     for _ in range(16):
         go_on(airframes, away, 0.25)

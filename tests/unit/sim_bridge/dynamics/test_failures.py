@@ -6,9 +6,20 @@ import numpy as np
 import pytest
 
 from sim_bridge.dynamics.failures import Effects, Failure, Sensor
-from sim_bridge.dynamics.reference import Reference, hold
 from sim_bridge.dynamics.sensors import RTK
-from tests.unit.sim_bridge.flights import F150, F150_LIMITS, FIELD, FIELD_LIMITS, YAW_RAD, course, fly, stand, steps
+from tests.unit.sim_bridge.flights import (
+    F150,
+    F150_LIMITS,
+    FIELD,
+    FIELD_LIMITS,
+    YAW_RAD,
+    course,
+    fly,
+    hold,
+    reference_of,
+    stand,
+    steps,
+)
 
 PADS_NED_M = 5.0 * np.arange(2)[:, None] * np.array([[1.0, 0.0, 0.0]])
 
@@ -71,7 +82,7 @@ def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, li
     sound, same = hovering(q, limits)
     airframes.fail(0, [Failure(motor=3, share=share)])
     truth, healthy = go_on(airframes, there, 20.0), go_on(sound, same, 20.0)
-    off_m = np.linalg.norm(truth[:, :, :3] - there.position_ned_m, axis=-1)
+    off_m = np.linalg.norm(truth[:, :, :3] - there[:, 0, :3], axis=-1)
     assert off_m[:, 0].max() < 1.5
     assert off_m[steps(15.0) :, 0].max() < 0.1
     np.testing.assert_allclose(truth[:, 1], healthy[:, 1], atol=1e-9)
@@ -85,7 +96,7 @@ def test_a_push_moves_its_vehicle_its_sensors_feel_it_and_it_comes_back():
     pushed = go_on(airframes, there, 1.0)
     airframes.fail(0, [])
     truth = np.concatenate((pushed, go_on(airframes, there, 14.0)))
-    off_m = truth[:, :, :3] - there.position_ned_m
+    off_m = truth[:, :, :3] - there[:, 0, :3]
     assert off_m[:, 0, 1].max() > 1.0
     assert np.linalg.norm(off_m[:, 1], axis=-1).max() < 0.1
     assert np.linalg.norm(off_m[steps(12.0) :, 0], axis=-1).max() < 0.1
@@ -97,7 +108,7 @@ def test_a_step_of_wind_is_leant_against():
     airframes.fail(0, [Failure(wind_ned_mps=(-6.0, 0.0, 0.0))])
     truth = go_on(airframes, there, 15.0)
     assert airframes.wind_ned_mps.tolist() == [[-6.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    off_m = truth[:, :, :3] - there.position_ned_m
+    off_m = truth[:, :, :3] - there[:, 0, :3]
     assert off_m[:, 0, 0].min() < -0.1
     assert np.linalg.norm(off_m[steps(10.0) :, 0], axis=-1).max() < 0.1
     drag = FIELD.drag_Nspm[0] * 6.0 / FIELD.weight_N
@@ -110,7 +121,7 @@ def test_a_motor_that_stands_brings_its_vehicle_down_and_no_other():
     truth = go_on(airframes, there, 12.0)
     assert airframes.landed.tolist() == [True, False]
     assert np.isfinite(truth).all()
-    assert np.linalg.norm(truth[:, 1, :3] - there.position_ned_m[1], axis=-1).max() < 0.1
+    assert np.linalg.norm(truth[:, 1, :3] - there[:, 0, :3][1], axis=-1).max() < 0.1
 
 
 def test_an_empty_battery_stops_the_motors():
@@ -134,14 +145,14 @@ def test_a_slow_vehicle_falls_behind_and_catches_up():
         distance = 0.3 * t_up**2 + 3.0 * max(t - 5.0, 0.0)
         speed = 0.6 * t_up if seconds < 10.0 else 0.0
         ahead = np.array([0.0, 1.0, 0.0])
-        return Reference(
-            there.position_ned_m + distance * ahead,
+        return reference_of(
+            there[:, 0, :3] + distance * ahead,
             zero + speed * ahead,
             zero + (0.6 if t < 5.0 else 0.0) * ahead,
             zero,
             zero,
-            there.yaw_ned_rad,
-            there.yaw_rate_radps,
+            there[:, 0, 3],
+            there[:, 1, 3],
         )
 
     fastest, behind = np.zeros(2), 0.0
@@ -155,4 +166,4 @@ def test_a_slow_vehicle_falls_behind_and_catches_up():
             behind = airframes.truth[1, 1] - airframes.truth[0, 1]
     assert fastest[0] < 1.7 and fastest[1] > 2.8
     assert behind > 5.0
-    np.testing.assert_allclose(airframes.truth[:, :3], moving(25.0).position_ned_m, atol=0.3)
+    np.testing.assert_allclose(airframes.truth[:, :3], moving(25.0)[:, 0, :3], atol=0.3)
