@@ -196,7 +196,8 @@ class MavsdkVehicle:
                 work.exception()
                 raise
             except Exception as error:  # MAVSDK's plugins have an exception class each
-                reason = str(error).partition(";")[0]
+                result = getattr(error, "result", None)
+                reason = error if result is None else result.name
                 raise PeerError(f"vehicle {self.sysid}: MAVSDK could not {what}: {reason}.") from None
 
 

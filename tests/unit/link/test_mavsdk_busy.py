@@ -6,6 +6,7 @@ import asyncio
 from types import SimpleNamespace
 
 import pytest
+from mavsdk.plugins.mission_raw import MissionRawError, MissionRawResult
 
 from gcs.errors import PeerError
 from gcs.link.session import mavsdk_vehicle
@@ -21,7 +22,7 @@ class Busy:
     def _asked(self, what: str) -> None:
         self.refusals[what] -= 1
         if self.refusals[what] >= 0:
-            raise RuntimeError("BUSY; origin: tested")
+            raise MissionRawError(MissionRawResult.BUSY, what)
 
     def clear_mission(self) -> None:
         self._asked("clear")
