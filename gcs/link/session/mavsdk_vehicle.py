@@ -131,7 +131,8 @@ class MavsdkVehicle:
         try:
             raw = await self.call("download its items", downloads[MissionType(mission_type)])
         except PeerError as error:
-            if "NO_MISSION_AVAILABLE" in error.message:  # MAVSDK's answer for an empty mission
+            refusal = getattr(error.__cause__, "result", None)
+            if refusal is mission_raw.MissionRawResult.NO_MISSION_AVAILABLE:  # MAVSDK's answer for an empty mission
                 return ()
             raise
         return tuple(_item(one) for one in raw)
@@ -198,7 +199,7 @@ class MavsdkVehicle:
             except Exception as error:  # MAVSDK's plugins have an exception class each
                 result = getattr(error, "result", None)
                 reason = error if result is None else result.name
-                raise PeerError(f"vehicle {self.sysid}: MAVSDK could not {what}: {reason}.") from None
+                raise PeerError(f"vehicle {self.sysid}: MAVSDK could not {what}: {reason}.") from error
 
 
 class MavsdkFleet:

@@ -29,7 +29,7 @@ class Busy:
 
     def download_mission(self) -> list[object]:
         self._asked("download")
-        return []
+        raise MissionRawError(MissionRawResult.NO_MISSION_AVAILABLE, "download")  # of a vehicle that holds nothing
 
     download_geofence = download_rallypoints = download_mission
 
