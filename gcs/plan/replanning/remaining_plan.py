@@ -139,8 +139,8 @@ def _refuse_covered(problem: Problem, zones: tuple[NoFlyZone, ...]) -> None:
         for zone in zones:
             inside_m = -float(outside_m(zone, np.full(len(places), t_s), places[:, 0], places[:, 1]).min())
             if inside_m > point.radius_m:
-                raise Infeasible(
-                    f"no plan: {point.name} of the route cannot be passed: a vehicle would be {inside_m:.1f} m inside "
+                raise Infeasible.because(
+                    f"{point.name} of the route cannot be passed: a vehicle would be {inside_m:.1f} m inside "
                     "a new no-fly zone",
                     hint="land, return or hold (`gcs attach`); the old plan has not changed",
                 )

@@ -86,8 +86,8 @@ def optimise_on_schedule(
             moves = (*timeline.moves, *automatic)
             return replace(found, history=history, moves=tuple(sorted(moves, key=lambda move: move.start_s)))
         guess, starts, warm = found.trajectory, crossed, found.last
-    raise PlanningError(
-        f"no plan: after {_TRIES} iterations the leader crosses a gate {late:.2f} s from the start of its change; "
+    raise PlanningError.because(
+        f"after {_TRIES} iterations the leader crosses a gate {late:.2f} s from the start of its change; "
         f"the limit is {_LATE_S:g} s",
         hint="trigger the change by a time (at_s), or move its gate to where the leader flies straight",
     )
@@ -128,8 +128,8 @@ def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Tr
         crossing = gate_crossing_s(change.gate_m, times, places)
         if crossing is None:
             (n1, e1), (n2, e2) = change.gate_m
-            raise Infeasible(
-                f"no plan: the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
+            raise Infeasible.because(
+                f"the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
                 f"that begins the change of kind {change.kind}",
                 hint="move or widen the gate (gate_m), or trigger the change by a time (at_s)",
             )
