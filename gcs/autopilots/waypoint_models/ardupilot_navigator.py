@@ -57,6 +57,11 @@ class ArduPilotNavigator:
         return replace(self, slow_down_room=1.0 / _ROOM), replace(self, slow_down_room=_ROOM)
 
     @property
+    def least_obedient(self) -> ArduPilotNavigator:
+        """Slow-downs in doubt are not made."""
+        return self.reactions[-1]
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The parameters on board that arrival times rest on."""
         return {
