@@ -89,7 +89,7 @@ def plan_from_flight(
 
 def with_times_of_changes(scenario: Scenario, plan: Plan) -> Scenario:
     """The scenario with changes at gates and route points begun at their planned times: the track may differ now."""
-    starts = iter(move.start_s for move in plan.moves if move.trigger != "auto")
+    starts = iter(move.start_s for move in plan.scheduled_moves)
     changes = []
     for change in scenario.formation.change:
         at_s = None if change.auto else next(starts, None)

@@ -14,7 +14,7 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.coordinates import COORDINATE_OF_CHANGE, Coordinate, CoordinateName, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
-from gcs.plan.formation.timeline import Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
+from gcs.plan.formation.timeline import AUTO, Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh_refinement import (
     DEGREE,
@@ -159,7 +159,7 @@ def automatic_moves(
                 Move(
                     kind=_CHANGES[coordinate.name],
                     name=_words(coordinate, float(at[furthest, number])),
-                    trigger="auto",
+                    trigger=AUTO,
                     start_s=float(times[first]),
                     end_s=float(times[last]),
                     paper_time_s=2.0 * travel_m / change_speed_mps,
