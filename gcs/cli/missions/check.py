@@ -78,7 +78,7 @@ def check(
     """
     screen = Screen(json=json)
     from gcs.autopilots.traits import Autopilot
-    from gcs.mission.check.fleet_check import check_fleet
+    from gcs.mission.check.fleet_check import check_apart, check_fleet
     from gcs.mission.export.atomic_folder import exported_from
     from gcs.mission.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.formats.any_mission import load_missions
@@ -106,6 +106,8 @@ def check(
     flown = (modelled, modelled.others) if timing == "autopilot" else (fly, ())
     report = check_fleet(missions, around, limits, *flown)
     findings = (*changed, *report.findings)
+    if timing == "autopilot":
+        findings += tuple(check_apart(missions, report, limits))
     for finding in findings:
         screen.say(str(finding))
     screen.say(f"{len(missions)} mission{'s' * (len(missions) > 1)}, {report.duration_s:.0f} s {TIMINGS[timing]}")
@@ -114,7 +116,7 @@ def check(
     _summary(screen, missions, report, limits)
     count = len(findings)
     screen.say(f"{count or 'no'} finding{'s' * (count != 1)}")
-    ok = report.ok and not changed
+    ok = report.ok and len(findings) == len(report.findings)
     screen.result(_data(missions, report, limits, ok) | {"timing": timing, "findings": [f.data() for f in findings]})
     return 0 if ok else FINDINGS
 

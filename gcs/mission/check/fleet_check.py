@@ -26,6 +26,7 @@ from gcs.mission.model import MissionItem
 from gcs.mission.predicted.arrival_spread import ArrivalSpread, arrival_spread
 from gcs.mission.predicted.closest_approach import Closest
 from gcs.mission.predicted.planned_flight import PredictedFlight, fly, together
+from gcs.mission.predicted.timing import GRID_S, nearest_apart
 from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE
 from gcs.scenario.environment.ground_bounds import Highest
 from gcs.types import Array
@@ -225,6 +226,32 @@ def _of_ends(
         if finding.level is Level.ERROR and (finding.rule, finding.source) not in told:
             told.add((finding.rule, finding.source))
             yield replace(finding, message=f"{finding.message}, by what its autopilot may do")
+
+
+def check_apart(missions: Sequence[MissionFile], report: FleetReport, limits: FlightLimits) -> Iterator[Finding]:
+    """An error if two vehicles may come too close because each is early or late by what its autopilot may do.
+
+    It may be anywhere between both ends, and two differ by their `apart_s` besides. Take-offs and landings are left
+    out. Of a separation that is violated anyway nothing more is said.
+    """
+    flights = report.flights
+    if len(flights) < 2 or any(finding.rule is Rule.SEPARATION for finding in report.findings):
+        return
+    ends_s = min(min(flight.down_s, float(flight.t_s[-1])) for flight in flights)
+    t_s = np.arange(max(flight.up_s for flight in flights), ends_s, GRID_S)
+    flown = np.array([np.stack([np.interp(t_s, f.t_s, axis) for axis in f.ned_m.T], axis=-1) for f in flights])
+    windows_s = np.array([spread.at(t_s) for spread in report.spreads])
+    autopilots = [mission.firmware for mission in missions]
+    near = nearest_apart(range(len(flights)), autopilots, t_s, flown, windows_s, limits.separation_m)
+    if near is None or near.distance_m >= limits.separation_m:
+        return
+    first, second = near.sysids
+    item = int(flights[first].item[np.searchsorted(flights[first].t_s, near.t_s)])
+    message = (
+        f"may come within {near.distance_m:.2f} m of the vehicle of {missions[second].source} if one is up to "
+        f"{near.apart_s:.3g} s early; at least {limits.separation_m:g} m required"
+    )
+    yield found(missions[first], Rule.SEPARATION, Level.ERROR, message, item, near.t_s)
 
 
 def as_on_the_wire(mission: MissionFile) -> MissionFile:

@@ -29,7 +29,7 @@ from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 
-_GRID_S = 0.2
+GRID_S = 0.2
 _SAMPLES = 9  # of every piece of a flight
 _SHIFTS, _SHIFT_S = 21, 0.05  # at least so many shifts of a pair, and no more apart where reactions are open
 _BATCH = 20  # vehicles sampled at once
@@ -94,7 +94,7 @@ def predicted(
     `autopilots` are those of the vehicles, `legs` those of each autopilot. `spreads` say how early and late each
     vehicle may be; without them no reaction is open.
     """
-    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase(PhaseKind.LANDING).start_s, _GRID_S)
+    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase(PhaseKind.LANDING).start_s, GRID_S)
     flown = np.empty((len(missions), len(t_s), 3))
     late, early = [], []
     windows_s = np.zeros((len(missions), 2, len(t_s)))
@@ -123,7 +123,7 @@ def predicted(
     return Timing(
         tuple(vehicles),
         _spread_s(autopilots, late),
-        _nearest(plan, t_s, flown, [known.traits.apart_s for known in autopilots], windows_s),
+        nearest_apart(plan.sysids, autopilots, t_s, flown, windows_s, judged_separation_m(plan.scenario)),
         float(max((one[-1] for one in late), key=abs)),
         tuple(np.min(early, axis=0).round(3).tolist()) if any(each.gates for each in legs.values()) else (),
         float(np.abs(windows_s).max()),
@@ -185,7 +185,7 @@ def _place(mission: VehicleMission, index: int, origin: Origin) -> Array:
 
 def _near_s(plan: Plan, row: int, arrives_s: float) -> float:
     """The time at which the plan comes near the waypoint where it stops at `arrives_s`."""
-    t_s = np.arange(0.0, arrives_s + 0.5 * _GRID_S, 0.5 * _GRID_S).clip(max=arrives_s)
+    t_s = np.arange(0.0, arrives_s + 0.5 * GRID_S, 0.5 * GRID_S).clip(max=arrives_s)
     position = plan.motion(t_s, slice(row, row + 1))[0][0][:, POSITION]
     far = np.flatnonzero(np.linalg.norm(position - position[-1], axis=1) > NEAR_M)
     return float(t_s[min(int(far[-1]) + 1, len(t_s) - 1)]) if len(far) else 0.0
@@ -218,18 +218,27 @@ def _spread_s(autopilots: Sequence[Autopilot], late: Sequence[Array]) -> float:
     return max(spreads)
 
 
-def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: Sequence[float], windows_s: Array) -> NearMiss | None:
+def nearest_apart(
+    sysids: Sequence[int],
+    autopilots: Sequence[Autopilot],
+    t_s: Array,
+    flown: Array,
+    windows_s: Array,
+    required_m: float,
+) -> NearMiss | None:
     """The least distance of one vehicle to the positions of another within their `apart_s`; rows of flown (V, N, 3).
 
-    Of two autopilots the larger time counts. Besides, each may be early (negative) or late by windows_s (V, 2, N).
+    Of two autopilots the larger time counts. Besides, each may be early (negative) or late by windows_s (V, 2, N). Of a
+    large fleet, pairs that stay farther apart than `required_m` may be left out.
     """
-    if len(flown) < 2:
+    if len(flown) < 2 or not len(t_s):
         return None
+    apart_s = [known.traits.apart_s for known in autopilots]
     widest_s = float(np.abs(windows_s).max())
-    near = 2 * math.ceil((2.0 * widest_s + max(apart_s)) / _GRID_S) + 1  # steps in which the other one may be
+    near = 2 * math.ceil((2.0 * widest_s + max(apart_s)) / GRID_S) + 1  # steps in which the other one may be
     others_s = np.stack([minimum_filter1d(windows_s[:, 0], near), maximum_filter1d(windows_s[:, 1], near)], axis=1)
     best = NearMiss(math.inf, math.nan, (0, 0), max(apart_s))
-    for first, second in _near_pairs(plan, t_s, flown, max(apart_s) + 2.0 * widest_s):
+    for first, second in _near_pairs(t_s, flown, max(apart_s) + 2.0 * widest_s, required_m):
         pair_s = max(apart_s[first], apart_s[second])
         ahead_s = pair_s + windows_s[first, 1] - others_s[second, 0]
         behind_s = pair_s + others_s[second, 1] - windows_s[first, 0]
@@ -240,18 +249,18 @@ def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: Sequence[float], win
             distance_m = np.linalg.norm(flown[first] - other, axis=-1)
             at = first_least(distance_m)
             if distance_m[at] < best.distance_m - EQUAL:
-                pair = (plan.sysids[first], plan.sysids[second])
+                pair = (sysids[first], sysids[second])
                 apart = float(max(ahead_s[at], behind_s[at]))
                 best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, apart)
     return best
 
 
-def _near_pairs(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> list[tuple[int, int]]:
+def _near_pairs(t_s: Array, flown: Array, apart_s: float, required_m: float) -> list[tuple[int, int]]:
     """All pairs of a small fleet; of a large one, pairs that could violate the separation, and the nearest ones."""
     if len(flown) <= _ALL_PAIRS:
         return list(itertools.combinations(range(len(flown)), 2))
-    fastest_mps = float(np.max(np.linalg.norm(np.diff(flown[0], axis=0), axis=-1))) / _GRID_S
-    reach_m = judged_separation_m(plan.scenario) + 2.0 * fastest_mps * apart_s
+    fastest_mps = float(np.max(np.linalg.norm(np.diff(flown[0], axis=0), axis=-1))) / GRID_S
+    reach_m = required_m + 2.0 * fastest_mps * apart_s
     pairs: set[tuple[int, int]] = set()
     for at in range(0, len(t_s), _TREE_EVERY):
         tree = KDTree(flown[:, at])

@@ -1,16 +1,23 @@
-"""A slow-down with about as much room as ArduCopter asks for: it may be made or not, by each vehicle of a formation."""
+"""What an autopilot may do or not, by each vehicle of a formation: slow down with scarce room, brake at waypoints."""
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
 
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.findings import Rule
-from gcs.mission.check.fleet_check import FleetReport, check_fleet
+from gcs.mission.check.fleet_check import FleetReport, check_apart, check_fleet
 from gcs.mission.flight_limits import FlightLimits
+from gcs.mission.predicted.arrival_spread import ArrivalSpread
 from gcs.mission.predicted.autopilot_flight import AutopilotFlight
+from gcs.mission.predicted.planned_flight import PredictedFlight
 from tests.unit.mission.fleets import FLAT, at, mission, speed
 
 AHEAD_M = 8.0
+ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
 
 
 def follows(length_m: float) -> FleetReport:
@@ -41,3 +48,25 @@ def test_one_may_slow_down_and_the_other_not(length_m: float) -> None:
     (finding,) = report.errors
     assert finding.rule is Rule.SEPARATION
     assert finding.message.endswith("at least 5 m required, by what its autopilot may do")
+
+
+@pytest.mark.parametrize(
+    ("known", "may_s", "nearest_m"),
+    [(ARDUPILOT, 0.0, None), (ARDUPILOT, 1.0, None), (ARDUPILOT, 2.0, 2.77), (ARDUPILOT, 6.0, 0.0), (PX4, 0.0, 2.26)],
+)
+def test_who_may_be_early_may_meet_who_crosses(known: Autopilot, may_s: float, nearest_m: float | None) -> None:
+    """Both fly 4 m/s; one crosses the other's path 3 s behind it. Six seconds early it is far away again."""
+    t_s, item = np.array([0.0, 40.0]), np.array([1, 1])
+    north, east = np.array([[-40.0, 0.0, -9.0], [120.0, 0.0, -9.0]]), np.array([[0.0, -52.0, -9.0], [0.0, 108.0, -9.0]])
+    flights = tuple(PredictedFlight(t_s, ned_m, item, 0.0, 40.0, 50.0) for ned_m in (north, east))
+    spreads = tuple(ArrivalSpread(t_s, np.full(2, early_s), np.zeros(2)) for early_s in (0.0, -may_s))
+    fleet = [mission([], name=name, firmware=known) for name in ("north", "east")]
+    report = FleetReport((), None, (), 50.0, flights, (), spreads)
+    findings = list(check_apart(fleet, report, FlightLimits(separation_m=3.0)))
+    assert [finding.rule for finding in findings] == [Rule.SEPARATION] * (nearest_m is not None)
+    for finding in findings:
+        near_m, early_s = re.findall(r"within ([\d.]+) m of the vehicle of east .* up to ([\d.]+) s", finding.message)[
+            0
+        ]
+        assert float(near_m) == pytest.approx(nearest_m, abs=0.1)
+        assert float(early_s) == pytest.approx(known.traits.apart_s + may_s, abs=0.01)
