@@ -76,7 +76,7 @@ class Conversation:
     @gnss_ahead_s.setter
     def gnss_ahead_s(self, ahead_s: float) -> None:
         self.instruments.gnss_ahead_s = ahead_s
-        self.autopilot.mode_actions.set_clock(self.instruments.unix_at_0_s)
+        self.autopilot.mode_actions.change(epoch_unix_s=self.instruments.unix_at_0_s)
 
     def die(self) -> None:
         """Act on a fault: the motors stop until the end, and the vehicle sends nothing more."""
@@ -141,10 +141,10 @@ class Conversation:
             self.autopilot.set_current(self.instruments.t_s, message.fields["seq"])
             return self._telemetry.build(MessageId.MISSION_CURRENT)
         if name.startswith("MISSION_"):
-            self.store.current_seq = self.autopilot.current_seq
+            self.store.current_seq = self.autopilot.progress.seq
             return self.store.receive(message, now_s) + self._params.changes()
         if name == FTP and self.files is not None:
-            self.store.current_seq = self.autopilot.current_seq
+            self.store.current_seq = self.autopilot.progress.seq
             return self.files.receive(message, now_s) + self._params.changes()
         if name.startswith("PARAM_"):
             return self._answer_param(message)
@@ -209,7 +209,7 @@ class Conversation:
 
     def _take_setpoint(self, message: Message) -> None:
         autopilot, t_s = self.autopilot, self.instruments.t_s
-        read = setpoint_in(message, self.instruments, autopilot.piece.at(t_s), autopilot.path_generator.home_ned_m)
+        read = setpoint_in(message, self.instruments, autopilot.path.piece.at(t_s), autopilot.path_generator.home_ned_m)
         if read is not None:
             setpoint, to_rest = read
             autopilot.follow(t_s, setpoint, to_rest=to_rest)
@@ -219,9 +219,10 @@ class Conversation:
         if kind == MissionType.FENCE:
             self._failsafe.fence(shapes(items, self.instruments.origin))
         if kind == MissionType.RALLY:
-            self.autopilot.mode_actions.rally(places(self.store.usable_rally(tuple(items)), self.instruments.origin))
+            points = places(self.store.usable_rally(tuple(items)), self.instruments.origin)
+            self.autopilot.mode_actions.change(rally_ned_m=tuple(points))
         if kind == MissionType.MISSION:  # PX4 accepts missions that cannot be flown
-            self.autopilot.set_mission(items if flyable(items) else ())
+            self.autopilot.progress.hold(items if flyable(items) else ())
         total = self._personality.missions.storage[kind].total
         if total:
             self._params.change(total, self.store.total(kind))

@@ -170,7 +170,7 @@ def _servo_output(sources: Sources) -> Fields:
 def _target(sources: Sources) -> tuple[int, Array]:
     """Return the mask of the present setpoint and its derivatives (DERIVATIVES, 4)."""
     autopilot = sources.autopilot
-    return _FULL if autopilot.flying else _GROUND_LEVEL, autopilot.piece.at(sources.instruments.t_s)
+    return _FULL if autopilot.flying else _GROUND_LEVEL, autopilot.path.piece.at(sources.instruments.t_s)
 
 
 def _rates(flat: Array) -> dict[str, float]:
@@ -186,7 +186,7 @@ def _throttle(sources: Sources) -> Array:
 
 
 def _mission_current(sources: Sources) -> Fields:
-    progress = sources.autopilot.mode_actions.progress
+    progress = sources.autopilot.progress
     state, mode = progress.state(sources.autopilot.mode.intent, flying=sources.autopilot.flying)
     return {"seq": progress.seq, "total": progress.counted, "mission_state": int(state), "mission_mode": mode}
 
