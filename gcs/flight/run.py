@@ -343,7 +343,10 @@ class _LinkedFlight:
         order, plan, watcher, charge = self.order, self._plan, self._watcher, None
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
-            self.checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, watcher.say, waived)
+            timed = self._loaded if order.keeping.mode is FlightMode.MISSION else ()
+            self.checks, charge = await go_or_no_go(
+                fleet, sessions, plan, limits, watcher.checks, watcher.say, waived, timed
+            )
             for event in waived_events(self.checks, sessions):
                 self.journal.on_event(event)
             await self._before.read(sessions, self._loaded)

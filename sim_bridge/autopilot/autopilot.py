@@ -36,7 +36,7 @@ class EmulatedAutopilot:
         self.readiness = Readiness(personality.boot, self.event_queue)
         self.arming = Arming(personality, self.readiness, self.event_queue)
         self.mode_actions = ModeActions(personality, path_generator, yaw_ned_rad, self.arming, self.event_queue)
-        self.setpoints = OffboardTimeout(personality.streaming.proof_s)
+        self.setpoints = OffboardTimeout(personality.flight.stream_proof_s)
         self.mode = self._numbered(personality.modes.at_boot)
         self.failing = False  # a failsafe is in control
         self.channels_us: tuple[int, ...] = ()  # of a pilot's remote control; empty without one
@@ -327,7 +327,7 @@ class EmulatedAutopilot:
             return self._has_mission()
         if mode.intent is Intent.GUIDED:
             return self.setpoints.proven(t_s)
-        return mode.intent is not Intent.MANUAL or self.personality.arming.has_sticks
+        return mode.intent is not Intent.MANUAL or self.personality.flight.has_sticks
 
     def _has_mission(self) -> bool:
         return self.mode_actions.progress.next_command() is not None

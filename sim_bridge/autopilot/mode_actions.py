@@ -45,9 +45,6 @@ class ModeActions:
         self.progress = MissionProgress(personality.reports, personality.missions.home_is_item_0, event_queue)
         self.takeoff_m = math.nan  # above home, as last commanded
         self._traits = personality.flight
-        self._from_ground = personality.streaming.from_ground
-        self._coasts_s = personality.streaming.extrapolates_s
-        self._comes_back = personality.streaming.comes_back
         self._arming = arming
         self._event_queue = event_queue
         self._least_takeoff_m = 0.0
@@ -63,8 +60,8 @@ class ModeActions:
     def use(self, settings: Mapping[Setting, float]) -> None:
         """Apply these settings."""
         self._settings = settings
-        timeout_s = settings[Setting.STREAM_TIMEOUT_S]
-        self.path.extrapolate_s = timeout_s if self._coasts_s is None else self._coasts_s
+        timeout_s, coasts_s = settings[Setting.STREAM_TIMEOUT_S], self._traits.stream_extrapolates_s
+        self.path.extrapolate_s = timeout_s if coasts_s is None else coasts_s
         self._least_takeoff_m = settings.get(Setting.TAKEOFF_HEIGHT_M, 0.0)
         self.path_generator = replace(
             self.path_generator,
@@ -218,7 +215,7 @@ class ModeActions:
         return LandedState.TAKEOFF if climbing else LandedState.IN_AIR
 
     def _end_stream(self, t_s: float, flat: Array) -> PiecePath:
-        if self._comes_back:
+        if self._traits.stream_comes_back:
             return self.path_generator.go_to(t_s, flat, flat[0])
         return self.path_generator.stop(t_s, flat)
 
@@ -287,10 +284,10 @@ class ModeActions:
 
     def _lifts(self, t_s: float, setpoint: StampedSetpoint) -> bool:
         if self.ground.flying:
-            return self._from_ground
+            return self._traits.stream_lifts
         here = self.path.piece
         wanted = here.at(t_s)[0, 2] - setpoint.flat[0, 2] > _LIFTS_M or setpoint.flat[1, 2] < -_LIFTS_M
-        if not (self._from_ground and wanted and t_s >= self._arming.lifts_from_s):
+        if not (self._traits.stream_lifts and wanted and t_s >= self._arming.lifts_from_s):
             return False
         self.ground.lift()
         self.path.start(t_s, PiecePath((Piece(t_s, math.inf, here.coefficients),), climbing_until_s=t_s + _LIFT_S))

@@ -24,7 +24,7 @@ from sim_bridge.missions.fence import places, shapes
 from sim_bridge.missions.ftp_files import MissionFiles
 from sim_bridge.missions.store import MissionStore
 from sim_bridge.personality import Milestone, Personality
-from sim_bridge.personality.table import LinkTraits
+from sim_bridge.personality.table import ReplyTraits
 from sim_bridge.protocol.command_server import CommandServer
 from sim_bridge.protocol.ftp_server import FileServer
 from sim_bridge.protocol.param_server import ParamServer
@@ -61,7 +61,7 @@ class Conversation:
             self._queue_text,
         )
         self.files = FileServer(MissionFiles(self.store)) if personality.missions.as_files else None
-        self._clock = TimesyncResponder(personality.link, self.station)
+        self._clock = TimesyncResponder(personality.replies, self.station)
         self._signing = Signing()
         self.dead = False  # the fault `die` has acted
         self._heard = not personality.replies.waits_for_contact
@@ -93,7 +93,7 @@ class Conversation:
 
     def sign(self, key: bytes, ticks: int, now_s: float) -> None:
         """Sign with `key`, and accept nothing else. Raises `UsageError` if its autopilot does not sign."""
-        if not self._personality.link.signs:
+        if not self._personality.replies.signs:
             raise UsageError(
                 f"vehicle {self.station.sysid} cannot have a signing key: this autopilot does not check signatures.",
                 hint="leave --signing-key-file out, or emulate ArduPilot",
@@ -152,7 +152,7 @@ class Conversation:
             return self._clock.receive(message, self._boot_ns)
         if name == "SETUP_SIGNING":
             key = bytes(message.fields["secret_key"])
-            if self._personality.link.signs and not self.autopilot.armed and len(key) == KEY_BYTES:
+            if self._personality.replies.signs and not self.autopilot.armed and len(key) == KEY_BYTES:
                 self._signing.set_up(key, int(message.fields["initial_timestamp"]), now_s)
             return []
         if name == "SET_MODE":
@@ -280,7 +280,7 @@ class TimesyncResponder:
     `t_ns` is the vehicle's time since boot.
     """
 
-    def __init__(self, traits: LinkTraits, me: Station) -> None:
+    def __init__(self, traits: ReplyTraits, me: Station) -> None:
         self._traits = traits
         self._me = me
         self._next_ns: float | None = None

@@ -35,3 +35,16 @@ def test_a_vehicle_that_fails_its_own_checks_is_a_no_go(
         assert gcs(["fly", str(hop_skein), "--link", link, "--yes-arm", "--to", str(tmp_path)]) == 9
         assert f"no-go: vehicle 2: can arm: {said} (required: yes)" in capsys.readouterr().err
         assert not any(vehicle.autopilot.armed for vehicle in fleet._world.vehicles)
+
+
+def test_a_mission_is_not_flown_with_other_parameters_than_its_times_assume(
+    hop: Plan, hop_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = free_port()
+    with still_commands(), StillFleet(hop.scenario, links=[f"udpout:127.0.0.1:{port}"]) as fleet:
+        fleet._world.vehicles[1]._params.change("WPNAV_ACCEL", 150.0)
+        words = ["fly", str(hop_skein), "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", str(tmp_path)]
+        assert gcs([*words, "--mode", "mission"]) == 9
+        told = capsys.readouterr().err
+        assert "no-go: vehicle 2: timing: WPNAV_ACCEL is 150, assumed 250 (required: as the times of" in told
+        assert "fly with --mode stream" in told

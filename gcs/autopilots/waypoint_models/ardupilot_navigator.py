@@ -19,6 +19,7 @@ from gcs.autopilots.waypoint_models.scurve import RampLimits, ramp_up
 from gcs.autopilots.waypoint_models.tracking import Follower, Following
 
 _NOWHERE_M = 1e-3
+_CM = 100.0  # in a metre
 # By so much may the room differ at which an autopilot makes a slow-down: through other parameters, or by rounding.
 _ROOM = 1.1
 _SLACK = 0.05  # a speed lower by this share does not count as falling behind
@@ -54,6 +55,25 @@ class ArduPilotNavigator:
     def reactions(self) -> tuple[ArduPilotNavigator, ...]:
         """A slow-down with about as much room as it takes may be made, by the first, or not, by the second."""
         return replace(self, slow_down_room=1.0 / _ROOM), replace(self, slow_down_room=_ROOM)
+
+    @property
+    def least_obedient(self) -> ArduPilotNavigator:
+        """Slow-downs in doubt are not made."""
+        return self.reactions[-1]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters on board that arrival times rest on."""
+        return {
+            "WPNAV_ACCEL": _CM * self.acceleration_mps2,
+            "WPNAV_ACCEL_C": 0.0,
+            "WPNAV_ACCEL_Z": _CM * self.vertical_mps2,
+            "WPNAV_JERK": self.jerk_mps3,
+            "WPNAV_RADIUS": _CM * self.radius_m,
+            "WPNAV_SPEED_UP": _CM * self.climb_mps,
+            "WPNAV_SPEED_DN": _CM * self.sink_mps,
+            "ATC_INPUT_TC": self.input_time_s,
+        }
 
     @property
     def snap_mps4(self) -> float:

@@ -109,9 +109,17 @@ class Navigator(Protocol):
 
     @property
     def reactions(self) -> tuple[Navigator, ...]:
-        """The same navigator at both ends of what the autopilot may do where its reaction is open; empty if nowhere.
+        """The same navigator at both ends of what the autopilot may do where its reaction is open; empty if nowhere."""
 
-        The first obeys a slow-down if in doubt, the last does not.
+    @property
+    def least_obedient(self) -> Navigator:
+        """The same navigator where a slow-down is least obeyed."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters on board that arrival times rest on, each in its own unit.
+
+        Cruising speed is none of them: a mission sets it for every leg.
         """
 
     def within(self, ability: Ability) -> Navigator:

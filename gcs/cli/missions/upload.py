@@ -145,6 +145,7 @@ class _Upload:
 async def _upload(wanted: _Upload, screen: Screen, watch: Stopwatch) -> tuple[Holdings | None, tuple[LoadBefore, ...]]:
     from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
+    from gcs.flight.setup.timing_check import timing_check
     from gcs.link.session.load_before import read_before, record_before, told
     from gcs.link.session.upload_fleet import upload_fleet
 
@@ -161,6 +162,10 @@ async def _upload(wanted: _Upload, screen: Screen, watch: Stopwatch) -> tuple[Ho
         for line in told(before):
             screen.say(f"on board now, {line}")
         _show(screen, changes, why)
+        for load in loads if wanted.timed else ():
+            check = await timing_check(sessions[load.sysid], load)
+            if not check.ok:
+                screen.warn(f"vehicle {check.sysid} will not keep its times: {check.measured}")
         watch.lap("on board before")
         if (record := wanted.record) is None:
             return None, before

@@ -80,14 +80,16 @@ def closest_in_descent(
 
 
 def refuse_close_landing(
-    plan: Plan, autopilots: Sequence[Autopilot], parameters: Sequence[Mapping[str, float]]
+    plan: Plan, autopilots: Sequence[Autopilot], parameters: Sequence[Mapping[str, float]], may_differ_s: float = 0.0
 ) -> None:
     """Raise `VerificationError` if two vehicles of a plan come too close while their autopilots land them.
 
-    An order to land that is lost is repeated, and missions may differ in time: both are allowed for.
+    An order to land that is lost is repeated, and missions may differ in time, each by `may_differ_s` besides: all of
+    it is allowed for.
     """
     required_m = judged_separation_m(plan.scenario)
-    apart_s = [max(known.traits.apart_s, known.traits.link.timers.command.reply_s) for known in autopilots]
+    slack_s = 2.0 * may_differ_s
+    apart_s = [max(known.traits.apart_s + slack_s, known.traits.link.timers.command.reply_s) for known in autopilots]
     closest = closest_in_descent(planned_descents(plan, autopilots, parameters), required_m, apart_s)
     if closest is None or closest.distance_m >= required_m:
         return
@@ -99,7 +101,7 @@ def refuse_close_landing(
     raise VerificationError(
         f"vehicles {plan.sysids[first]} and {plan.sysids[second]} may come within {closest.distance_m:.2f} m in the "
         f"landing at {landing_s + closest.t_s:.1f} s ({required_m:g} m required). Under {flown} they descend at their "
-        f"own speeds, not at those of the plan, and may begin {max(apart_s[first], apart_s[second]):g} s apart.",
+        f"own speeds, not at those of the plan, and may begin {max(apart_s[first], apart_s[second]):.3g} s apart.",
         hint=f"their landing points are {beside_m:.2f} m apart horizontally: end the plan in a shape where it is "
         f"{required_m:g} m or more, which is enough at any speed",
     )

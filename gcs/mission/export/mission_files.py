@@ -174,7 +174,8 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     """
     altitude = order.altitude
     autopilots = one_each(order.firmware, len(plan.sysids))
-    refuse_close_landing(plan, autopilots, [dict(values) for values in safety.parameters])
+    parameters = [dict(values) for values in safety.parameters]
+    refuse_close_landing(plan, autopilots, parameters)
     formats = [row for row in formats if row.content is Content.MISSION]
     corrected = order.corrected and bool(formats) and plan.begin_state is None
     if corrected:
@@ -204,6 +205,7 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
         verify_box(plan, missions, altitude)
         if timing is not None:
             refuse_untimely(plan, autopilots, timing)
+            refuse_close_landing(plan, autopilots, parameters, timing.may_differ_s)
     except VerificationError as reason:
         refusal = NotWritten(reason.message, hint=reason.hint)
         if timing is None:

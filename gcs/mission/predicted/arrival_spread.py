@@ -6,6 +6,7 @@ legs after it take as long in both, so whatever the autopilot does at each, the 
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -49,11 +50,14 @@ def spread_in_words(widest_s: float, autopilots: Iterable[Autopilot]) -> str:
 
 def arrival_spread(flight: PredictedFlight, others: Sequence[PredictedFlight]) -> ArrivalSpread:
     """The spread of a flight, from flights of the same mission."""
-    ends = [
-        np.asarray(one.t_s[np.append(np.flatnonzero(np.diff(one.item)), len(one.item) - 1)])
-        for one in (flight, *others)
-    ]
+    ends = [_completed_s(one) for one in chain([flight], others)]
     count = min(len(one) for one in ends)
     apart_s = np.array([one[:count] - ends[0][:count] for one in ends])
     apart_s[np.abs(apart_s) < _NONE_S] = 0.0
     return ArrivalSpread(ends[0][:count], apart_s.min(axis=0), apart_s.max(axis=0))
+
+
+def _completed_s(flight: PredictedFlight) -> Array:
+    # The knot at which the next item begins is always kept; the one before it may be far ahead on a straight leg.
+    ends = np.append(np.flatnonzero(np.diff(flight.item)) + 1, len(flight.item) - 1)
+    return np.asarray(flight.t_s[ends])

@@ -267,7 +267,7 @@ class _Problem:
         parts[:, -1] = 1.0
         self._counts = parts.ravel()
         self.bet = _BET
-        self._least = (navigator, *navigator.reactions)[-1]
+        self._least = navigator.least_obedient
 
     def inside(self, x: Array) -> Array:
         """The nearest unknowns within their bounds."""

@@ -220,15 +220,15 @@ def _global_origin(sources: Sources) -> Fields | None:
 
 
 def _autopilot_version(sources: Sources) -> Fields:
-    identity, uid = sources.personality.identity, sources.instruments.uid
+    personality, uid = sources.personality, sources.instruments.uid
     return {
-        "capabilities": int(identity.capabilities),
-        "flight_sw_version": identity.version,
+        "capabilities": int(personality.capabilities),
+        "flight_sw_version": personality.version,
         **dict.fromkeys(("middleware_sw_version", "os_sw_version", "board_version", "vendor_id", "product_id"), 0),
         "flight_custom_version": list(b"skein\0\0\0"),
         "middleware_custom_version": [0] * 8,
         "os_custom_version": [0] * 8,
-        "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if identity.sends_uid else 0,
+        "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if personality.sends_uid else 0,
         "uid2": list(uid.ljust(_UID_BYTES, b"\0")),
     }
 

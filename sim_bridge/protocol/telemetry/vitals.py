@@ -24,7 +24,7 @@ def _heartbeat(sources: Sources) -> Fields:
         flags |= ModeFlag.ARMED
     return {
         "type": int(MavType.QUADROTOR),
-        "autopilot": int(personality.identity.autopilot),
+        "autopilot": int(personality.autopilot),
         "base_mode": flags,
         "custom_mode": autopilot.mode.number,
         "system_status": int(_status(sources)),
@@ -38,7 +38,7 @@ def _status(sources: Sources) -> MavState:
         return sources.personality.boot.starting
     if autopilot.failing or (sources.personality.failsafes.low_is_critical and sources.failsafe.charge_state > 1):
         return MavState.CRITICAL
-    if not sources.personality.arming.status_shows_armable:
+    if not sources.personality.flight.status_shows_armable:
         return MavState.ACTIVE if autopilot.mode_actions.ground.aloft else MavState.STANDBY
     if autopilot.armed:
         return MavState.ACTIVE
@@ -151,7 +151,7 @@ def _gps_raw(sources: Sources) -> Fields:
 
 
 def _extended_state(sources: Sources) -> Fields:
-    state, kind = int(sources.autopilot.landed_state), sources.personality.identity.vtol_state
+    state, kind = int(sources.autopilot.landed_state), sources.personality.vtol_state
     return {"vtol_state": kind, "landed_state": state}
 
 

@@ -74,7 +74,7 @@ class Fleet:
         self.bodies = Airframes(
             FIELD.quadrotor, flat_ground, self.pads_ned_m, np.zeros(count), GRADES["rtk"], seed=1, limits=FIELD.limits
         )
-        flown = other or personality.identity.autopilot.navigator
+        flown = other or personality.autopilot.navigator
         navigator = None if ideal else flown.within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):

@@ -93,6 +93,23 @@ def test_the_table_of_residuals_is_what_the_recordings_say(residual: Residual) -
     assert error[np.abs(error).argmax()] == pytest.approx(residual.worst_s, abs=0.05)
 
 
+BEYOND = (("a", 0.07, 0.25, 10.0), ("b", 0.07, 0.25, 4.2), ("c", 0.21, 0.95, 2.1))
+
+
+@pytest.mark.parametrize(("mission", "rms_beyond_s", "worst_s", "wide_s"), BEYOND)
+def test_what_px4_was_recorded_to_do_lies_between_the_ends_of_what_it_may_do(
+    mission: str, rms_beyond_s: float, worst_s: float, wide_s: float
+) -> None:
+    """Two vehicles differ besides by twice the square root of two times the RMS outside of both ends."""
+    recording = read_recording(RECORDINGS / "px4-1.17dev", mission)
+    early_s, late_s = (errors_s(end, recording) for end in Autopilot.PX4.navigator.reactions)
+    beyond_s = np.maximum(early_s, 0.0) + np.minimum(late_s, 0.0)
+    assert rms_s(beyond_s) <= rms_beyond_s
+    assert np.abs(beyond_s).max() <= worst_s
+    assert wide_s - 0.3 < (late_s - early_s).max() <= wide_s
+    assert 2.0 * np.sqrt(2.0) * rms_beyond_s <= 0.6 < Autopilot.PX4.traits.apart_s
+
+
 @pytest.mark.parametrize(
     "residual",
     [

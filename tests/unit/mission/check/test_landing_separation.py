@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
+from gcs.mission.check import landing_separation as module
 from gcs.mission.check.findings import Rule
 from gcs.mission.check.fleet_check import check_fleet
 from gcs.mission.check.landing_separation import (
@@ -155,6 +156,19 @@ def test_a_mixed_fleet_fails_where_one_autopilot_passes() -> None:
     assert same.closest is not None
     assert mixed.closest is not None
     assert mixed.closest.distance_m < 4.2 <= same.closest.distance_m
+
+
+def test_missions_that_may_end_seconds_apart_need_more_height_between_their_landings(
+    simulation1_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both sink at 1 m/s, one 8 m above the other and 0.1 m beside it: 8 s apart they meet."""
+    t_s, sinks_m = np.array([0.0, 30.0]), np.array([0.0, -30.0])
+    descents = tuple(LandingDescent((0.0, east_m), t_s, up_m + sinks_m) for east_m, up_m in ((0.0, 30.0), (0.1, 38.0)))
+    monkeypatch.setattr(module, "planned_descents", lambda *_: descents)
+    each = (Autopilot.ARDUPILOT,) * 2
+    refuse_close_landing(simulation1_plan, each, [{}, {}], 3.5)
+    with pytest.raises(VerificationError, match=r"may begin 8.02 s apart\."):
+        refuse_close_landing(simulation1_plan, each, [{}, {}], 4.0)
 
 
 def close(plan: Plan, beside_m: float) -> Plan:

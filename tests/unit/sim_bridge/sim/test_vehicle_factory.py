@@ -27,16 +27,17 @@ def test_vehicles_of_a_mixed_fleet(given: Personality | None, names: list[str], 
     assert [_heartbeat(factory, row) for row in range(6)] == [AUTOPILOTS[name] for name in names]
 
 
-def test_vehicles_react_in_both_ways_by_the_seed(repo_root: Path) -> None:
-    """Where ArduCopter may make a slow-down or not, some vehicles of a fleet do and others do not."""
+@pytest.mark.parametrize(("given", "reaction"), [(None, "slow_down_room"), (PX4, "height_error_m")])
+def test_vehicles_react_in_both_ways_by_the_seed(given: Personality | None, reaction: str, repo_root: Path) -> None:
+    """Where an ArduCopter may make a slow-down, or a PX4 brake, some vehicles of a fleet do and others do not."""
     scenario = load_scenario(repo_root / "missions" / "field")
     fleets = []
     for seed in (1, 1, 2, 3):
-        factory = VehicleFactory(scenario, None, seed, 1.8e9)
+        factory = VehicleFactory(scenario, given, seed, 1.8e9)
         vehicles = [factory.vehicle(row).autopilot for row in range(6)]
-        fleets.append([each.path_generator.navigator.slow_down_room for each in vehicles])  # type: ignore[union-attr]
+        fleets.append([getattr(each.path_generator.navigator, reaction) for each in vehicles])
     assert fleets[0] == fleets[1] != fleets[2]
-    assert all(min(rooms) < 1.0 < max(rooms) for rooms in fleets)
+    assert all(len(set(ends)) == 2 for ends in fleets)
 
 
 def _heartbeat(factory: VehicleFactory, row: int) -> int:
