@@ -6,6 +6,7 @@ A mistake of the operator and a fault of the vehicle are different classes, so t
 from __future__ import annotations
 
 import re
+from typing import Self
 
 _LONG = re.compile(
     r"(?<![\w.])(-?\d+\.\d{4,})(?= (?:m|s|N|W|Wh|V|kg|m/s|m/s²|deg|degrees|rad/s|deg/s|degrees/s|N m)\b)"
@@ -29,6 +30,17 @@ class GcsError(Exception):
 def for_people(text: str) -> str:
     """The text with at most three digits after the point of a quantity, or three digits in all below 0.1."""
     return _LONG.sub(lambda number: _short(float(number[1])), text)
+
+
+def error_text(message: str, hint: str) -> str:
+    """What a program prints about an error."""
+    return f"error: {message}\nnext: {hint}" if hint else f"error: {message}"
+
+
+def read_error_text(text: str) -> tuple[str, str]:
+    """The message and the hint of an `error_text`."""
+    message, _, hint = text.strip().removeprefix("error: ").partition("\nnext: ")
+    return message, hint
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
@@ -58,6 +70,17 @@ class PlanningError(GcsError):
     """No plan: the solver failed, or the problem has no solution."""
 
     exit_code = 4
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message, hint=hint)
+        self.reason = message
+
+    @classmethod
+    def because(cls, reason: str, *, hint: str) -> Self:
+        """The failure "no plan: REASON"; a longer message may take its reason alone."""
+        error = cls(f"no plan: {reason}", hint=hint)
+        error.reason = reason
+        return error
 
 
 class Infeasible(PlanningError):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import GcsError, UsageError
+from gcs.errors import GcsError, UsageError, error_text
 from gcs.link.endpoints.ports import host_port, split_host_port
 from sim_bridge.protocol.endpoint_address import (
     CALL_GROUND,
@@ -209,7 +209,5 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _failed(message: str, hint: str, code: int) -> int:
-    print(f"error: {message}", file=sys.stderr)
-    if hint:
-        print(f"next: {hint}", file=sys.stderr)
+    print(error_text(message, hint), file=sys.stderr)
     return code

@@ -70,7 +70,7 @@ def under_way(vehicles: int, autopilot: str, ground: socket.socket) -> World:
         links=[call(ground.getsockname()[1])], speedup=math.inf, seed=1, personality=by_name(autopilot)
     )
     world = World(scenario, options)
-    while not all(vehicle.autopilot.ready for vehicle in world.vehicles):
+    while not all(vehicle.autopilot.readiness.ready for vehicle in world.vehicles):
         world.step()
     for row, vehicle in enumerate(world.vehicles):
         pilot = vehicle.autopilot
@@ -86,8 +86,8 @@ def under_way(vehicles: int, autopilot: str, ground: socket.socket) -> World:
         for north, east in corners * 60:
             items.append(MissionItem(16, 3, (0.0,) * 4, *_place(pad + np.array([north, east, 0.0]), origin), 10.0))
         home = Home(*(float(v) for v in ned_to_geodetic(pad, origin)))
-        pilot.set_mission(
-            with_home(tuple(items), home) if world.vehicles[row].autopilot.mode_actions.progress.first else tuple(items)
+        pilot.progress.hold(
+            with_home(tuple(items), home) if world.vehicles[row].autopilot.progress.first else tuple(items)
         )
         pilot.set_mode(world.t_s, CopterMode.GUIDED)
         pilot.arm(world.t_s, world.airframes.estimate[row])

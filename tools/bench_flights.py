@@ -44,7 +44,7 @@ def fly_one(plan_file: Path | str, mode: str, seed: int, folder: Path | str) -> 
     except gcs.GcsError as error:
         return record | {"ended": str(error.message)}
     assert flown.verdict is not None
-    judged = {c.name: c.value for c in flown.verdict.criteria}
+    judged: dict[str, float] = {c.name: c.value for c in flown.verdict.criteria}
     return record | {
         "held": flown.verdict.ok,
         "rms_m": max(flown.verdict.rms_m.values()),

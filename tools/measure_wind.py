@@ -82,7 +82,7 @@ def _follow(airframes: Airframes, pieces: list[Piece], seconds: float) -> NDArra
                 batch.put(row, pieces[row])
         reference = batch.reference(airframes.t_s)
         airframes.step(reference, on)
-        off.append(np.linalg.norm(airframes.truth[:, :3] - batch.reference(airframes.t_s).position_ned_m, axis=1))
+        off.append(np.linalg.norm(airframes.truth[:, :3] - batch.reference(airframes.t_s)[:, 0, :3], axis=1))
     return np.array(off)
 
 

@@ -69,17 +69,14 @@ def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLi
 
     Legs are straight where the plan is not, so clearance, ceiling and zones are relaxed by the mission's tolerance.
     """
-    limits, tolerance_m = scenario.limits, scenario.mission.tolerance_m
+    limits, tolerance_m, phases = scenario.limits, scenario.mission.tolerance_m, scenario.ground_phases
     return FlightLimits(
         judged_separation_m(scenario) if separation_m is None else separation_m,
         max(limits.clearance_min_m - tolerance_m, 0.0),
         limits.height_m[1] + tolerance_m,
         limits.speed_ned_mps,
         scenario.no_fly,
-        -(
-            scenario.ground_phases.hover_s
-            + (scenario.ground_phases.run_up_s if any(scenario.start.velocity_mps) else 0)
-        ),
+        -(phases.hover_s + (phases.run_up_s if any(scenario.start.velocity_mps) else 0)),
         tolerance_m,
         zone_margin_m=limits.zone_margin_m or 0.0,
         keep_in=scenario.keep_in,

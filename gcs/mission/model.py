@@ -5,7 +5,7 @@ from enum import IntEnum, StrEnum
 
 import numpy as np
 
-from gcs.frames import from_degE7
+from gcs.frames import Origin, from_degE7
 from gcs.mavlink import MavCommand
 from gcs.types import Array
 
@@ -29,17 +29,11 @@ class Altitude(StrEnum):
     @property
     def frame(self) -> Frame:
         """The frame of items with such altitudes."""
-        return _FRAMES[self]
-
-
-_FRAMES = {
-    Altitude.RELATIVE: Frame.GLOBAL_RELATIVE_ALT,
-    Altitude.AMSL: Frame.GLOBAL,
-    Altitude.TERRAIN: Frame.GLOBAL_TERRAIN_ALT,
-}
+        return Frame({"amsl": 0, "relative": 3, "terrain": 10}[self])
 
 
 Command = MavCommand  # of mission items
+Home = Origin  # the start position of a vehicle, on the ground: the origin of its own local frame
 
 
 @dataclass(frozen=True)
@@ -62,15 +56,6 @@ class MissionItem:
     def place_deg(self) -> tuple[float, float]:
         """Its latitude and longitude, degrees."""
         return from_degE7(self.lat_degE7), from_degE7(self.lon_degE7)
-
-
-@dataclass(frozen=True)
-class Home:
-    """The start position of a vehicle, on the ground."""
-
-    lat_deg: float
-    lon_deg: float
-    alt_amsl_m: float
 
 
 @dataclass(frozen=True)

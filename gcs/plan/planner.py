@@ -109,16 +109,16 @@ def _check_landing(scenario: Scenario) -> None:
     ground = landing_points_ned_m(scenario, last)
     gap_m, i, j = least_gap(ground)
     if gap_m < limits.separation_min_m - SLACK_M:
-        raise Infeasible(
-            f"no plan: vehicles {ids[i]} and {ids[j]} end above each other and would land {gap_m:.2f} m apart; "
+        raise Infeasible.because(
+            f"vehicles {ids[i]} and {ids[j]} end above each other and would land {gap_m:.2f} m apart; "
             f"separation_min_m is {limits.separation_min_m:g} m",
             hint="add a [[formation.change]] that ends in a shape that is wider, seen from above",
         )
     fall_m = float((ground - last)[:, 2].max() + scenario.end.position_m[2])
     needed_s = ground_step_peaks(scenario)[0] * fall_m / limits.speed_ned_mps[2]
     if scenario.ground_phases.landing_s < needed_s:
-        raise Infeasible(
-            f"no plan: landing_s = {scenario.ground_phases.landing_s:g} is too short: the highest vehicle descends "
+        raise Infeasible.because(
+            f"landing_s = {scenario.ground_phases.landing_s:g} is too short: the highest vehicle descends "
             f"{fall_m:.1f} m at {limits.speed_ned_mps[2]:g} m/s at most, which takes {needed_s:.1f} s",
             hint=f"set [ground_phases] landing_s to {np.ceil(needed_s):g} or more",
         )

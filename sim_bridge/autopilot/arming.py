@@ -62,7 +62,7 @@ class Arming:
     """`armed` and since when. `options` holds the bits of the setting AUTO_OPTIONS."""
 
     def __init__(self, personality: Personality, readiness: Readiness, event_queue: EventQueue) -> None:
-        self._traits = personality.arming
+        self._traits = personality.flight
         self._readiness = readiness
         self._event_queue = event_queue
         self.armed = False

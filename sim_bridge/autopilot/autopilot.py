@@ -8,17 +8,16 @@ and ground contact, never the true state.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from gcs.mavlink import LandedState, MavResult
-from gcs.mission.model import Command, MissionItem
+from gcs.mavlink import MavResult
+from gcs.mission.model import Command
 from gcs.types import Array
 from sim_bridge.autopilot.arming import Arming, OffboardTimeout, Readiness
-from sim_bridge.autopilot.events import Event, EventQueue, ModeChanged
+from sim_bridge.autopilot.events import EventQueue, ModeChanged
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
-from sim_bridge.autopilot.guidance.piece import Piece
 from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.autopilot.mode_actions import ModeActions
 from sim_bridge.personality import Intent, Milestone, Mode, Note, Personality, Setting
@@ -28,15 +27,18 @@ _HOVERING = frozenset({Intent.MANUAL, Intent.HOLD, Intent.GUIDED})
 
 
 class EmulatedAutopilot:
-    """Decides for one vehicle. `piece` is what it flies now; `events` are not yet reported to the ground."""
+    """Decides for one vehicle. Its `path` has the piece that it flies now; whoever reports `events` clears them."""
 
     def __init__(self, personality: Personality, path_generator: PathGenerator, yaw_ned_rad: float) -> None:
         self.personality = personality
         self.event_queue = EventQueue(personality.words)
+        self.events = self.event_queue.events
         self.readiness = Readiness(personality.boot, self.event_queue)
         self.arming = Arming(personality, self.readiness, self.event_queue)
         self.mode_actions = ModeActions(personality, path_generator, yaw_ned_rad, self.arming, self.event_queue)
-        self.setpoints = OffboardTimeout(personality.streaming.proof_s)
+        self.path, self.ground = self.mode_actions.path, self.mode_actions.ground
+        self.progress = self.mode_actions.progress
+        self.setpoints = OffboardTimeout(personality.flight.stream_proof_s)
         self.mode = self._numbered(personality.modes.at_boot)
         self.failing = False  # a failsafe is in control
         self.channels_us: tuple[int, ...] = ()  # of a pilot's remote control; empty without one
@@ -124,11 +126,11 @@ class EmulatedAutopilot:
         if not self.armed:
             if self.mode.intent is not Intent.MISSION:
                 return MavResult.FAILED
-            self.mode_actions.progress.announce_current()
+            self.progress.announce_current()
             return MavResult.ACCEPTED
         if not self._has_mission():
             return MavResult.FAILED
-        if not self.flying and self.mode_actions.progress.next_command() != Command.NAV_TAKEOFF:
+        if not self.flying and self.progress.next_command() != Command.NAV_TAKEOFF:
             self.event_queue.add_text(Note.MISSION_REFUSED)
             return MavResult.FAILED
         mission = self.personality.modes.of(Intent.MISSION)
@@ -138,13 +140,9 @@ class EmulatedAutopilot:
         self._begin(t_s)
         return MavResult.ACCEPTED
 
-    def set_mission(self, items: Sequence[MissionItem]) -> None:
-        """Store this mission. A mission under way is flown to its end unchanged."""
-        self.mode_actions.progress.hold(items)
-
     def set_current(self, t_s: float, seq: int) -> MavResult:
         """Continue with item `seq`, or with the next item that moves the vehicle."""
-        result = self.mode_actions.progress.select(seq)
+        result = self.progress.select(seq)
         if result == MavResult.ACCEPTED and self.flying and self.mode.intent is Intent.MISSION:
             self._begin(t_s)
         return result
@@ -160,16 +158,12 @@ class EmulatedAutopilot:
         if kind not in (0.0, 1.0, 2.0, 3.0) or not 0.0 < speed_mps < math.inf:
             return self.personality.replies.refused
         if kind == 2.0:
-            self.mode_actions.change_climb(speed_mps)
+            self.mode_actions.change(climb_mps=speed_mps)
         elif kind == 3.0:
-            self.mode_actions.change_descent(speed_mps)
+            self.mode_actions.change(descend_mps=speed_mps)
         elif self.mode_actions.change_speed(speed_mps) and self.flying:
             self.mode_actions.resume(t_s, self.mode.intent)
         return MavResult.ACCEPTED
-
-    def set_home(self, place_ned_m: Array) -> None:
-        """Set home to `place_ned_m` (3,)."""
-        self.mode_actions.set_home(place_ned_m)
 
     def reposition(self, t_s: float, target: Array, *, change_mode: bool, speed_mps: float = math.nan) -> MavResult:
         """Fly to `target` (4,) and hold there, in the mode for DO_REPOSITION; a finite `speed_mps` is the ground speed.
@@ -183,7 +177,7 @@ class EmulatedAutopilot:
                 return result
         if speed_mps > 0.0:
             self.mode_actions.change_speed(speed_mps)
-        if self.mode_actions.ground.aloft:
+        if self.ground.aloft:
             self.mode_actions.go_to(t_s, target)
         return MavResult.ACCEPTED
 
@@ -214,16 +208,6 @@ class EmulatedAutopilot:
     # State
 
     @property
-    def events(self) -> list[Event]:
-        """The events not yet reported. The reader clears the list."""
-        return self.event_queue.events
-
-    @property
-    def piece(self) -> Piece:
-        """The polynomial that is flown now."""
-        return self.mode_actions.path.piece
-
-    @property
     def armed(self) -> bool:
         """Whether the vehicle is armed."""
         return self.arming.armed
@@ -231,22 +215,7 @@ class EmulatedAutopilot:
     @property
     def flying(self) -> bool:
         """Whether the motors lift: from take-off until the landing is detected."""
-        return self.mode_actions.ground.flying
-
-    @property
-    def ready(self) -> bool:
-        """Whether the position estimate is good enough to fly on."""
-        return self.readiness.ready
-
-    @property
-    def mission(self) -> tuple[MissionItem, ...]:
-        """The stored mission items."""
-        return self.mode_actions.progress.items
-
-    @property
-    def current_seq(self) -> int:
-        """The number of the current mission item."""
-        return self.mode_actions.progress.seq
+        return self.ground.flying
 
     @property
     def path_generator(self) -> PathGenerator:
@@ -254,20 +223,11 @@ class EmulatedAutopilot:
         return self.mode_actions.path_generator
 
     @property
-    def landed_state(self) -> LandedState:
-        """MAV_LANDED_STATE."""
-        return self.mode_actions.landed_state
-
-    @property
     def awaits_orders(self) -> bool:
         """Whether the vehicle is armed and idle: on the ground, or hovering."""
         if not self.flying:
             return self.armed and not self.mode_actions.waits_for_motors
-        return self.mode.intent in _HOVERING and self.mode_actions.path.at_rest
-
-    def awaits_setpoint_after_s(self, t_s: float) -> float | None:
-        """The newest known time of a stamped stream, if the vehicle must extrapolate it from `t_s` on; else None."""
-        return self.mode_actions.path.awaits_setpoint_after_s(t_s)
+        return self.mode.intent in _HOVERING and self.path.at_rest
 
     def can_arm(self, t_s: float) -> bool:
         """Whether all arming checks pass, as SYS_STATUS reports it."""
@@ -279,13 +239,13 @@ class EmulatedAutopilot:
         """Advance to `t_s`; `contact` is with the ground, `healthy` is the estimate."""
         if healthy:
             self._placed_s = t_s
-        if not self.ready:
+        if not self.readiness.ready:
             self._get_ready(t_s, healthy)
         passed = self.mode_actions.step(t_s)
         if passed.landing and self.mode.intent is Intent.RETURN:
             self.event_queue.add_text(Note.RETURN_LANDS)
         if passed.ended and self.mode.intent is Intent.TAKEOFF and self.flying:
-            self.mode_actions.progress.manoeuvred(self.mode.intent)
+            self.progress.manoeuvred(self.mode.intent)
             self._enter(self.personality.modes.of(Intent.HOLD))
         if self.armed:
             self._watch(t_s, contact)
@@ -293,8 +253,7 @@ class EmulatedAutopilot:
             self.arming.report(t_s, self._reasons(t_s, trying=False))
 
     def _get_ready(self, t_s: float, healthy: bool) -> None:
-        path_generator = self.mode_actions.path_generator
-        new = self.readiness.step(t_s, healthy, path_generator.origin.alt_amsl_m - float(path_generator.home_ned_m[2]))
+        new = self.readiness.step(t_s, healthy, self.path_generator.home_amsl_m)
         if Milestone.RUNNING in new and self.personality.boot.restarts_mode:
             self._enter(self._numbered(self.personality.modes.at_boot))
 
@@ -302,11 +261,11 @@ class EmulatedAutopilot:
         if not self.flying:
             if t_s >= self._disarm_s:
                 self.disarm(note=Note.DISARMED_LANDED)
-                self.mode_actions.progress.start_over()
+                self.progress.start_over()
             elif not self.mode_actions.waits_for_motors and self.arming.idled(t_s):
                 self.disarm(note=Note.DISARMED_IDLE)
             return
-        landing = self.mode_actions.path.landing
+        landing = self.path.landing
         if self.mode_actions.landed(t_s, contact):
             if landing:
                 self._disarm_s = t_s + self.personality.flight.disarm_after_s
@@ -327,10 +286,10 @@ class EmulatedAutopilot:
             return self._has_mission()
         if mode.intent is Intent.GUIDED:
             return self.setpoints.proven(t_s)
-        return mode.intent is not Intent.MANUAL or self.personality.arming.has_sticks
+        return mode.intent is not Intent.MANUAL or self.personality.flight.has_sticks
 
     def _has_mission(self) -> bool:
-        return self.mode_actions.progress.next_command() is not None
+        return self.progress.next_command() is not None
 
     def _starts_on_ground(self) -> bool:
         """Whether this mode takes an armed vehicle off the ground without a further command."""

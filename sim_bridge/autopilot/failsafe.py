@@ -73,7 +73,7 @@ class Failsafe:
 
     def hear(self, sysid: int, now_s: float) -> None:
         """Take a HEARTBEAT of a ground station at wall time `now_s`."""
-        if self._failsafes.link.only_ours and sysid != self._settings.get(Setting.GROUND_STATION):
+        if self._failsafes.link_only_ours and sysid != self._settings.get(Setting.GROUND_STATION):
             return
         self._heard_s = now_s
         if self._link_lost:
@@ -102,27 +102,27 @@ class Failsafe:
     @property
     def fenced(self) -> bool:
         """Whether a fence is enabled."""
-        off = self._failsafes.fence.off
+        off = self._failsafes.fence_off
         return self._setting(Setting.FENCE_ENABLED) != 0.0 if off is None else self._value(Setting.FENCE_ACTION) != off
 
     def _watch_link(self, t_s: float, now_s: float) -> None:
         action = self._value(Setting.LINK_LOSS_ACTION)
-        if self._heard_s is None or self._link_lost or action == self._failsafes.link.off:
+        if self._heard_s is None or self._link_lost or not action:
             return
         if now_s - self._heard_s > self._setting(Setting.LINK_TIMEOUT_S):
             self._link_lost = True
-            intent = self._failsafes.link.actions.get(action)
+            intent = self._failsafes.link.get(action)
             mode = self._autopilot.personality.modes.of(intent) if intent is not None else None
             self._autopilot.event_queue.add_text(Note.LINK_LOST, action=mode.name if mode is not None else "Continuing")
             self._act(t_s, intent)
 
     def _watch_estimate(self, t_s: float, healthy: bool) -> None:
-        failsafe = self._failsafes.estimate
         if healthy or not self._autopilot.flying:
             self._placed_s = t_s
-        elif t_s - self._placed_s >= failsafe.timeout_s:
+        elif t_s - self._placed_s >= self._failsafes.estimate_timeout_s:
             self._placed_s = math.inf
-            intent = failsafe.always if failsafe.action is None else failsafe.actions.get(self._value(failsafe.action))
+            known = self._failsafes.estimate
+            intent = known if isinstance(known, Intent) else known.get(self._value(Setting.ESTIMATE_ACTION))
             mode = self._autopilot.personality.modes.of(intent) if intent is not None else None
             if mode is not None and self._autopilot.mode.intent is not Intent.LAND:
                 self._autopilot.event_queue.add_text(Note.PLACE_LOST, action=mode.name)
@@ -149,7 +149,7 @@ class Failsafe:
     def _watch_fence(self, t_s: float, place_ned_m: Array) -> None:
         kind = self._crossed(place_ned_m) if self.fenced else 0
         before, self.breach = self.breach, _breach_of(kind)
-        if not kind or (before is not Breach.NONE and t_s < self._told_s + self._failsafes.fence.repeats_s):
+        if not kind or (before is not Breach.NONE and t_s < self._told_s + self._failsafes.fence_repeats_s):
             return
         self._told_s = t_s
         self._autopilot.event_queue.add_text(Note.FENCE_BREACHED, fence=_NAMES[kind])
@@ -157,7 +157,7 @@ class Failsafe:
             return
         self.breaches += 1
         self.breached_s = t_s
-        self._act(t_s, self._chosen(Setting.FENCE_ACTION, self._failsafes.fence.actions))
+        self._act(t_s, self._chosen(Setting.FENCE_ACTION, self._failsafes.fence))
 
     def _crossed(self, place_ned_m: Array) -> int:
         """The kind of fence that the vehicle has crossed; 0 for none."""
@@ -172,7 +172,7 @@ class Failsafe:
 
     def _beyond_shapes(self, north_m: float, east_m: float) -> bool:
         wrong = [shape.violated(north_m, east_m) for shape in self._shapes]
-        if not self._failsafes.fence.one_area_suffices:
+        if not self._failsafes.one_area_suffices:
             return any(wrong)
         areas = [bad for bad, shape in zip(wrong, self._shapes, strict=True) if not shape.stay_outside]
         forbidden = any(bad for bad, shape in zip(wrong, self._shapes, strict=True) if shape.stay_outside)

@@ -1,8 +1,9 @@
 """Actions at mode changes: take-off, mission, return, landing, hold, setpoints."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -45,9 +46,6 @@ class ModeActions:
         self.progress = MissionProgress(personality.reports, personality.missions.home_is_item_0, event_queue)
         self.takeoff_m = math.nan  # above home, as last commanded
         self._traits = personality.flight
-        self._from_ground = personality.streaming.from_ground
-        self._coasts_s = personality.streaming.extrapolates_s
-        self._comes_back = personality.streaming.comes_back
         self._arming = arming
         self._event_queue = event_queue
         self._least_takeoff_m = 0.0
@@ -63,11 +61,10 @@ class ModeActions:
     def use(self, settings: Mapping[Setting, float]) -> None:
         """Apply these settings."""
         self._settings = settings
-        timeout_s = settings[Setting.STREAM_TIMEOUT_S]
-        self.path.extrapolate_s = timeout_s if self._coasts_s is None else self._coasts_s
+        timeout_s, coasts_s = settings[Setting.STREAM_TIMEOUT_S], self._traits.stream_extrapolates_s
+        self.path.extrapolate_s = timeout_s if coasts_s is None else coasts_s
         self._least_takeoff_m = settings.get(Setting.TAKEOFF_HEIGHT_M, 0.0)
-        self.path_generator = replace(
-            self.path_generator,
+        self.change(
             speed_mps=min(settings[Setting.CRUISE_MPS], self.path_generator.limits.horizontal_mps),
             descend_mps=settings[Setting.DESCEND_MPS],
             land_mps=settings[Setting.LAND_MPS],
@@ -90,30 +87,15 @@ class ModeActions:
         high_m = low_m + braking_m(settings[Setting.DESCEND_MPS], brakes_mps2)
         return high_m, low_m + braking_m(settings[Setting.LAND_MPS], brakes_mps2)
 
+    def change(self, **values: Any) -> None:
+        """Set fields of the path generator; the paths under way keep theirs."""
+        self.path_generator = replace(self.path_generator, **values)
+
     def change_speed(self, speed_mps: float) -> bool:
         """Set the ground speed; return whether it changed."""
         before = self.path_generator.speed_mps
-        self.path_generator = replace(
-            self.path_generator, speed_mps=min(speed_mps, self.path_generator.limits.horizontal_mps)
-        )
+        self.change(speed_mps=min(speed_mps, self.path_generator.limits.horizontal_mps))
         return self.path_generator.speed_mps != before
-
-    def change_climb(self, speed_mps: float) -> None:
-        """Set the climb speed."""
-        self.path_generator = replace(self.path_generator, climb_mps=speed_mps)
-
-    def change_descent(self, speed_mps: float) -> None:
-        """Set the descent speed."""
-        self.path_generator = replace(self.path_generator, descend_mps=speed_mps)
-
-    def rally(self, places_ned_m: Iterable[Array]) -> None:
-        """Set the rally points, each (2,). The vehicle returns to the nearest one if it is nearer than home."""
-        self.path_generator = replace(self.path_generator, rally_ned_m=tuple(places_ned_m))
-
-    def set_clock(self, epoch_unix_s: float) -> None:
-        """Set GNSS time at simulated time 0; a mission that waits already keeps its time."""
-        if self.path_generator.epoch_unix_s != epoch_unix_s:
-            self.path_generator = replace(self.path_generator, epoch_unix_s=epoch_unix_s)
 
     def resume(self, t_s: float, intent: Intent) -> None:
         """Re-plan what is under way, with the present speeds."""
@@ -124,7 +106,7 @@ class ModeActions:
 
     def set_home(self, place_ned_m: Array) -> None:
         """Set home to `place_ned_m` (3,)."""
-        self.path_generator = replace(self.path_generator, home_ned_m=place_ned_m.copy())
+        self.change(home_ned_m=place_ned_m.copy())
         self._event_queue.add(Placed())
 
     def begin(self, t_s: float, intent: Intent) -> None:
@@ -218,7 +200,7 @@ class ModeActions:
         return LandedState.TAKEOFF if climbing else LandedState.IN_AIR
 
     def _end_stream(self, t_s: float, flat: Array) -> PiecePath:
-        if self._comes_back:
+        if self._traits.stream_comes_back:
             return self.path_generator.go_to(t_s, flat, flat[0])
         return self.path_generator.stop(t_s, flat)
 
@@ -249,11 +231,7 @@ class ModeActions:
         """The climb before a mission that does not begin with a take-off, in m above home; 0 where it does."""
         if item.command == Command.NAV_TAKEOFF:
             return 0.0
-        home_m = (
-            self.path_generator.origin.alt_amsl_m - float(self.path_generator.home_ned_m[2])
-            if item.frame == Frame.GLOBAL
-            else 0.0
-        )
+        home_m = self.path_generator.home_amsl_m if item.frame == Frame.GLOBAL else 0.0
         return max(self._least_takeoff_m, item.alt_m - home_m)
 
     def _climb(self, t_s: float) -> None:
@@ -287,10 +265,10 @@ class ModeActions:
 
     def _lifts(self, t_s: float, setpoint: StampedSetpoint) -> bool:
         if self.ground.flying:
-            return self._from_ground
+            return self._traits.stream_lifts
         here = self.path.piece
         wanted = here.at(t_s)[0, 2] - setpoint.flat[0, 2] > _LIFTS_M or setpoint.flat[1, 2] < -_LIFTS_M
-        if not (self._from_ground and wanted and t_s >= self._arming.lifts_from_s):
+        if not (self._traits.stream_lifts and wanted and t_s >= self._arming.lifts_from_s):
             return False
         self.ground.lift()
         self.path.start(t_s, PiecePath((Piece(t_s, math.inf, here.coefficients),), climbing_until_s=t_s + _LIFT_S))

@@ -4,6 +4,8 @@ The true state goes to the sensors and to the assessment of a flight, never to t
 components first, (12, V), so that a component is one contiguous row; outside, vehicles come first.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor
@@ -11,11 +13,10 @@ from gcs.types import Array
 from sim_bridge.dynamics.battery import Battery, PowerTrain
 from sim_bridge.dynamics.controller import Controller
 from sim_bridge.dynamics.estimator import Estimator
-from sim_bridge.dynamics.failures import Failures
+from sim_bridge.dynamics.failures import Effects, Failure
 from sim_bridge.dynamics.lqr_gains import ControlLimits, motor_limits
 from sim_bridge.dynamics.plant import Ground, Mask, Motors, Plant
 from sim_bridge.dynamics.presets import power_train_of
-from sim_bridge.dynamics.reference import Reference
 from sim_bridge.dynamics.sensors import BARO_PERIOD_S, GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade, Sensors
 from sim_bridge.dynamics.wind_field import CALM, GUST_PERIOD_S, Wind, WindField
 
@@ -29,8 +30,8 @@ _STEPS_PER_GUST = round(GUST_PERIOD_S / CONTROL_PERIOD_S)
 class Airframes:
     """V vehicles of one type. The same seed and the same inputs give the same flight, bit for bit.
 
-    `faults`: one schedule of failures per vehicle (`sim_bridge.dynamics.failures`). `battery`: consumption and
-    charge of every vehicle. `sensors` of one `grade`, `estimator` and `controller` are open to inspection.
+    `battery`: consumption and charge of every vehicle. `sensors` of one `grade`, `estimator` and `controller` are open
+    to inspection.
     """
 
     def __init__(
@@ -65,7 +66,8 @@ class Airframes:
         self.estimator = Estimator(grade, vehicles, quadrotor.gravity_mps2)
         self.controller = Controller(quadrotor, limits, vehicles, CONTROL_PERIOD_S)
         self.battery = Battery(power or power_train_of(quadrotor), quadrotor, vehicles)
-        self.faults = Failures(vehicles)
+        self._failures: list[Sequence[Failure]] = [()] * vehicles
+        self._failures_changed = False
         self._strength: Array | None = None  # (4, V) of the motors; None if all have full thrust
         self._steps = 0
         self._still = np.zeros((4, vehicles))
@@ -124,12 +126,18 @@ class Airframes:
         """Vehicles (V,) whose filter has converged, agrees with its sensors and is sure of its position."""
         return self.estimator.healthy
 
-    def step(self, reference: Reference, motors_on: Mask) -> None:
-        """Advance by CONTROL_PERIOD_S: command from the estimate, move, measure, estimate.
+    def fail(self, row: int, failures: Sequence[Failure]) -> None:
+        """Let these failures of one vehicle act from the next step on, in place of those before."""
+        if failures != self._failures[row]:
+            self._failures[row] = failures
+            self._failures_changed = True
+
+    def step(self, reference: Array, motors_on: Mask) -> None:
+        """Advance by CONTROL_PERIOD_S along a reference (V, 5, 4): command from the estimate, move, measure, estimate.
 
         Motors do not turn where `motors_on` (V,) is False, nor before the filter is aligned (2 s).
         """
-        if self.t_s >= self.faults.due_s:
+        if self._failures_changed:
             self._apply_failures()
         if self._steps % _STEPS_PER_GUST == 0:
             self._wind = self._draw_wind()
@@ -149,7 +157,7 @@ class Airframes:
             if self.battery.empty.any():
                 self._update_motor_strength()
 
-    def _step_rotors(self, reference: Reference, spin: Mask) -> None:
+    def _step_rotors(self, reference: Array, spin: Mask) -> None:
         """Compute the rotor speeds of this step, and draw their energy."""
         turning = spin.all()
         if not turning and not spin.any():
@@ -168,10 +176,9 @@ class Airframes:
         self.battery.draw(self._rotors, squared, CONTROL_PERIOD_S)
 
     def _apply_failures(self) -> None:
-        """Apply the failures that are active now."""
-        effects = self.faults.effects(self.t_s)
-        for row, remaining in effects.drained.items():
-            self.battery.drain(row, remaining)
+        self._failures_changed = False
+        effects = Effects.of(self._failures)
+        self.battery.drain(effects.remaining)
         self.sensors.effects = effects
         self.controller.slow_down(effects.speed_max_mps)
         self._plant.push(effects.push_ned_mps2.T.copy() if effects.push_ned_mps2.any() else None)

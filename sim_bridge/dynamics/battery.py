@@ -117,12 +117,12 @@ class Battery:
             self._cubes = np.zeros_like(self._cubes)
             self._since_s = 0.0
 
-    def drain(self, row: int, remaining: float) -> None:
-        """Limit the remaining charge of one vehicle to this share."""
-        used_Ah = self.used_Ah.copy()
-        used_Ah[row] = max(used_Ah[row], (1.0 - remaining) * self.train.capacity_Ah)
-        self._take(used_Ah)
-        self._solve()
+    def drain(self, remaining: Array) -> None:
+        """Limit the remaining charge to these shares (V,)."""
+        drained_Ah = (1.0 - remaining) * self.train.capacity_Ah
+        if (drained_Ah > self.used_Ah).any():
+            self._take(np.maximum(self.used_Ah, drained_Ah))
+            self._solve()
 
     def _take(self, used_Ah: Array) -> None:
         self.used_Ah = used_Ah

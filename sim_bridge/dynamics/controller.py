@@ -1,5 +1,8 @@
 """The controller: from a reference and an estimate to U1..U4, with Eq. 1 inverted as feedforward and LQR feedback.
 
+A reference (V, 5, 4) is north, east, down (m, common local NED) and yaw (rad) of every vehicle, with their derivatives
+up to snap. A quadrotor is differentially flat in these: attitude, rates and controls follow from them by Eq. 1.
+
 Inverting Eq. 1 leaves chains of integrators: position, velocity, tilt and tilt rate along and across the heading;
 height and climb; yaw and its rate. `sim_bridge.dynamics.position_control` gives the wanted force; here it
 becomes a tilt, and the tilt a torque. `sim_bridge.dynamics.controller` estimates disturbances beyond
@@ -17,7 +20,6 @@ from sim_bridge.dynamics.integrator import Turn
 from sim_bridge.dynamics.lqr_gains import ANGLE_SCALE_RAD, ControlLimits, lqr_gains, turn_authority_radps2
 from sim_bridge.dynamics.plant import Mask
 from sim_bridge.dynamics.position_control import AROUND, AROUND_S, PositionController
-from sim_bridge.dynamics.reference import Reference
 
 IDLE_SHARE = 0.2  # of the weight: thrust while standing on the ground with motors on
 
@@ -84,12 +86,14 @@ class Controller:
         """Limit the ground speed of vehicles (V,), whatever is commanded; inf for no limit."""
         self._law.speed_max_mps = speed_max_mps if speed_max_mps.min() < math.inf else None
 
-    def command(self, reference: Reference, state: Array, applied: Array, landed: Mask, *, any_landed: bool) -> Array:
-        """Return the controls (4, V) for estimated states (12, V).
+    def command(self, reference: Array, state: Array, applied: Array, landed: Mask, *, any_landed: bool) -> Array:
+        """Return the controls (4, V) for a reference (V, 5, 4) and estimated states (12, V).
 
         `applied` (4, V) is what the rotors produced in the last step. A vehicle in contact idles until its reference
         rises.
         """
+        if reference.shape != (state.shape[1], 5, 4):
+            raise ValueError(f"the reference must have shape {(state.shape[1], 5, 4)}, has {reference.shape}")
         attitude, rates = state[6:9], state[9:]
         turn = Turn.of(attitude)
         upright = turn.cr * turn.cp
@@ -99,19 +103,20 @@ class Controller:
         if any_landed:
             self._disturbance.forget(landed, seen)
         push = self._disturbance.push
+        yaw_rad, yaw_rate_radps = reference[:, 0, 3], reference[:, 1, 3]
         force = self._law(reference, state, push[:3])
-        tilt = tilt_along(force, attitude[2], reference.yaw_rate_radps)
+        tilt = tilt_along(force, attitude[2], yaw_rate_radps)
 
         closing = _within(self._angle_gain * (tilt[0] - attitude[:2]), self._rate_max)
-        off = _within(np.remainder(reference.yaw_ned_rad - attitude[2] + np.pi, 2.0 * np.pi) - np.pi, ANGLE_SCALE_RAD)
-        inputs = (closing, tilt[1], tilt[2], off[None], reference.yaw_rate_radps[None], rates, coupling)
+        off = _within(np.remainder(yaw_rad - attitude[2] + np.pi, 2.0 * np.pi) - np.pi, ANGLE_SCALE_RAD)
+        inputs = (closing, tilt[1], tilt[2], off[None], yaw_rate_radps[None], rates, coupling)
         control = np.empty((4, len(upright)))
         control[0] = force[1, 2] / np.maximum(upright, 0.5)
         self._torque.dot(np.concatenate(inputs), out=control[1:])
         control = np.minimum(np.maximum(control, self._lowest), self._highest)
         control[1:] -= self._effort * push[3:]
         if any_landed:
-            rises = (reference.velocity_ned_mps[:, 2] < 0.0) | (reference.acceleration_ned_mps2[:, 2] < 0.0)
+            rises = (reference[:, 1, 2] < 0.0) | (reference[:, 2, 2] < 0.0)
             control[:, landed & ~rises] = self._idle
         return np.asarray(control)
 

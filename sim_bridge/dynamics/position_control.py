@@ -12,7 +12,6 @@ import numpy as np
 from gcs.physics.quadrotor import Quadrotor
 from gcs.types import Array
 from sim_bridge.dynamics.lqr_gains import ControlLimits, lqr_gains, turn_authority_radps2
-from sim_bridge.dynamics.reference import Reference
 
 FALL_SHARE = 0.5  # of the weight: minimum thrust in a descent, so that tilt still has authority
 HEIGHT_SHARE = 0.95  # of the spare thrust: the share available to height; the remainder is for tilt
@@ -63,24 +62,14 @@ class PositionController:
         low[-1] = self._lift_min
         self._free_low, self._free_high = low[:, None], high[:, None]
 
-    def __call__(self, reference: Reference, state: Array, push_mps2: Array) -> Array:
+    def __call__(self, reference: Array, state: Array, push_mps2: Array) -> Array:
         """Return the force (3, 3, V) at the times AROUND now, north and east negated, the third component upwards.
 
-        `state` (12, V); `push_mps2` (3, V) are the disturbances beyond Eq. 1, which are compensated.
+        `reference` (V, 5, 4); `state` (12, V); `push_mps2` (3, V) are the disturbances beyond Eq. 1, compensated here.
         """
-        r = reference
-        inputs = np.concatenate(
-            (
-                r.position_ned_m.T,
-                r.velocity_ned_mps.T,
-                r.acceleration_ned_mps2.T,
-                r.jerk_ned_mps3.T,
-                r.snap_ned_mps4.T,
-                state[:6],
-                push_mps2,
-                np.ones((1, state.shape[1])),
-            )
-        )
+        vehicles = state.shape[1]
+        wanted = reference[:, :, :3].transpose(1, 2, 0).reshape(15, vehicles)
+        inputs = np.concatenate((wanted, state[:6], push_mps2, np.ones((1, vehicles))))
         if self.speed_max_mps is None:
             out = self._law.dot(inputs)
             checked = out.take(_CHECKED, axis=0)

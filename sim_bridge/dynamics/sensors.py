@@ -143,7 +143,7 @@ class Sensors:
         self._gnss = _Errors(gnss, g.gnss_white, drifts + [still] * 3)
         self._last_inertial, self._last_gnss = np.zeros((6, vehicles)), np.zeros((6, vehicles))
         self._last_baro, self._last_compass = np.zeros(vehicles), np.zeros(vehicles)
-        self.effects = Effects.none(vehicles)
+        self.effects = Effects.of([()] * vehicles)
 
     @property
     def slow_errors(self) -> Array:

@@ -37,25 +37,16 @@ _IMPAIRMENT_OF: dict[FaultKind, Callable[[LinkImpairment, Sequence[float]], Link
     f.SILENT: lambda impairment, v: replace(impairment, loss=1.0),
 }
 
-_FAILURE_OF: dict[FaultKind, Callable[[float, Sequence[float]], Failure]] = {
-    f.GNSS_OUTAGE: lambda t_s, v: Failure(from_s=t_s, gnss_lost=True),
-    f.GNSS_JUMP: lambda t_s, v: Failure(from_s=t_s, offset_ned_m=(v[0], v[1], v[2])),
-    f.MOTOR: lambda t_s, v: Failure(from_s=t_s, motor=round(v[0]), share=v[1]),
-    f.BATTERY: lambda t_s, v: Failure(from_s=t_s, remaining=v[0]),
-    f.STUCK: lambda t_s, v: Failure(from_s=t_s, sensor=Sensor(round(v[0]))),
-    f.SLOW: lambda t_s, v: Failure(from_s=t_s, speed_mps=v[0]),
-    f.WIND: lambda t_s, v: Failure(from_s=t_s, wind_ned_mps=(v[0], v[1], v[2])),
-    f.PUSH: lambda t_s, v: Failure(from_s=t_s, push_ned_mps2=(v[0], v[1], v[2])),
+_FAILURE_OF: dict[FaultKind, Callable[[Sequence[float]], Failure]] = {
+    f.GNSS_OUTAGE: lambda v: Failure(gnss_lost=True),
+    f.GNSS_JUMP: lambda v: Failure(offset_ned_m=(v[0], v[1], v[2])),
+    f.MOTOR: lambda v: Failure(motor=round(v[0]), share=v[1]),
+    f.BATTERY: lambda v: Failure(remaining=v[0]),
+    f.STUCK: lambda v: Failure(sensor=Sensor(round(v[0]))),
+    f.SLOW: lambda v: Failure(speed_mps=v[0]),
+    f.WIND: lambda v: Failure(wind_ned_mps=(v[0], v[1], v[2])),
+    f.PUSH: lambda v: Failure(push_ned_mps2=(v[0], v[1], v[2])),
 }
-
-
-@dataclass
-class _VehicleFaults:
-    """The faults of one vehicle."""
-
-    schedule: FaultSchedule
-    flying: bool = False
-    failures: dict[int, Failure] = field(default_factory=dict)  # by id() of the fault
 
 
 class FaultInjector:
@@ -74,7 +65,7 @@ class FaultInjector:
         self._airframes = airframes
         self._seed = seed
         self._reboot = reboot
-        self._by_row: dict[int, _VehicleFaults] = {}
+        self._by_row: dict[int, FaultSchedule] = {}
         self.radios: dict[int, Radio] = {}  # only of vehicles with link faults
         for row, vehicle in enumerate(vehicles):
             for fault in faults.get(vehicle.station.sysid, ()):
@@ -82,40 +73,34 @@ class FaultInjector:
 
     def add(self, row: int, fault: Fault, t_s: float) -> None:
         """Add a fault; its times count from now unless it names another event."""
-        if row not in self._by_row:
-            self._by_row[row] = _VehicleFaults(FaultSchedule(()))
         if fault.kind.directed and row not in self.radios:
             self.radios[row] = Radio(self._seed, self._vehicles[row].station.sysid)
-        self._by_row[row].schedule.add(fault, t_s)
-        self._update(row, self._by_row[row], t_s)
+        self._by_row.setdefault(row, FaultSchedule()).add(fault, t_s)
+        self._update(row, t_s)
 
     def end(self, row: int, kinds: Sequence[FaultKind], t_s: float) -> None:
         """End all active and future faults of these kinds. A vehicle that died stays dead."""
         if row in self._by_row:
-            self._by_row[row].schedule.end(kinds)
-            self._update(row, self._by_row[row], t_s)
+            self._by_row[row].end(kinds)
+            self._update(row, t_s)
 
     def uploaded(self, row: int, item: int, t_s: float) -> None:
         """Report that an item of an upload is about to reach the vehicle."""
-        row_faults = self._by_row.get(row)
-        if row_faults is not None and row_faults.schedule.awaits_upload(item):
-            row_faults.schedule.uploaded(item, t_s)
-            self._update(row, row_faults, t_s)
+        if row in self._by_row and self._by_row[row].awaits_upload(item):
+            self._by_row[row].uploaded(item, t_s)
+            self._update(row, t_s)
 
     def step(self, t_s: float) -> None:
         """Begin and end faults whose time has come."""
-        for row, row_faults in self._by_row.items():
-            flying = self._vehicles[row].autopilot.flying
-            if flying and not row_faults.flying:
-                row_faults.schedule.took_off(t_s)
-            row_faults.flying = flying
-            self._update(row, row_faults, t_s)
+        for row, schedule in self._by_row.items():
+            schedule.flies(self._vehicles[row].autopilot.flying, t_s)
+            self._update(row, t_s)
 
-    def _update(self, row: int, row_faults: _VehicleFaults, t_s: float) -> None:
-        began = row_faults.schedule.step(t_s)
+    def _update(self, row: int, t_s: float) -> None:
+        began = self._by_row[row].step(t_s)
         if began is None:
             return
-        active = row_faults.schedule.active
+        active = self._by_row[row].active
         vehicle = self._vehicles[row]
         kinds = {fault.kind for fault in active}
         vehicle.store.rejects = f.REJECT_MISSION in kinds
@@ -130,25 +115,13 @@ class FaultInjector:
             radio = self.radios[row]
             radio.up.impairment = _impairment(active, LinkDirection.UP)
             radio.down.impairment = _impairment(active, LinkDirection.DOWN)
-        self._apply_failures(row, row_faults, active, t_s)
+        failures = [_FAILURE_OF[fault.kind](fault.values) for fault in active if fault.kind in _FAILURE_OF]
+        self._airframes.fail(row, failures)
         for fault in began:
             if fault.kind is f.DIE:
                 vehicle.die()
             elif fault.kind is f.REBOOT:
                 self._reboot(row)
-
-    def _apply_failures(self, row: int, row_faults: _VehicleFaults, active: Sequence[Fault], t_s: float) -> None:
-        failures = {
-            id(fault): row_faults.failures.get(id(fault)) or _FAILURE_OF[fault.kind](t_s, fault.values)
-            for fault in active
-            if fault.kind in _FAILURE_OF
-        }
-        if failures.keys() != row_faults.failures.keys():
-            schedule = self._airframes.faults[row]
-            schedule.clear()
-            for failure in failures.values():
-                schedule.add(failure)
-            row_faults.failures = failures
 
 
 def _impairment(active: Sequence[Fault], direction: LinkDirection) -> LinkImpairment:
@@ -176,12 +149,11 @@ class FaultSchedule:
     reaches its item.
     """
 
-    def __init__(self, faults: Iterable[Fault]) -> None:
+    def __init__(self) -> None:
+        self._flying = False
         self._later: list[Fault] = []
         self._scheduled: list[ScheduledFault] = []
         self.due_s = math.inf
-        for fault in faults:
-            self.add(fault, 0.0)
 
     @property
     def active(self) -> list[Fault]:
@@ -199,11 +171,12 @@ class FaultSchedule:
         else:
             self._later.append(fault)
 
-    def took_off(self, t_s: float) -> None:
-        """Record a take-off."""
-        for fault in self._later:
+    def flies(self, flying: bool, t_s: float) -> None:
+        """Record whether the vehicle flies now."""
+        for fault in self._later if flying and not self._flying else ():
             if fault.when.since is Since.TAKEOFF:
                 self._anchor(fault, t_s)
+        self._flying = flying
 
     def uploaded(self, item: int, t_s: float) -> None:
         """Record that item number `item` of an upload arrives."""

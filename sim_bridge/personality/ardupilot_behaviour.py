@@ -24,23 +24,16 @@ from sim_bridge.personality.ardupilot_missions import MISSIONS
 from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, Note, Stage
 from sim_bridge.personality.table import (
     COMMON_CAPABILITIES,
-    ArmingTraits,
     BatteryFailsafe,
-    EstimateFailsafe,
     FailsafeSettings,
-    FenceFailsafe,
     FlightTraits,
     HealthTraits,
-    Identity,
-    LinkFailsafe,
-    LinkTraits,
     Param,
     ParamTraits,
     Personality,
     ReplyTraits,
     ReportTraits,
     Setting,
-    StreamingTraits,
     StreamTraits,
 )
 
@@ -142,10 +135,8 @@ _WORDS = {
 
 _BATTERY_ACTIONS = {1: Intent.LAND, 2: Intent.RETURN, 3: Intent.RETURN, 4: Intent.LAND, 6: Intent.LAND}
 _FAILSAFES = FailsafeSettings(
-    link=LinkFailsafe(
-        actions=dict.fromkeys((1, 2, 3, 6), Intent.RETURN) | {4: Intent.LAND, 5: Intent.LAND, 7: Intent.HOLD},
-        only_ours=True,
-    ),
+    link=dict.fromkeys((1, 2, 3, 6), Intent.RETURN) | {4: Intent.LAND, 5: Intent.LAND, 7: Intent.HOLD},
+    link_only_ours=True,
     battery=(
         BatteryFailsafe(
             Note.BATTERY_LOW,
@@ -163,12 +154,8 @@ _FAILSAFES = FailsafeSettings(
         ),
     ),
     battery_timeout_s=10.0,
-    fence=FenceFailsafe(
-        actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND},
-        one_area_suffices=False,
-    ),
-    stream={},
-    estimate=EstimateFailsafe(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
+    fence={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND},
+    estimate={1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND},
     low_is_critical=True,
 )
 
@@ -216,7 +203,6 @@ _PARAM_TRAITS = ParamTraits(
     capacity="BATT_CAPACITY",
     banner=("ArduCopter V4.5.6", "Frame: QUAD/X"),
 )
-_LINK = LinkTraits(clock_step_ns=1_000, timesync_period_s=10.0, signs=True)
 
 _PARAMS = (
     Param("FORMAT_VERSION", 120.0, _INT16),
@@ -279,19 +265,22 @@ _PARAMS = (
 )
 
 ARDUPILOT = Personality(
-    identity=Identity(
-        autopilot=Autopilot.ARDUPILOT,
-        version=(4 << 24) | (5 << 16) | (6 << 8) | 255,
-        capabilities=COMMON_CAPABILITIES | Capability.FTP,
-        vtol_state=3,
-    ),
+    autopilot=Autopilot.ARDUPILOT,
+    version=(4 << 24) | (5 << 16) | (6 << 8) | 255,
+    capabilities=COMMON_CAPABILITIES | Capability.FTP,
+    vtol_state=3,
     boot=_BOOT,
     modes=_MODES,
-    arming=ArmingTraits(spool_up_s=2.9, has_sticks=True),
     flight=FlightTraits(
-        brakes_mps2=1.0, landed_after_s=1.75, disarm_after_s=0.3, takeoff_in_guided=True, reposition_in=Intent.GUIDED
+        spool_up_s=2.9,
+        has_sticks=True,
+        brakes_mps2=1.0,
+        landed_after_s=1.75,
+        disarm_after_s=0.3,
+        takeoff_in_guided=True,
+        reposition_in=Intent.GUIDED,
+        stream_comes_back=True,
     ),
-    streaming=StreamingTraits(comes_back=True),
     reports=ReportTraits(
         starts_over=True,
         item_names={
@@ -316,6 +305,9 @@ ARDUPILOT = Personality(
         announces_home=True,
         any_component=True,
         waits_for_contact=True,
+        clock_step_ns=1_000,
+        timesync_period_s=10.0,
+        signs=True,
     ),
     streams=_STREAMS,
     health=HealthTraits(
@@ -326,7 +318,6 @@ ARDUPILOT = Personality(
     missions=MISSIONS,
     params=_PARAMS,
     param_traits=_PARAM_TRAITS,
-    link=_LINK,
 )
 _VERSION = (4 << 24) | (7 << 16) | (0 << 8) | 255
 _NAMES = {} if ROW.link.renaming is None else {row.old: row for row in ROW.link.renaming.names}
@@ -359,7 +350,7 @@ def _newer(older: Personality) -> Personality:
     return replace(
         older,
         edition="-4.7",
-        identity=replace(older.identity, version=_VERSION),
+        version=_VERSION,
         params=tuple(_renamed(param) for param in older.params),
         param_traits=replace(traits, sysid=own, banner=banner),
         missions=replace(older.missions, file_leftovers=False),

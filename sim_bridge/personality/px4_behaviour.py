@@ -24,23 +24,16 @@ from sim_bridge.personality.modes import Boot, Intent, Milestone, Mode, Modes, N
 from sim_bridge.personality.px4_missions import MISSIONS
 from sim_bridge.personality.table import (
     COMMON_CAPABILITIES,
-    ArmingTraits,
     BatteryFailsafe,
-    EstimateFailsafe,
     FailsafeSettings,
-    FenceFailsafe,
     FlightTraits,
     HealthTraits,
-    Identity,
-    LinkFailsafe,
-    LinkTraits,
     Param,
     ParamTraits,
     Personality,
     ReplyTraits,
     ReportTraits,
     Setting,
-    StreamingTraits,
     StreamTraits,
 )
 
@@ -107,7 +100,7 @@ _WORDS = {
 }
 
 _FAILSAFES = FailsafeSettings(
-    link=LinkFailsafe(actions={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND}, only_ours=False),
+    link={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND},
     battery=(
         BatteryFailsafe(Note.BATTERY_LOW, {}, share=Setting.BATTERY_LOW_SHARE),
         BatteryFailsafe(
@@ -123,11 +116,11 @@ _FAILSAFES = FailsafeSettings(
             share=Setting.BATTERY_EMERGENCY_SHARE,
         ),
     ),
-    battery_timeout_s=0.0,
-    fence=FenceFailsafe(
-        actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0, repeats_s=2.1
-    ),
-    estimate=EstimateFailsafe(6.0, {}, always=Intent.LAND),
+    fence={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND},
+    one_area_suffices=True,
+    fence_off=0,
+    fence_repeats_s=2.1,
+    estimate=Intent.LAND,
     stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
 )
 
@@ -183,7 +176,6 @@ _PARAM_TRAITS = ParamTraits(
     capacity="BAT1_CAPACITY",
     hash_name="_HASH_CHECK",
 )
-_LINK = LinkTraits(clock_step_ns=4_000_000, timesync_period_s=float("inf"))
 
 _PARAMS = (
     Param("ASPD_SCALE_1", 1.0, _REAL32),
@@ -244,16 +236,15 @@ _PARAMS = (
 )
 
 PX4 = Personality(
-    identity=Identity(
-        autopilot=Autopilot.PX4,
-        version=(1 << 24) | (17 << 16) | (0 << 8) | 64,
-        capabilities=COMMON_CAPABILITIES | Capability.PARAM_BYTEWISE,
-        sends_uid=True,
-    ),
+    autopilot=Autopilot.PX4,
+    version=(1 << 24) | (17 << 16) | (0 << 8) | 64,
+    capabilities=COMMON_CAPABILITIES | Capability.PARAM_BYTEWISE,
+    sends_uid=True,
     boot=_BOOT,
     modes=_MODES,
-    arming=ArmingTraits(spool_up_s=1.5, status_shows_armable=True),
     flight=FlightTraits(
+        spool_up_s=1.5,
+        status_shows_armable=True,
         crawl_below_m=1.0,
         landed_after_s=3.3,
         disarm_after_s=2.0,
@@ -263,8 +254,10 @@ PX4 = Personality(
         return_cone=True,
         reposition_in=Intent.HOLD,
         sinks_without_sticks=True,
+        stream_lifts=True,
+        stream_proof_s=1.0,
+        stream_extrapolates_s=0.2,
     ),
-    streaming=StreamingTraits(from_ground=True, proof_s=1.0, extrapolates_s=0.2),
     reports=ReportTraits(
         repeats=10, reports_landing=True, empty_total=0xFFFF, counts_home=True, mode_elsewhere=2, counts_manoeuvres=True
     ),
@@ -279,6 +272,7 @@ PX4 = Personality(
         message_first=True,
         set_mode_command=MavCommand.DO_SET_MODE,
         numbered_texts=True,
+        clock_step_ns=4_000_000,
     ),
     streams=_STREAMS,
     health=HealthTraits(present=0x300402F, enabled=0x301402F, healthy=0x320C83F, before_ready=229, ready=1023),
@@ -287,5 +281,4 @@ PX4 = Personality(
     missions=MISSIONS,
     params=_PARAMS,
     param_traits=_PARAM_TRAITS,
-    link=_LINK,
 )

@@ -71,15 +71,6 @@ Actions = Mapping[int, Intent]  # parameter value -> action of the vehicle; othe
 
 
 @dataclass(frozen=True)
-class LinkFailsafe:
-    """The heartbeat of the ground station is missing."""
-
-    actions: Actions
-    only_ours: bool  # only the ground station with the set system id counts
-    off: int = 0  # the action value that switches the failsafe off
-
-
-@dataclass(frozen=True)
 class BatteryFailsafe:
     """One battery level. A setting that the autopilot does not have is never reached."""
 
@@ -91,37 +82,22 @@ class BatteryFailsafe:
     share: Setting | None = None
 
 
-@dataclass(frozen=True)
-class FenceFailsafe:
-    """The vehicle crosses the fence."""
-
-    actions: Actions
-    one_area_suffices: bool  # being inside one of several inclusion areas is enough
-    off: int | None = None  # the action value that switches the fence off; None: FENCE_ENABLED does
-    repeats_s: float = math.inf  # between its texts, as long as the vehicle is outside
-
-
-@dataclass(frozen=True)
-class EstimateFailsafe:
-    """The filter has lost the position. Without a setting the action is `always`."""
-
-    timeout_s: float  # longer than a filter needs to accept a shifted receiver
-    actions: Actions
-    action: Setting | None = None
-    always: Intent | None = None
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FailsafeSettings:
     """All failsafes of one autopilot."""
 
-    link: LinkFailsafe
+    link: Actions  # the heartbeat of the ground station is missing
+    link_only_ours: bool = False  # only the ground station with the set system id counts
     battery: tuple[BatteryFailsafe, ...]  # from the mildest to the most severe
-    battery_timeout_s: float  # duration below a level before the failsafe acts
-    fence: FenceFailsafe
-    stream: Actions  # the setpoint stream is lost
-    estimate: EstimateFailsafe
+    battery_timeout_s: float = 0.0  # duration below a level before the failsafe acts
     low_is_critical: bool = False  # system_status is critical at a low battery, whatever is done about it
+    fence: Actions
+    one_area_suffices: bool = False  # being inside one of several inclusion areas is enough
+    fence_off: int | None = None  # the action value that switches the fence off; None: FENCE_ENABLED does
+    fence_repeats_s: float = math.inf  # between its texts, as long as the vehicle is outside
+    stream: Actions = field(default_factory=dict)  # the setpoint stream is lost
+    estimate: Actions | Intent  # the filter has lost the position: by ESTIMATE_ACTION, or always the same
+    estimate_timeout_s: float = 6.0  # longer than a filter needs to accept a shifted receiver
 
 
 class Param(NamedTuple):
@@ -137,26 +113,18 @@ class Param(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identity:
-    """What the vehicle reports about its autopilot."""
+class Personality:
+    """The traits of one autopilot."""
 
     autopilot: Autopilot
+    edition: str = ""  # the end of its name, where an autopilot is emulated in several versions
     version: int  # AUTOPILOT_VERSION.flight_sw_version: major, minor, patch, type
     capabilities: int
     sends_uid: bool = False  # AUTOPILOT_VERSION.uid is not 0; uid2 is always sent
     vtol_state: int = 0  # of EXTENDED_SYS_STATE, for a vehicle that is not a VTOL
-
-
-@dataclass(frozen=True)
-class Personality:
-    """The traits of one autopilot."""
-
-    identity: Identity
     boot: Boot
     modes: Modes
-    arming: ArmingTraits
     flight: FlightTraits
-    streaming: StreamingTraits
     reports: ReportTraits
     replies: ReplyTraits
     streams: StreamTraits
@@ -166,13 +134,11 @@ class Personality:
     missions: MissionTraits
     params: tuple[Param, ...]
     param_traits: ParamTraits
-    link: LinkTraits
-    edition: str = ""  # the end of its name, where an autopilot is emulated in several versions
 
     @property
     def name(self) -> str:
         """The name in scenarios and on the command line."""
-        return self.identity.autopilot.key + self.edition
+        return self.autopilot.key + self.edition
 
     def booting_for_real(self) -> Personality:
         """Return the same personality, with the start-up time of the original."""
@@ -180,19 +146,13 @@ class Personality:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmingTraits:
-    """Arming and disarming."""
+class FlightTraits:
+    """Arming, take-off, landing, missions, return and setpoint streams."""
 
     idle_disarm_s: float = 10.0
     spool_up_s: float  # from arming until motors can lift
     has_sticks: bool = False  # a centred RC is present: modes that need it can be armed in
     status_shows_armable: bool = False  # system_status and the PREARM bit depend on the present mode
-
-
-@dataclass(frozen=True, kw_only=True)
-class FlightTraits:
-    """Take-off, landing, missions and return."""
-
     # Braking from LAND_LOW_M up, until it descends at LAND_MPS; None: it slows down from LAND_HIGH_M to LAND_LOW_M.
     brakes_mps2: float | None = None
     crawl_below_m: float = 0.0  # above home: below this height it descends at CRAWL_MPS
@@ -206,16 +166,10 @@ class FlightTraits:
     return_cone: bool = False  # close to home the return altitude is limited to the distance from home
     reposition_in: Intent  # the mode for DO_REPOSITION
     sinks_without_sticks: bool = False  # in manual modes it descends where it is
-
-
-@dataclass(frozen=True, kw_only=True)
-class StreamingTraits:
-    """Setpoint streams."""
-
-    from_ground: bool = False  # a setpoint above the ground starts the take-off of an armed vehicle
-    proof_s: float = 0.0  # duration of a stream before a guided mode accepts it; 0: none required
-    extrapolates_s: float | None = None  # duration of extrapolation of the last setpoint; None: STREAM_TIMEOUT_S
-    comes_back: bool = False  # ... then it overshoots, and comes back to where it was at the end of that time
+    stream_lifts: bool = False  # a setpoint above the ground starts the take-off of an armed vehicle
+    stream_proof_s: float = 0.0  # duration of a stream before a guided mode accepts it; 0: none required
+    stream_extrapolates_s: float | None = None  # how long the last setpoint is extrapolated; None: STREAM_TIMEOUT_S
+    stream_comes_back: bool = False  # ... then it overshoots, and comes back to where it was at the end of that time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,7 +189,7 @@ class ReportTraits:
 
 @dataclass(frozen=True, kw_only=True)
 class ReplyTraits:
-    """COMMAND_ACK, and the messages with it."""
+    """COMMAND_ACK and the messages with it, TIMESYNC and signing."""
 
     refused: MavResult  # arming, disarming, take-off
     unknown_mode: MavResult  # ACCEPTED: without any effect
@@ -252,6 +206,9 @@ class ReplyTraits:
     any_component: bool = False  # answers messages for other components of the vehicle
     waits_for_contact: bool = False  # sends only HEARTBEAT and telemetry until a ground station has sent a message
     numbered_texts: bool = False  # every STATUSTEXT has an id, not only those in chunks
+    clock_step_ns: int  # resolution of its clock
+    timesync_period_s: float = math.inf  # of its own TIMESYNC requests
+    signs: bool = False  # obeys SETUP_SIGNING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,12 +257,3 @@ class ParamTraits:
     capacity: str  # the parameter that holds the capacity of the battery, mAh
     hash_name: str = ""  # sent before a list, to check a cached copy; "" if there is none
     banner: tuple[str, ...] = ()  # STATUSTEXTs sent with a list
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinkTraits:
-    """TIMESYNC and signing."""
-
-    clock_step_ns: int  # resolution of its clock
-    timesync_period_s: float  # of its own TIMESYNC requests; inf for never
-    signs: bool = False  # obeys SETUP_SIGNING

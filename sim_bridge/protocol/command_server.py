@@ -133,7 +133,9 @@ class CommandServer:
         return CommandAnswer(MavResult.UNSUPPORTED)
 
     def _take_off(self, request: Request, t_s: float) -> CommandAnswer:
-        home_amsl_m = self._home_amsl_m if self._autopilot.personality.flight.takeoff_above_sea else 0.0
+        home_amsl_m = (
+            self._autopilot.path_generator.home_amsl_m if self._autopilot.personality.flight.takeoff_above_sea else 0.0
+        )
         return CommandAnswer(self._autopilot.take_off(t_s, request.z - home_amsl_m))
 
     def _set_mode(self, request: Request, t_s: float) -> CommandAnswer:
@@ -149,18 +151,18 @@ class CommandServer:
         return CommandAnswer(result, self._request(MessageId.MISSION_CURRENT).messages)
 
     def _set_home(self, request: Request, _: float) -> CommandAnswer:
-        if not self._autopilot.ready:
+        if not self._autopilot.readiness.ready:
             return CommandAnswer(self._replies.refused)
         here = request.params[0] == 1.0
         has_position = all(map(math.isfinite, (request.x, request.y, request.z)))
         place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL) if has_position else None
         if place is None:
             return CommandAnswer(MavResult.DENIED)
-        self._autopilot.set_home(place)
+        self._autopilot.mode_actions.set_home(place)
         return CommandAnswer(MavResult.ACCEPTED)
 
     def _reposition(self, request: Request, t_s: float) -> CommandAnswer:
-        now = self._autopilot.piece.at(t_s)[0]
+        now = self._autopilot.path.piece.at(t_s)[0]
         place = self._place(request, WireFrame.GLOBAL)
         if place is None:
             return CommandAnswer(MavResult.DENIED)
@@ -204,11 +206,11 @@ class CommandServer:
         Missing coordinates are those of the vehicle.
         """
         instruments = self._telemetry.sources.instruments
-        origin, now = instruments.origin, self._autopilot.piece.at(instruments.t_s)
+        origin, now = instruments.origin, self._autopilot.path.piece.at(instruments.t_s)
         frame = default if request.frame is None else request.frame
         amsl_m = request.z
         if frame in (WireFrame.GLOBAL_RELATIVE_ALT, WireFrame.GLOBAL_RELATIVE_ALT_INT):
-            amsl_m += self._home_amsl_m
+            amsl_m += self._autopilot.path_generator.home_amsl_m
         elif frame not in (WireFrame.GLOBAL, WireFrame.GLOBAL_INT):
             return None
         if not math.isfinite(amsl_m):
@@ -225,10 +227,6 @@ class CommandServer:
     @property
     def _estimate(self) -> Array:
         return self._telemetry.sources.instruments.estimate
-
-    @property
-    def _home_amsl_m(self) -> float:
-        return self._autopilot.path_generator.origin.alt_amsl_m - float(self._autopilot.path_generator.home_ned_m[2])
 
 
 def _whole(value: float) -> int:

@@ -24,7 +24,7 @@ from sim_bridge.missions.fence import places, shapes
 from sim_bridge.missions.ftp_files import MissionFiles
 from sim_bridge.missions.store import MissionStore
 from sim_bridge.personality import Milestone, Personality
-from sim_bridge.personality.table import LinkTraits
+from sim_bridge.personality.table import ReplyTraits
 from sim_bridge.protocol.command_server import CommandServer
 from sim_bridge.protocol.ftp_server import FileServer
 from sim_bridge.protocol.param_server import ParamServer
@@ -61,7 +61,7 @@ class Conversation:
             self._queue_text,
         )
         self.files = FileServer(MissionFiles(self.store)) if personality.missions.as_files else None
-        self._clock = TimesyncResponder(personality.link, self.station)
+        self._clock = TimesyncResponder(personality.replies, self.station)
         self._signing = Signing()
         self.dead = False  # the fault `die` has acted
         self._heard = not personality.replies.waits_for_contact
@@ -76,7 +76,7 @@ class Conversation:
     @gnss_ahead_s.setter
     def gnss_ahead_s(self, ahead_s: float) -> None:
         self.instruments.gnss_ahead_s = ahead_s
-        self.autopilot.mode_actions.set_clock(self.instruments.unix_at_0_s)
+        self.autopilot.mode_actions.change(epoch_unix_s=self.instruments.unix_at_0_s)
 
     def die(self) -> None:
         """Act on a fault: the motors stop until the end, and the vehicle sends nothing more."""
@@ -93,7 +93,7 @@ class Conversation:
 
     def sign(self, key: bytes, ticks: int, now_s: float) -> None:
         """Sign with `key`, and accept nothing else. Raises `UsageError` if its autopilot does not sign."""
-        if not self._personality.link.signs:
+        if not self._personality.replies.signs:
             raise UsageError(
                 f"vehicle {self.station.sysid} cannot have a signing key: this autopilot does not check signatures.",
                 hint="leave --signing-key-file out, or emulate ArduPilot",
@@ -141,10 +141,10 @@ class Conversation:
             self.autopilot.set_current(self.instruments.t_s, message.fields["seq"])
             return self._telemetry.build(MessageId.MISSION_CURRENT)
         if name.startswith("MISSION_"):
-            self.store.current_seq = self.autopilot.current_seq
+            self.store.current_seq = self.autopilot.progress.seq
             return self.store.receive(message, now_s) + self._params.changes()
         if name == FTP and self.files is not None:
-            self.store.current_seq = self.autopilot.current_seq
+            self.store.current_seq = self.autopilot.progress.seq
             return self.files.receive(message, now_s) + self._params.changes()
         if name.startswith("PARAM_"):
             return self._answer_param(message)
@@ -152,7 +152,7 @@ class Conversation:
             return self._clock.receive(message, self._boot_ns)
         if name == "SETUP_SIGNING":
             key = bytes(message.fields["secret_key"])
-            if self._personality.link.signs and not self.autopilot.armed and len(key) == KEY_BYTES:
+            if self._personality.replies.signs and not self.autopilot.armed and len(key) == KEY_BYTES:
                 self._signing.set_up(key, int(message.fields["initial_timestamp"]), now_s)
             return []
         if name == "SET_MODE":
@@ -209,7 +209,7 @@ class Conversation:
 
     def _take_setpoint(self, message: Message) -> None:
         autopilot, t_s = self.autopilot, self.instruments.t_s
-        read = setpoint_in(message, self.instruments, autopilot.piece.at(t_s), autopilot.path_generator.home_ned_m)
+        read = setpoint_in(message, self.instruments, autopilot.path.piece.at(t_s), autopilot.path_generator.home_ned_m)
         if read is not None:
             setpoint, to_rest = read
             autopilot.follow(t_s, setpoint, to_rest=to_rest)
@@ -219,9 +219,10 @@ class Conversation:
         if kind == MissionType.FENCE:
             self._failsafe.fence(shapes(items, self.instruments.origin))
         if kind == MissionType.RALLY:
-            self.autopilot.mode_actions.rally(places(self.store.usable_rally(tuple(items)), self.instruments.origin))
+            points = places(self.store.usable_rally(tuple(items)), self.instruments.origin)
+            self.autopilot.mode_actions.change(rally_ned_m=tuple(points))
         if kind == MissionType.MISSION:  # PX4 accepts missions that cannot be flown
-            self.autopilot.set_mission(items if flyable(items) else ())
+            self.autopilot.progress.hold(items if flyable(items) else ())
         total = self._personality.missions.storage[kind].total
         if total:
             self._params.change(total, self.store.total(kind))
@@ -280,7 +281,7 @@ class TimesyncResponder:
     `t_ns` is the vehicle's time since boot.
     """
 
-    def __init__(self, traits: LinkTraits, me: Station) -> None:
+    def __init__(self, traits: ReplyTraits, me: Station) -> None:
         self._traits = traits
         self._me = me
         self._next_ns: float | None = None

@@ -81,7 +81,7 @@ class VehicleFactory:
     def vehicle(self, row: int, boot_s: float | None = None) -> Conversation:
         """Return the vehicle of a row in its initial state; its boot clock starts at simulated time `boot_s`."""
         pad_ned_m, sysid, personality = self._pads_ned_m[row], self.sysids[row], self._personalities[row]
-        own = personality.identity.autopilot.navigator.within(self._motion.ability)
+        own = personality.autopilot.navigator.within(self._motion.ability)
         if own.reactions:  # each vehicle is at one end of what its autopilot may do
             own = own.reactions[self._reactions[row]]
         path_generator = PathGenerator(

@@ -85,7 +85,7 @@ class World:
         self._calls: deque[Callable[[], None]] = deque()
         self._pace = Pace(options.speedup)
         self._lockstep = Lockstep()
-        self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
+        self._batch = PieceBatch([vehicle.autopilot.path.piece for vehicle in self.vehicles])
         boot_s = [ms / 1000.0 for ms in factory.boot_ms]
         self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
         self.injector = FaultInjector(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
@@ -147,7 +147,7 @@ class World:
             messages = vehicle.step(t_s, now_s, landed[row])
             if messages:
                 self.traffic.send(row, messages, t_s)
-            self._batch.put(row, vehicle.autopilot.piece)
+            self._batch.put(row, vehicle.autopilot.path.piece)
         self._board.flush(now_s)
         if self.truth is not None:
             autopilots = [vehicle.autopilot for vehicle in vehicles]
@@ -191,7 +191,7 @@ class World:
         departure = self.traffic.departure(row, t_s) if autopilot.flying else None
         if departure is not None:
             return departure.stamp_s if departure.awaited_s <= t_s else None
-        return autopilot.awaits_setpoint_after_s(t_s)
+        return autopilot.path.awaits_setpoint_after_s(t_s)
 
     def _listen(self, timeout_s: float) -> None:
         if not self.traffic.listen(timeout_s, self.t_s):

@@ -7,7 +7,7 @@ import pytest
 from gcs.errors import FlightError
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
-from gcs.flight.monitoring.preflight_check import MESSAGES
+from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import Step
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
@@ -49,7 +49,9 @@ def test_after_a_critical_text_nobody_is_armed(hop: Plan) -> None:
 
 @pytest.mark.slow
 def test_the_operator_may_waive_it_for_one_flight(hop: Plan) -> None:
-    result, complaint = flown(hop, waived=frozenset({MESSAGES}), enough=lambda flight: flight.step is Step.FLY)
+    result, complaint = flown(
+        hop, waived=frozenset({CheckName.MESSAGES}), enough=lambda flight: flight.step is Step.FLY
+    )
     assert result.error is None
     assert complaint.armed == set(hop.sysids)
     assert FlightOptions().waived == frozenset()

@@ -86,7 +86,7 @@ IDS = range(1, len(EFFECTS) + 1)  # each has a fault of its own; one more vehicl
 def in_the_air(faults: dict[int, tuple[Fault, ...]]) -> World:
     options = WorldOptions(links=[EndpointSpec(EndpointKind.UDP_IN)], seed=4, epoch_unix_s=EPOCH_UNIX_S, faults=faults)
     fleet = World(plain_scenario(len(EFFECTS) + 1), options)
-    while not all(vehicle.autopilot.ready for vehicle in fleet.vehicles):
+    while not all(vehicle.autopilot.readiness.ready for vehicle in fleet.vehicles):
         fleet.step()
     for row, vehicle in enumerate(fleet.vehicles):
         pilot = vehicle.autopilot

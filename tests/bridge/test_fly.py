@@ -328,7 +328,7 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     assert "no-go: vehicle 2: battery: has 20%" in said.err
     (folder,) = tmp_path.iterdir()
     assert f"\nfolder: {folder}\n" in said.err
-    assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
+    assert all(vehicle.autopilot.progress.items == () for vehicle in fleet.vehicles)
 
 
 def test_without_the_word_nothing_is_uploaded(
@@ -350,7 +350,7 @@ def test_without_the_word_nothing_is_uploaded(
     assert re.search(r"^ +GO *$", table, re.M)  # it is seen before an answer
     assert "upload" not in after
     assert "not armed" in said.err
-    assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
+    assert all(vehicle.autopilot.progress.items == () for vehicle in fleet.vehicles)
 
 
 @pytest.mark.slow

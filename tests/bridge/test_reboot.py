@@ -62,7 +62,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
             assert fleet.vehicles[1] is not before
             assert fleet.vehicles[1].simulated_s(0) == pytest.approx(restarted_s, abs=1e-9)  # its clock began anew
             home_first = autopilot == "ardupilot"
-            stored = heights(fleet.vehicles[1].autopilot.mission[home_first:])
+            stored = heights(fleet.vehicles[1].autopilot.progress.items[home_first:])
             kept = LOST - home_first  # items are numbered from home on
             assert stored == ([9.0] * kept + [5.0] * (5 - kept) if home_first else [5.0] * 6)
             beat = await session.wait_for(lambda m: m.name == "HEARTBEAT", 10.0, "a sign of life")

@@ -41,7 +41,7 @@ def flown(seed: int, latest_s: float) -> np.ndarray:
     with World(plain_scenario(1), options) as fleet:
         vehicle = fleet.vehicles[0]
         pilot = vehicle.autopilot
-        while not pilot.ready:
+        while not pilot.readiness.ready:
             fleet.step()
         pilot.set_mode(fleet.t_s, CopterMode.GUIDED)
         assert pilot.arm(fleet.t_s, fleet.airframes.estimate[0]) == MavResult.ACCEPTED
@@ -59,7 +59,7 @@ def flown(seed: int, latest_s: float) -> np.ndarray:
             while fleet.t_s > BEGINS_S - 1.0 and BEGINS_S + sent * PERIOD_S < fleet.t_s + ahead_s:
                 send()
                 sent += 1
-            while pilot.awaits_setpoint_after_s(fleet.t_s) is not None:  # as `World.run` waits for it
+            while pilot.path.awaits_setpoint_after_s(fleet.t_s) is not None:  # as `World.run` waits for it
                 send()
                 sent += 1
                 waited += 1
@@ -85,7 +85,7 @@ def test_time_stands_still_for_a_late_stream_and_says_so_again() -> None:
         with World(plain_scenario(1), options) as fleet:
             vehicle = fleet.vehicles[0]
             pilot = vehicle.autopilot
-            while not pilot.ready:
+            while not pilot.readiness.ready:
                 fleet.step()
             pilot.set_mode(fleet.t_s, CopterMode.GUIDED)
             assert pilot.arm(fleet.t_s, fleet.airframes.estimate[0]) == MavResult.ACCEPTED

@@ -43,7 +43,7 @@ def fleet_of(hop: Plan, make_fleet: Callable[..., Fleet]) -> Callable[..., tuple
 
 
 def number(autopilot: str) -> int:
-    return int(by_name(autopilot).identity.autopilot)
+    return int(by_name(autopilot).autopilot)
 
 
 def loads_for(plan: Plan, autopilot: str, *, timed: bool = False) -> tuple[VehicleLoad, ...]:

@@ -71,6 +71,6 @@ def test_mavsdk_uploads_what_it_reads_back(simulation1, sysid):
         plugin.upload_mission([to_raw(seq, item) for seq, item in enumerate(sent)])
         read_back = [from_raw(raw) for raw in plugin.download_mission()]
         assert compare_missions(sent[1:], read_back[1:], autopilot=Autopilot.ARDUPILOT) == []
-        assert len(fleet.vehicles[sysid - 1].autopilot.mission) == len(sent)
+        assert len(fleet.vehicles[sysid - 1].autopilot.progress.items) == len(sent)
         plugin.clear_mission()
-        assert fleet.vehicles[sysid - 1].autopilot.mission[1:] == ()  # MAVSDK leaves ArduPilot its home
+        assert fleet.vehicles[sysid - 1].autopilot.progress.items[1:] == ()  # MAVSDK leaves ArduPilot its home

@@ -120,7 +120,7 @@ def test_without_room_nothing_is_uploaded(
     assert code == 9, said
     assert "no-go: files of this process may grow to 0.5 MB; the record of this flight may need " in said
     assert "Nothing was uploaded" in said
-    assert all(vehicle.autopilot.mission == () for vehicle in fleet._world.vehicles)
+    assert all(vehicle.autopilot.progress.items == () for vehicle in fleet._world.vehicles)
     assert list(tmp_path.glob("flights/*")) == []
 
 
@@ -134,4 +134,4 @@ def test_a_folder_that_cannot_be_written_is_a_refusal(
     said = capsys.readouterr().err
     assert said.startswith("error: no-go: the flight's folder cannot be written: ")
     assert "next: name another folder with --to" in said
-    assert all(vehicle.autopilot.mission == () for vehicle in fleet._world.vehicles)
+    assert all(vehicle.autopilot.progress.items == () for vehicle in fleet._world.vehicles)

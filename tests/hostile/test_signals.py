@@ -156,5 +156,5 @@ def test_an_upload_is_rolled_back(vehicles: MakeVehicles, hop_file: Path, tmp_pa
         ground.signal(TERM)
         done = ground.ended()
     assert done.code == 128 + TERM, done.output
-    assert all(vehicle.autopilot.mission == () for vehicle in world.vehicles)
+    assert all(vehicle.autopilot.progress.items == () for vehicle in world.vehicles)
     assert parameters(world) ^ before == set()

@@ -59,7 +59,7 @@ class Harness:
         self.vehicle = factory.vehicle(0, 0.0)
         self._codec = Codec(*self.vehicle.station)
         self._ground = Codec(255, 190)
-        self._batch = PieceBatch([self.vehicle.autopilot.piece])
+        self._batch = PieceBatch([self.vehicle.autopilot.path.piece])
         self._steps = 0
         self._start_steps = 0
         if not self._boots:
@@ -103,8 +103,8 @@ class Harness:
         t_s = self._steps * CONTROL_PERIOD_S
         self._tell(now_s, list(vehicle.step(t_s, self._now_s(now_s), bool(airframes.landed[0]))))
         pilot = vehicle.autopilot
-        if pilot.armed or not pilot.ready or not airframes.landed[0]:  # a body at rest stays where it is
-            self._batch.put(0, pilot.piece)
+        if pilot.armed or not pilot.readiness.ready or not airframes.landed[0]:  # a body at rest stays where it is
+            self._batch.put(0, pilot.path.piece)
             airframes.step(self._batch.reference(t_s), np.array([pilot.flying]))
         self._steps += 1
 
@@ -122,7 +122,7 @@ class Harness:
         self.vehicle.receive(message, -_LONGEST_BOOT_S)
 
     def _wait_until_ready(self) -> None:
-        while not self.vehicle.autopilot.ready:
+        while not self.vehicle.autopilot.readiness.ready:
             self._step(-math.inf)
             if self._steps * CONTROL_PERIOD_S > _LONGEST_BOOT_S:
                 raise RuntimeError("the vehicle does not become ready")

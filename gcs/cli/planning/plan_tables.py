@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gcs.flight.assessment.route_passing import PointPassed
-    from gcs.plan.trajectory.constraint_id import PointName
     from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import Scenario
     from gcs.types import JsonObject
@@ -54,6 +53,7 @@ def route_data(plan: Plan) -> list[JsonObject]:
 
 def route_table(plan: Plan) -> Table:
     """The same as a table."""
+    from rich.markup import escape
     from rich.table import Table
 
     title = "route points: the leader's time, place (north, east, height) and speed"
@@ -62,13 +62,14 @@ def route_table(plan: Plan) -> Table:
         hold = "" if passage.point.hold_s is None else f"{passage.point.hold_s:g} s"
         place = f"{row['north_m']:.1f}, {row['east_m']:.1f}, {row['height_m']:.1f} m"
         table.add_row(
-            _short(passage.title), f"{passage.arrives_s:.1f} s", hold, place, f"{row['speed_mps'] or 0.0:.2f} m/s"
+            escape(passage.title.short), f"{passage.arrives_s:.1f} s", hold, place, f"{row['speed_mps'] or 0.0:.2f} m/s"
         )
     return table
 
 
 def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Table:
     """The passing of every route point, from true states or from telemetry."""
+    from rich.markup import escape
     from rich.table import Table
 
     from gcs.flight.assessment.route_passing import counted_s
@@ -79,19 +80,13 @@ def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Tab
     for each in passed:
         late_s, metres = each.late_s[leader], each.distance_m[leader]
         table.add_row(
-            _short(each.passage.title),
+            escape(each.passage.title.short),
             f"t = {each.passage.arrives_s:.1f} s",
             "–" if math.isnan(late_s) else f"{late_s:+.1f} s",
             "–" if math.isnan(metres) else f"{metres:.2f} m",
             "–" if each.farthest is None else f"{each.farthest[1]:.2f} m (vehicle {each.farthest[0]})",
         )
     return table
-
-
-def _short(title: PointName) -> str:
-    from rich.markup import escape
-
-    return escape(str(title).removeprefix("point "))
 
 
 def say_coverage(screen: Screen, plan: Plan) -> JsonObject:

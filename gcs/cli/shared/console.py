@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
 from gcs.cli.shared.safe_stdout import SafeStream
-from gcs.errors import GcsError, for_people
+from gcs.errors import GcsError, error_text, for_people
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -76,9 +76,7 @@ class Screen:
             failure = {"kind": kind, "message": message, "hint": hint, "exit_code": exit_code}
             self._object({"ok": False, "error": failure} | ({} if folder is None else {"folder": folder}))
             return
-        _line(sys.stderr, f"error: {message}")
-        if hint:
-            _line(sys.stderr, f"next: {hint}")
+        _line(sys.stderr, error_text(message, hint))
         if folder is not None:
             _line(sys.stderr, f"folder: {folder}")
 

@@ -3,6 +3,9 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
+
+GRID_S = 0.05
 
 
 class FlightOutcome(StrEnum):
@@ -13,6 +16,55 @@ class FlightOutcome(StrEnum):
     UNKNOWN = "not known"
 
 
+class CriterionName(StrEnum):
+    """What is judged, and its definition. Positions are true ones, times are plan times."""
+
+    POSITION_RMS = (
+        "position error (RMS)",
+        "distance of the true position from the planned position of the same instant; root of the mean of its squares, "
+        f"every {GRID_S:g} s from T0 to the planned arrival; the worst vehicle",
+    )
+    CLEARANCE = (
+        "clearance above ground",
+        f"distance to the exact ground in any direction, every {GRID_S:g} s from the hover after take-off to the order "
+        "to land",
+    )
+    ZONES = (
+        "outside no-fly zones",
+        "horizontal distance to the nearest no-fly zone, negative inside; from the pads to the last stop",
+    )
+    KEEP_IN = (
+        "inside keep-in areas",
+        "horizontal distance to the edge of the nearest keep-in area, negative outside; from the pads to the last stop",
+    )
+    FENCE = (
+        "inside the fence",
+        "horizontal distance to the edge of the fence, negative outside; from the pads to the last stop",
+    )
+    HEIGHT = "height", f"height above the origin, every {GRID_S:g} s from the hover after take-off to the order to land"
+    ROUTE_POINTS = (
+        "route points",
+        "least distance of a vehicle from its place at a route point, within 3 s, or `judge.arrival_time_s` where that "
+        "is more, of the planned time; the worst vehicle and point",
+    )
+    ARRIVAL_POSITION = "arrival position", "distance from the vehicle's goal at the planned arrival"
+    ARRIVAL_TIME = (
+        "arrival time",
+        "when the vehicle comes into the circle of `judge.arrival_position_m` around its goal to stay, against the "
+        "plan's own entry; early or late",
+    )
+    SEPARATION = "separation", "distance of the centres of two vehicles, from T0 to the order to land"
+    GROUND_SEPARATION = "separation near ground", "the same before T0 and after the order to land"
+
+    definition: str
+
+    def __new__(cls, words: str, definition: str) -> Self:
+        """The member of these words."""
+        one = str.__new__(cls, words)
+        one._value_, one.definition = words, definition
+        return one
+
+
 @dataclass(frozen=True)
 class Criterion:
     """One criterion. Of reported states the true value is between `lowest` and `highest`; of true states it is `value`.
@@ -20,7 +72,7 @@ class Criterion:
     A criterion is decided where both ends of that range are on one side of the limit.
     """
 
-    name: str
+    name: CriterionName
     unit: str
     value: float
     limit: float

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FileFormatError
-from gcs.flight.assessment.criterion import Criterion, FlightOutcome
+from gcs.flight.assessment.criterion import GRID_S, Criterion, CriterionName, FlightOutcome
 from gcs.flight.assessment.route_passing import route_criterion
 from gcs.flight.monitoring.progress import FlightTimes, PlanTime
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
@@ -31,9 +31,6 @@ from gcs.types import Array
 from gcs.util.archives import ArrayKind, read_arrays
 from gcs.util.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
 
-ZONES, KEEP_IN, FENCE, HEIGHT = "outside no-fly zones", "inside keep-in areas", "inside the fence", "height"
-GRID_S = 0.05
-GROUND_SEPARATION = "separation near ground"
 _MOST = 2048 * MIB  # the file is not packed: it is as large as its arrays
 _TRUTH = {
     "t_s": ArrayKind("f8", 1, _MOST),
@@ -83,24 +80,22 @@ def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Crit
     """
     found, scenario = [], plan.scenario
     t_s, places, within_m = everywhere.t_s, everywhere.ned_m, everywhere.horizontal_m
-    for name, zones in ((ZONES, scenario.no_fly), (KEEP_IN, scenario.keep_in)):
+    for name, zones in ((CriterionName.ZONES, scenario.no_fly), (CriterionName.KEEP_IN, scenario.keep_in)):
         if zones:
             away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1])
             found.append(_extreme(plan, name, away_m, within_m, t_s, 0.0, planned=scenario.limits.zone_margin_m))
     inside = inside_m(inclusion_corners(planned_places_m(plan)), places)
-    found.append(_extreme(plan, FENCE, inside, within_m, t_s, 0.0))
+    found.append(_extreme(plan, CriterionName.FENCE, inside, within_m, t_s, 0.0))
     ceiling_m = scenario.limits.height_m[1]
     limit_m = round(ceiling_m + navigation_error(scenario).vertical_m, 3)
-    up_m = -airborne.ned_m[..., 2]
-    found.append(
-        _extreme(plan, HEIGHT, up_m, airborne.vertical_m, airborne.t_s, limit_m, at_least=False, planned=ceiling_m)
-    )
-    return found
+    up_m, within_m, t_s = -airborne.ned_m[..., 2], airborne.vertical_m, airborne.t_s
+    high = _extreme(plan, CriterionName.HEIGHT, up_m, within_m, t_s, limit_m, at_least=False, planned=ceiling_m)
+    return [*found, high]
 
 
 def _extreme(
     plan: Plan,
-    name: str,
+    name: CriterionName,
     figure: Array,
     within: Array,
     t_s: Array,
@@ -184,7 +179,7 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
     off_plan = mission & airborne.off_plan
     mission &= ~off_plan
     rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
-    name, limit_m = "position error (RMS)", limits.position_rms_m
+    name, limit_m = CriterionName.POSITION_RMS, limits.position_rms_m
     error_rms = _extreme(plan, name, rms[:, None], within[:, None], t_s, limit_m, at_least=False)
     criteria = [replace(error_rms, t_s=None)]
     criteria.append(_clearance(plan, airborne))
@@ -214,7 +209,7 @@ def _separations(plan: Plan, tracks: Tracks) -> list[Criterion]:
     first, second = np.triu_indices(len(plan.sysids), 1)
     known = tracks.horizontal_m.shape == (1, 1)
     found = []
-    for name, instants in (("separation", on_plan), (GROUND_SEPARATION, ~on_plan)):
+    for name, instants in ((CriterionName.SEPARATION, on_plan), (CriterionName.GROUND_SEPARATION, ~on_plan)):
         if not instants.any():
             continue
         least, lowest, highest, nearest = np.inf, np.inf, np.inf, (0, 0)
@@ -246,7 +241,7 @@ def _clearance(plan: Plan, tracks: Tracks) -> Criterion:
     lowest_m = float((up_m - ground_height_m(terrain, north_m, east_m)).min())  # the least distance is no more
     above = ground_distance_m(terrain, north_m, east_m, up_m, lowest_m)
     planned_m = plan.scenario.limits.clearance_min_m
-    return _extreme(plan, "clearance above ground", above, tracks.within_m, tracks.t_s, 0.0, planned=planned_m)
+    return _extreme(plan, CriterionName.CLEARANCE, above, tracks.within_m, tracks.t_s, 0.0, planned=planned_m)
 
 
 def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
@@ -257,7 +252,7 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     end = slice(at_end, at_end + 1)
     there = _extreme(
         plan,
-        "arrival position",
+        CriterionName.ARRIVAL_POSITION,
         missed[:, end],
         within[:, end],
         np.array([plan.flight_s]),
@@ -273,7 +268,7 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     bounds = np.abs(first - due), np.abs(last - due)
     least = np.where((first <= due) & (due <= last), 0.0, np.minimum(*bounds))
     in_time = Criterion(
-        "arrival time",
+        CriterionName.ARRIVAL_TIME,
         "s",
         float(late[latest]),
         limits.arrival_time_s,

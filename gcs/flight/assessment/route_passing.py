@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array, JsonObject
 
-ROUTE_POINTS = "route points"
 Track = tuple[Array, Array]  # plan times (N,) and positions (N, 3), NED, of one vehicle
 _NEAR_M = 1.0  # beyond its nearest point: a vehicle that stops has arrived
 _STEP_S = 0.05
@@ -83,8 +82,8 @@ def route_criterion(plan: Plan, t_s: Array, flown: Array, within_m: Array) -> Cr
             worst = max(worst, (metres, sysid, arrives_s), key=lambda one: one[0])
             lowest, highest = max(lowest, metres - off_m), max(highest, metres + off_m)
     metres, sysid, when_s = worst
-    limit_m = plan.scenario.judge.arrival_position_m
-    return Criterion(ROUTE_POINTS, "m", metres, limit_m, False, sysid, when_s, lowest=lowest, highest=highest)
+    name, limit_m = CriterionName.ROUTE_POINTS, plan.scenario.judge.arrival_position_m
+    return Criterion(name, "m", metres, limit_m, False, sysid, when_s, lowest=lowest, highest=highest)
 
 
 def _passing(plan: Plan, row: int, passage: Passage, track: Track) -> tuple[float, float]:

@@ -35,6 +35,7 @@ class IncidentKind(StrEnum):
     CONFLICT = "separation in danger"
     OFF_TRACK = "off its predicted track"
     STRANDED = "no setpoints for some time"
+    DOWN = "on the ground with its motors running"
     MOTORS_STOPPED = "disarmed in the air"
     ALARM = "raises an alarm"
 
@@ -90,6 +91,7 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.OFF_TRACK: f"mission mode: for {CONFIRMED_S:g} s more than {BAND_S:g} s late or early on its "
     "predicted track, or farther from it than the navigation error",
     IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
+    IncidentKind.DOWN: "armed for 2 s at the ground and more than 5 m off its place, where the plan flies higher",
     IncidentKind.MOTORS_STOPPED: "HEARTBEAT: not armed above ground, twice or with a fall faster than 2 m/s",
     IncidentKind.ALARM: "SYS_STATUS: a sensor that is not healthy any more; HEARTBEAT: system status critical",
 }

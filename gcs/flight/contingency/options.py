@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import DetectionLimits
+from gcs.flight.monitoring.preflight_check import CheckName
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,6 @@ class FlightOptions:
     follow: bool = False  # followers fly relative to the reported position of their leader
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
-    waived: frozenset[str] = frozenset()  # pre-flight checks that do not stop this flight
+    waived: frozenset[CheckName] = frozenset()  # pre-flight checks that do not stop this flight
     texts_after_upload_s: float = 2.5  # vehicle time: so long a critical text about the upload may take
     limits: DetectionLimits = field(default_factory=DetectionLimits)

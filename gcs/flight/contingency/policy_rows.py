@@ -146,6 +146,8 @@ POLICY = (
         vehicles=p.formation_of_vehicle,
     ),
     Row(_K.OFF_TRACK, p.ALL, KEEPS),
+    Row(_K.DOWN, p.IN_FORMATION, "A vehicle that came down is ordered to land, which stops its motors", _A.LAND),
+    Row(_K.DOWN, p.ALL - p.IN_FORMATION, KEEPS),
     Row(
         _K.STRANDED,
         frozenset({_S.FLYING}),

@@ -37,7 +37,8 @@ from gcs.types import Array
 _PERIOD_S = 0.1  # of fleet time between two checks
 _STAMPED_S = 0.005  # local time in which many messages get one stamp
 _ALARMS = frozenset(
-    {IncidentKind.ALARM, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL}
+    {IncidentKind.ALARM, IncidentKind.DOWN, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW}
+    | {IncidentKind.BATTERY_CRITICAL}
 )
 
 
@@ -194,7 +195,7 @@ class ContingencyExecutor:
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
-        for incident in self._positions.off_track(now_s):
+        for incident in (*self._positions.off_track(now_s), *self._positions.down(now_s, t_s)):
             self._decide(incident, t_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)

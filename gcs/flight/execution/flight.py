@@ -38,7 +38,7 @@ from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Completion, Monitor
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
-from gcs.flight.monitoring.preflight_check import CLOCK, MESSAGES
+from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.monitoring.reported_now import ReportedNow
 from gcs.flight.setup.build_loads import refuse_no_hour
@@ -208,7 +208,7 @@ class FlightSequence:
         await self.prepare_contingency()
         await self.time.until(texts_end_unix_s)
         self._refuse_critical_texts()
-        if self.options.mode is FlightMode.MISSION or CLOCK not in self.options.waived:
+        if self.options.mode is FlightMode.MISSION or CheckName.CLOCK not in self.options.waived:
             await self.time.agree()
         self.landing.custody.refuse_armed()
         self._hooks.on_read_back(self.held)
@@ -233,7 +233,7 @@ class FlightSequence:
         self._telemetry.refuse_stale()
 
     def _refuse_critical_texts(self) -> None:
-        if MESSAGES not in self.options.waived:
+        if CheckName.MESSAGES not in self.options.waived:
             self._texts.refuse()
 
     def is_aloft(self) -> None:

@@ -14,6 +14,7 @@ from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
 
 _IN_AIR_M = 2.0
+_GROUND_M, _AWAY_M, _DOWN_S = 1.0, 5.0, 2.0  # so low, so far off its place and for so long a vehicle has come down
 _FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
 
 
@@ -29,6 +30,7 @@ class PositionChecks:
         self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks, streamed=streamed)
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
+        self._low_s: dict[int, float] = {}  # since when vehicles are down
 
     def falls(self, sysid: int, now_s: float) -> None:
         """The motors of a vehicle have stopped in the air."""
@@ -56,6 +58,20 @@ class PositionChecks:
         flying = [i for i in self._policy.in_formation if self._vehicles[i].session.armed]
         found = self._tracks.look(self._monitor.views, t0_unix_s, flying)
         return [Incident(IncidentKind.OFF_TRACK, off.sysid, now_s, str(off)) for off in found]
+
+    def down(self, now_s: float, t_s: float) -> list[Incident]:
+        """Return an incident, once, for each vehicle on the ground that the plan has in the air."""
+        scenario, found = self._plan.scenario, []
+        low_m = _GROUND_M + navigation_error(scenario).vertical_m
+        flown = 0.0 <= t_s <= self._plan.flight_s and low_m < scenario.limits.clearance_min_m
+        for sysid in self._policy.in_formation if flown else ():
+            armed, view = self._vehicles[sysid].session.armed, self._monitor.views[sysid]
+            if not (armed and view.error_m > _AWAY_M and self.place(sysid).above_ground_m < low_m):
+                self._low_s.pop(sysid, None)
+            elif now_s - self._low_s.setdefault(sysid, now_s) > _DOWN_S:
+                self._low_s[sysid] = np.inf
+                found.append(Incident(IncidentKind.DOWN, sysid, now_s, f"{view.error_m:.1f} m off its place"))
+        return found
 
     def conflicts(self, now_s: float, t_s: float, *, gathers: bool) -> list[Incident]:
         """Return an incident for each conflict; its first vehicle is farther from its place than the other one.

@@ -14,7 +14,7 @@ from gcs.autopilots.alarms import GRAVE
 from gcs.autopilots.traits import traits_of
 from gcs.errors import FlightError
 from gcs.flight.monitoring.monitor import Monitor
-from gcs.flight.monitoring.preflight_check import MESSAGES
+from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import Event
 from gcs.link.protocols.statustext import StatusText
 from gcs.link.session.vehicle_session import VehicleSession
@@ -57,7 +57,8 @@ class TextWatch:
             if texts and sysid in (None, vehicle):
                 raise FlightError(
                     f"vehicle {vehicle} reports before it is armed: {'; '.join(texts)}.",
-                    hint=f"remove the cause, then fly again; `--waive {MESSAGES}` ignores such texts for one flight",
+                    hint=f"remove the cause, then fly again; `--waive {CheckName.MESSAGES}` ignores such texts for one "
+                    "flight",
                 )
 
     def _receive(self, sysid: int, at_s: float, said: StatusText) -> None:

@@ -2,27 +2,30 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
 
 from gcs.errors import FlightError, UsageError
 from gcs.types import JsonObject
 
-BATTERY, CAN_ARM, CLOCK, DISARMED, MESSAGES = "battery", "can arm", "clock", "disarmed", "messages"
-TIMING = "timing"
-CHECKS = {
-    DISARMED: "the vehicle is not armed",
-    CAN_ARM: "its own checks pass, where SYS_STATUS says so, and it has lately told no reason against arming",
-    "position estimate": "the estimator's flags are those that a flight needs",
-    "sensors": "every enabled sensor is healthy, those excepted that are only mentioned",
-    "pad": "the vehicle stands on its own pad",
-    "height": "its height is that of its pad",
-    "home": "its home is where it stands",
-    "local frame": "the origin of its local frame is at its pad",
-    CLOCK: "TIMESYNC is answered in time, and GNSS time agrees with that of the other vehicles",
-    BATTERY: "the charge is enough for the plan and the reserve, also by the current in the hover before T0",
-    "capacity": "the capacity that it is set to is that of [vehicle.power]; a difference is a warning",
-    MESSAGES: "it has sent no STATUSTEXT of severity CRITICAL or worse",
-    TIMING: "in mission mode, parameters that its arrival times rest on are those assumed",
-}
+
+class CheckName(StrEnum):
+    """What is checked; the value is what `--waive` takes."""
+
+    DISARMED = "disarmed"
+    CAN_ARM = "can arm"  # its own checks pass, where SYS_STATUS says so, and it sent no reason against arming lately
+    ESTIMATE = "position estimate"  # the estimator's flags are those that a flight needs
+    SENSORS = "sensors"  # every enabled one is healthy, except those that are only mentioned
+    PAD = "pad"
+    HEIGHT = "height"  # that of its pad
+    HOME = "home"  # is where the vehicle stands
+    LOCAL_FRAME = "local frame"  # its origin is at the pad
+    CLOCK = "clock"  # TIMESYNC is answered in time, and GNSS time agrees with that of the other vehicles
+    BATTERY = "battery"  # enough for plan and reserve, also by the current in the hover before T0
+    CAPACITY = "capacity"  # that of [vehicle.power]; a difference is a warning
+    MESSAGES = "messages"  # no STATUSTEXT of severity CRITICAL or worse
+    TIMING = "timing"  # in mission mode, parameters that its arrival times rest on are those assumed
+
+
 _PROOFS = {
     "read-back": "what is on board must be what was sent",
     "verification": "a plan that failed verification is not flown",
@@ -35,7 +38,7 @@ class PreflightCheck:
     """One check of one vehicle. A failed one is a no-go unless it is waived; a warning is none."""
 
     sysid: int
-    name: str
+    name: CheckName
     measured: str
     required: str
     ok: bool
@@ -61,7 +64,7 @@ def complete(checks: Iterable[PreflightCheck]) -> tuple[PreflightCheck, ...]:
     )
 
 
-def waive(checks: Iterable[PreflightCheck], names: Collection[str]) -> tuple[PreflightCheck, ...]:
+def waive(checks: Iterable[PreflightCheck], names: Collection[CheckName]) -> tuple[PreflightCheck, ...]:
     """Return the checks, with failed ones of these names waived."""
     return tuple(replace(c, waived=True) if not c.ok and c.name in names else c for c in checks)
 
@@ -74,7 +77,8 @@ def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
         more = f"; and {len(bad) - 6} more" if len(bad) > 6 else ""
         names = dict.fromkeys(c.name for c in bad)
         options = " ".join(f"--waive '{name}'" if " " in name else f"--waive {name}" for name in names)
-        once = f" To fly once in spite of them, add {options}" if DISARMED not in names else ""  # it would not help
+        helps = CheckName.DISARMED not in names
+        once = f" To fly once in spite of them, add {options}" if helps else ""
         raise FlightError(
             f"no-go: {listed}{more}.", hint=f"fix the failed checks, then run again; no vehicle was armed.{once}"
         )
@@ -85,12 +89,10 @@ def checks_data(checks: Iterable[PreflightCheck]) -> list[JsonObject]:
     return [{**asdict(c), "go": c.go} for c in complete(checks)]
 
 
-def known_checks(names: Iterable[str]) -> frozenset[str]:
+def known_checks(names: Collection[str]) -> frozenset[CheckName]:
     """Return names of checks that may be waived. Raises `UsageError` for others."""
-    found = frozenset(names)
-    for name in sorted(found):
+    for name in sorted({*names} - {*CheckName}):
         if name in _PROOFS:
             raise UsageError(f"--waive {name}: {name} is never waived: {_PROOFS[name]}", hint="leave --waive out")
-        if name not in CHECKS:
-            raise UsageError(f"--waive {name}: there is no such check", hint=f"give one of {', '.join(CHECKS)}")
-    return found
+        raise UsageError(f"--waive {name}: there is no such check", hint=f"give one of {', '.join(CheckName)}")
+    return frozenset(map(CheckName, names))

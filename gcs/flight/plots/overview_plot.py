@@ -15,6 +15,7 @@ from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.formation.timeline import AUTO
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -143,7 +144,7 @@ def shapes_of(plan: Plan) -> tuple[ShownShape, ...]:
     """Return the shape at the start and after each change, or amid one that undoes itself; none where it is rigid."""
     ends = [("start", 0.0)]
     for move in plan.moves:
-        t_s = 0.5 * (move.start_s + move.end_s) if move.trigger == "auto" else min(move.end_s, plan.flight_s)
+        t_s = 0.5 * (move.start_s + move.end_s) if move.trigger == AUTO else min(move.end_s, plan.flight_s)
         ends.append((move.name.replace('"', ""), t_s))
     if len(ends) == 1 or len(plan.sysids) == 1:
         return ()

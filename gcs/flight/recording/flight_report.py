@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from gcs.flight.assessment.criterion import Criterion
-from gcs.flight.assessment.judge import GRID_S, Verdict
+from gcs.flight.assessment.judge import Verdict
 from gcs.flight.contingency.choices import FlightMode, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.recording.flight_folder import OUTCOMES, PLAN, TRUE_STATES, limit_text
@@ -22,27 +22,6 @@ from gcs.scenario.values.si import autopilots
 from gcs.types import JsonObject
 from gcs.util.atomic_write import atomic_write
 
-# Criterion: what is measured, and when. Positions are true ones, times are plan times.
-DEFINITIONS = {
-    "position error (RMS)": f"distance of the true position from the planned position of the same instant; root of the "
-    f"mean of its squares, every {GRID_S:g} s from T0 to the planned arrival; the worst vehicle",
-    "clearance above ground": f"distance to the exact ground in any direction, every {GRID_S:g} s from the hover after "
-    "take-off to the order to land",
-    "outside no-fly zones": "horizontal distance to the nearest no-fly zone, negative inside; from the pads to the "
-    "last stop",
-    "inside keep-in areas": "horizontal distance to the edge of the nearest keep-in area, negative outside; from the "
-    "pads to the last stop",
-    "inside the fence": "horizontal distance to the edge of the fence, negative outside; from the pads to the last "
-    "stop",
-    "height": f"height above the origin, every {GRID_S:g} s from the hover after take-off to the order to land",
-    "route points": "least distance of a vehicle from its place at a route point, within 3 s, or "
-    "`judge.arrival_time_s` where that is more, of the planned time; the worst vehicle and point",
-    "arrival position": "distance from the vehicle's goal at the planned arrival",
-    "arrival time": "when the vehicle comes into the circle of `judge.arrival_position_m` around its goal to stay, "
-    "against the plan's own entry; early or late",
-    "separation": "distance of the centres of two vehicles, from T0 to the order to land",
-    "separation near ground": "the same before T0 and after the order to land",
-}
 _TRUE = "True positions are those of the emulated bodies; vehicles and Skein know estimates only."
 _REPORTED = (
     "Positions are those that the vehicles reported. The true ones may be elsewhere: by 3 sigma of what receiver and "
@@ -184,7 +163,7 @@ def _deviation_mps(gusts: str | None) -> float:
 
 
 def _definitions(verdict: Verdict, judged: str) -> list[str]:
-    known = [(c.name, DEFINITIONS[c.name]) for c in verdict.criteria if c.name in DEFINITIONS]
+    known = [(str(c.name), c.name.definition) for c in verdict.criteria]
     known += [("formation error", FORMATION_ERROR), ("time skew", SKEW)]
     return [
         "## Definitions",

@@ -22,10 +22,8 @@ from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import (
-    BATTERY,
-    CAN_ARM,
-    CLOCK,
     NOT_REPORTED,
+    CheckName,
     PreflightCheck,
     refuse_no_go,
     waive,
@@ -284,7 +282,7 @@ async def go_or_no_go(
     limits: PreflightTable,
     show: Callable[[tuple[PreflightCheck, ...]], None],
     say: Callable[[str], None],
-    waived: Collection[str] = (),
+    waived: Collection[CheckName] = (),
     timed: Sequence[VehicleLoad] = (),
 ) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
     """Return the checks of all vehicles, after `show`, and the charge to end with; None if that is waived.
@@ -304,7 +302,7 @@ async def go_or_no_go(
     checks = waive((*preflight(plan, reports, limits), *timings), waived)
     show(checks)
     refuse_no_go(checks)
-    if BATTERY in waived:
+    if CheckName.BATTERY in waived:
         return checks, None
     power = plan.scenario.vehicle.power
     batteries = {sysid: own_battery(report, power) for sysid, report in reports.items()}
@@ -358,16 +356,16 @@ def waived_events(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleS
 
 
 _KINDS = {
-    "disarmed": _Kind(lambda _, __: "disarmed", _disarmed),
-    CAN_ARM: _Kind(lambda _, __: "yes", _can_arm),
-    "position estimate": _Kind(lambda _, __: "healthy", _estimate),
-    "sensors": _Kind(_sensors_required, _sensors),
-    "pad": _Kind(lambda _, limits: f"within {limits.pad_m:g} m", _pad),
-    "height": _Kind(lambda _, limits: f"within {limits.height_m:g} m", _height),
-    "home": _Kind(lambda _, limits: f"within {limits.home_m:g} m", _home),
-    "local frame": _Kind(lambda _, limits: f"within {limits.origin_m:g} m", _local_frame),
-    CLOCK: _Kind(_clock_required, _clock),
-    BATTERY: _Kind(_battery_required, _battery),
-    "capacity": _Kind(capacity_required, _capacity),
-    "messages": _Kind(lambda _, __: "no critical text", _messages),
+    CheckName.DISARMED: _Kind(lambda _, __: "disarmed", _disarmed),
+    CheckName.CAN_ARM: _Kind(lambda _, __: "yes", _can_arm),
+    CheckName.ESTIMATE: _Kind(lambda _, __: "healthy", _estimate),
+    CheckName.SENSORS: _Kind(_sensors_required, _sensors),
+    CheckName.PAD: _Kind(lambda _, limits: f"within {limits.pad_m:g} m", _pad),
+    CheckName.HEIGHT: _Kind(lambda _, limits: f"within {limits.height_m:g} m", _height),
+    CheckName.HOME: _Kind(lambda _, limits: f"within {limits.home_m:g} m", _home),
+    CheckName.LOCAL_FRAME: _Kind(lambda _, limits: f"within {limits.origin_m:g} m", _local_frame),
+    CheckName.CLOCK: _Kind(_clock_required, _clock),
+    CheckName.BATTERY: _Kind(_battery_required, _battery),
+    CheckName.CAPACITY: _Kind(capacity_required, _capacity),
+    CheckName.MESSAGES: _Kind(lambda _, __: "no critical text", _messages),
 }

@@ -16,7 +16,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs.errors import LinkError, UsageError
+from gcs.errors import LinkError, UsageError, read_error_text
 from gcs.flight.contingency.choices import NavigatorChoice
 from gcs.scenario.schema.scenario import Scenario
 
@@ -63,7 +63,7 @@ def refuse_wrong_options(scenario: Scenario, emulated: Emulated) -> None:
 def _refused(code: int | None, said: str) -> UsageError | LinkError:
     if code != UsageError.exit_code:
         return LinkError(f"the simulator did not start: {said.strip() or f'exit code {code}, no message'}")
-    message, _, hint = said.strip().removeprefix("error: ").partition("\nnext: ")
+    message, hint = read_error_text(said)
     return UsageError(message, hint=hint)
 
 

@@ -3,7 +3,7 @@
 from gcs.autopilots.parameter_names import in_units_of
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
-from gcs.flight.monitoring.preflight_check import TIMING, PreflightCheck
+from gcs.flight.monitoring.preflight_check import CheckName, PreflightCheck
 from gcs.link.session.vehicle_api import Loadable
 from gcs.link.session.vehicle_load import VehicleLoad
 
@@ -19,11 +19,11 @@ async def timing_check(session: Loadable, load: VehicleLoad) -> PreflightCheck:
     try:
         found = await session.read_parameters(names)
     except PeerError as error:
-        return PreflightCheck(session.sysid, TIMING, error.message.rstrip("."), _REQUIRED, ok=False)
+        return PreflightCheck(session.sysid, CheckName.TIMING, error.message.rstrip("."), _REQUIRED, ok=False)
     off = []
     for name in names:
         own = found[name]
         assumed = in_units_of(session.autopilot, own.name, name, rests_on[name])
         if abs(own.value - assumed) > _ALIKE * abs(assumed):
             off.append(f"{own.name} is {own.value:g}, assumed {assumed:g}")
-    return PreflightCheck(session.sysid, TIMING, "; ".join(off) or "as assumed", _REQUIRED, ok=not off)
+    return PreflightCheck(session.sysid, CheckName.TIMING, "; ".join(off) or "as assumed", _REQUIRED, ok=not off)

@@ -131,7 +131,8 @@ class MavsdkVehicle:
         try:
             raw = await self.call("download its items", downloads[MissionType(mission_type)])
         except PeerError as error:
-            if "NO_MISSION_AVAILABLE" in error.message:  # MAVSDK's answer for an empty mission
+            refusal = getattr(error.__cause__, "result", None)
+            if refusal is mission_raw.MissionRawResult.NO_MISSION_AVAILABLE:  # MAVSDK's answer for an empty mission
                 return ()
             raise
         return tuple(_item(one) for one in raw)
@@ -196,8 +197,9 @@ class MavsdkVehicle:
                 work.exception()
                 raise
             except Exception as error:  # MAVSDK's plugins have an exception class each
-                reason = str(error).partition(";")[0]
-                raise PeerError(f"vehicle {self.sysid}: MAVSDK could not {what}: {reason}.") from None
+                result = getattr(error, "result", None)
+                reason = error if result is None else result.name
+                raise PeerError(f"vehicle {self.sysid}: MAVSDK could not {what}: {reason}.") from error
 
 
 class MavsdkFleet:

@@ -61,15 +61,11 @@ class _Track:
         end = np.minimum(end, last)  # one knot alone is a piece of no length
         pieces = np.minimum(begin, len(flight.bent_m) - 1)
         alone = last == first or not len(flight.bent_m)
-        return cls(
-            flight.ned_m[begin],
-            flight.ned_m[end],
-            flight.t_s[begin],
-            flight.t_s[end],
-            np.stack([flight.item[begin], flight.item[end]], axis=1).astype(np.intp),
-            np.zeros(1) if alone else flight.bent_m[pieces],
-            np.zeros((1, 3)) if alone else flight.fastest_mps[pieces],
-        )
+        items = np.stack([flight.item[begin], flight.item[end]], axis=1).astype(np.intp)
+        bent_m = np.zeros(1) if alone else flight.bent_m[pieces]
+        fastest_mps = np.zeros((1, 3)) if alone else flight.fastest_mps[pieces]
+        ends = flight.ned_m[begin], flight.ned_m[end], flight.t_s[begin], flight.t_s[end]
+        return cls(*ends, items, bent_m, fastest_mps)
 
     @property
     def duration_s(self) -> Array:

@@ -22,6 +22,7 @@ _HOLDS = frozenset(  # parameter 1 is a time, s
 )
 FAR_M = 100_000.0  # no quadrotor flies so far
 _EARTH_M = 6_371_000.0
+_Said = Iterator[tuple[Rule, Level, str]]
 Degrees = tuple[int, int]  # latitude, longitude, degE7
 # How two numbers, written as they are here, become latitude and longitude.
 _QUESTIONS: tuple[tuple[str, Callable[[int, int], Degrees]], ...] = (
@@ -36,14 +37,10 @@ _QUESTIONS: tuple[tuple[str, Callable[[int, int], Degrees]], ...] = (
 
 def check_items(mission: MissionFile) -> Iterator[Finding]:
     """Findings that follow from the items alone."""
-    yield from _whole(mission)
+    yield from (found(mission, *one) for one in _whole(mission))
     for index, item in enumerate(mission.items):
-        yield from _taken(mission, index, item)
-        yield from _values(mission, index, item)
-        if item.command == Command.DO_CHANGE_SPEED:
-            yield from _speed(mission, index, item)
-        elif item.command == Command.DO_JUMP:
-            yield from _jump(mission, index, item)
+        for rule in (_taken, _values, _speed, _jump):
+            yield from (found(mission, *one, index) for one in rule(mission, index, item))
 
 
 def found(
@@ -55,105 +52,98 @@ def found(
     return Finding(rule, level, message, mission.source, mission.line(index), mission.seq(index), t_s)
 
 
-def _whole(mission: MissionFile) -> Iterator[Finding]:
+def _whole(mission: MissionFile) -> Iterator[tuple[Rule, Level, str] | tuple[Rule, Level, str, int]]:
     firmware, items = mission.firmware, mission.items
-    count = len(items) + firmware.home_is_item_0
-    most = firmware.traits.missions.items_max
+    count, most = len(items) + firmware.home_is_item_0, firmware.traits.missions.items_max
     if count > most:
-        message = f"{count} items; {firmware.title} stores at most {most}"
-        yield found(mission, Rule.ITEMS, Level.ERROR, message)
+        yield Rule.ITEMS, Level.ERROR, f"{count} items; {firmware.title} stores at most {most}"
     if not items:
-        yield found(mission, Rule.ITEMS, Level.ERROR, "the mission has no items")
+        yield Rule.ITEMS, Level.ERROR, "the mission has no items"
         return
-    jumps = [i for i in items if i.command == Command.DO_JUMP]
-    jumps_max = firmware.traits.missions.jumps_max
-    if jumps_max is not None and len(jumps) > jumps_max:
-        message = f"{len(jumps)} jumps; boards with little memory store {jumps_max} and ignore the others"
-        yield found(mission, Rule.JUMP, Level.WARNING, message)
-    first = next((n for n, i in enumerate(items) if i.command <= MavCommand.NAV_LAST), None)
-    if first is None or items[first].command != Command.NAV_TAKEOFF:
-        yield found(mission, Rule.ORDER, Level.WARNING, "the first navigation command is not a take-off", first or 0)
-    last = [n for n, i in enumerate(items) if i.command <= MavCommand.NAV_LAST]
-    if last and items[last[-1]].command not in _ENDS:
-        message = f"the mission ends in the air, with {name_of(items[last[-1]].command)}"
-        yield found(mission, Rule.ORDER, Level.WARNING, message, last[-1])
+    jumps, jumps_max = sum(i.command == Command.DO_JUMP for i in items), firmware.traits.missions.jumps_max
+    if jumps_max is not None and jumps > jumps_max:
+        text = f"{jumps} jumps; boards with little memory store {jumps_max} and ignore the others"
+        yield Rule.JUMP, Level.WARNING, text
+    flown = [n for n, i in enumerate(items) if i.command <= MavCommand.NAV_LAST]
+    if not flown or items[flown[0]].command != Command.NAV_TAKEOFF:
+        text = "the first navigation command is not a take-off"
+        yield Rule.ORDER, Level.WARNING, text, flown[0] if flown else 0
+    if flown and items[flown[-1]].command not in _ENDS:
+        text = f"the mission ends in the air, with {name_of(items[flown[-1]].command)}"
+        yield Rule.ORDER, Level.WARNING, text, flown[-1]
     for index, item in enumerate(items[1:], start=1):
         if item.command == Command.NAV_TAKEOFF and items[index - 1].command != Command.NAV_LAND:
-            yield found(mission, Rule.ORDER, Level.WARNING, "take-off in the air", index)
+            yield Rule.ORDER, Level.WARNING, "take-off in the air", index
 
 
-def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
-    why = refusal(item.command, mission.firmware)
-    if why:
+def _taken(mission: MissionFile, _: int, item: MissionItem) -> _Said:
+    if why := refusal(item.command, mission.firmware):
         absent = command_source(item.command, mission.firmware) is CommandSource.ABSENT
         mild = absent and item.command > MavCommand.NAV_LAST
-        yield found(mission, Rule.COMMAND, Level.WARNING if mild else Level.ERROR, why, index)
+        yield Rule.COMMAND, Level.WARNING if mild else Level.ERROR, why
     if not known_position(item.command):
         return
     if item.frame in _NO_POSITION:
-        message = f"{name_of(item.command)} has a position, but frame {item.frame} has none"
-        yield found(mission, Rule.FRAME, Level.ERROR, message, index)
+        yield Rule.FRAME, Level.ERROR, f"{name_of(item.command)} has a position, but frame {item.frame} has none"
     elif item.frame not in mission.firmware.traits.missions.frames:
-        message = f"{mission.firmware.title} refuses altitudes in frame {item.frame}"
-        yield found(mission, Rule.FRAME, Level.ERROR, message, index)
+        yield Rule.FRAME, Level.ERROR, f"{mission.firmware.title} refuses altitudes in frame {item.frame}"
 
 
-def _values(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
+def _values(mission: MissionFile, index: int, item: MissionItem) -> _Said:
     if known_position(item.command) and not abs(item.alt_m) <= ALTITUDE_MAX_M:
-        yield found(mission, Rule.VALUE, Level.ERROR, f"altitude {item.alt_m:g} m; limit {ALTITUDE_MAX_M:g} m", index)
+        yield Rule.VALUE, Level.ERROR, f"altitude {item.alt_m:g} m; limit {ALTITUDE_MAX_M:g} m"
     hold_s = item.params[0]
     if item.command in _HOLDS and math.isnan(hold_s):
-        yield found(mission, Rule.VALUE, Level.ERROR, "the hold time is not a number", index)
+        yield Rule.VALUE, Level.ERROR, "the hold time is not a number"
     if item.command == Command.NAV_DELAY and hold_s < 0:
         if mission.firmware.traits.flight.waits_for_time_of_day:
-            message = "waits until a time of day; the check assumes that it is the common start"
-            yield found(mission, Rule.ASSUMED, Level.NOTE, message, index)
+            yield Rule.ASSUMED, Level.NOTE, "waits until a time of day; the check assumes that it is the common start"
         else:
-            message = f"{mission.firmware.title} cannot wait until a time of day, only for seconds"
-            yield found(mission, Rule.VALUE, Level.ERROR, message, index)
-    if not item.autocontinue and index + 1 < len(mission.items):
-        message = "the mission stops here until an operator continues it (autocontinue is off)"
-        yield found(mission, Rule.ORDER, Level.WARNING, message, index)
-    if item.command in _ENDLESS and index + 1 < len(mission.items):
-        yield found(mission, Rule.ORDER, Level.WARNING, "the vehicle never flies the items after this one", index)
+            yield Rule.VALUE, Level.ERROR, f"{mission.firmware.title} cannot wait until a time of day, only for seconds"
+    if index + 1 < len(mission.items) and not item.autocontinue:
+        yield Rule.ORDER, Level.WARNING, "the mission stops here until an operator continues it (autocontinue is off)"
+    if index + 1 < len(mission.items) and item.command in _ENDLESS:
+        yield Rule.ORDER, Level.WARNING, "the vehicle never flies the items after this one"
 
 
-def _speed(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
+def _speed(mission: MissionFile, _: int, item: MissionItem) -> _Said:
     kind, speed_mps = item.params[0], item.params[1]
     slowest, fastest = mission.firmware.traits.missions.speed_mps
+    if item.command != Command.DO_CHANGE_SPEED:
+        return
     if kind not in (0, 1, 2, 3):
-        yield found(mission, Rule.VALUE, Level.ERROR, f"unknown speed type {kind:g}", index)
+        yield Rule.VALUE, Level.ERROR, f"unknown speed type {kind:g}"
     elif math.isnan(speed_mps):
-        yield found(mission, Rule.SPEED, Level.ERROR, "the speed is not a number", index)
+        yield Rule.SPEED, Level.ERROR, "the speed is not a number"
     elif speed_mps == -1 or kind > 1:
         return  # no change; climbing and sinking have limits of their own
     elif speed_mps < slowest - 1e-6:
-        message = f"{mission.firmware.title} ignores {speed_mps:g} m/s; its minimum is {slowest:g} m/s"
-        yield found(mission, Rule.SPEED, Level.ERROR, message, index)
+        text = f"{mission.firmware.title} ignores {speed_mps:g} m/s; its minimum is {slowest:g} m/s"
+        yield Rule.SPEED, Level.ERROR, text
     elif speed_mps > fastest:
-        message = f"{speed_mps:g} m/s; {mission.firmware.title} allows at most {fastest:g} m/s"
+        text = f"{speed_mps:g} m/s; {mission.firmware.title} allows at most {fastest:g} m/s"
         if speed_mps / _KMH <= fastest:
-            message += f". Is it in km/h? {speed_mps:g} km/h are {speed_mps / _KMH:.1f} m/s"
-        yield found(mission, Rule.SPEED, Level.ERROR, message, index)
+            text += f". Is it in km/h? {speed_mps:g} km/h are {speed_mps / _KMH:.1f} m/s"
+        yield Rule.SPEED, Level.ERROR, text
 
 
-def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
+def _jump(mission: MissionFile, index: int, item: MissionItem) -> _Said:
     number, times = item.params[:2]
     first, last = mission.jumps_from, mission.jumps_from + len(mission.items) - 1
+    if item.command != Command.DO_JUMP:
+        return
     if not (math.isfinite(number) and number == round(number) and first <= number <= last):
-        message = f"jumps to item {number:g}; the mission has items {first} to {last}"
-        yield found(mission, Rule.JUMP, Level.ERROR, message, index)
+        yield Rule.JUMP, Level.ERROR, f"jumps to item {number:g}; the mission has items {first} to {last}"
         return
     target = round(number) - first
     if target == index:
-        yield found(mission, Rule.JUMP, Level.ERROR, "jumps to itself", index)
+        yield Rule.JUMP, Level.ERROR, "jumps to itself"
     elif math.isnan(times):
-        yield found(mission, Rule.JUMP, Level.ERROR, "the number of jumps is not a number", index)
+        yield Rule.JUMP, Level.ERROR, "the number of jumps is not a number"
     elif times < 0 and target < index:
-        message = "jumps back without end; the vehicle never flies the items after this one"
-        yield found(mission, Rule.JUMP, Level.WARNING, message, index)
+        yield Rule.JUMP, Level.WARNING, "jumps back without end; the vehicle never flies the items after this one"
     elif target < index and not any(i.command <= MavCommand.NAV_LAST for i in mission.items[target:index]):
-        yield found(mission, Rule.JUMP, Level.ERROR, "jumps back without a navigation command in between", index)
+        yield Rule.JUMP, Level.ERROR, "jumps back without a navigation command in between"
 
 
 def check_places(mission: MissionFile) -> tuple[MissionFile, list[Finding]]:

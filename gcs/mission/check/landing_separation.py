@@ -49,16 +49,11 @@ def planned_descents(
 ) -> tuple[LandingDescent, ...]:
     """Return the descents of a plan's vehicles with these autopilots and parameters, in the plan's order."""
     over = plan.states(np.array([plan.phase(PhaseKind.LANDING).start_s]))[:, 0, POSITION]
-    ground, pads = plan.landing_points_ned_m, plan.pads_ned_m
+    heights = -np.stack([over[:, 2], plan.landing_points_ned_m[:, 2], plan.pads_ned_m[:, 2]], axis=1)
+    rows = zip(autopilots, parameters, plan.landing_points_ned_m.tolist(), heights.tolist(), strict=True)
     return tuple(
-        LandingDescent.of(
-            known.traits.landing.profile(given),
-            (float(ground[row, 0]), float(ground[row, 1])),
-            -float(over[row, 2]),
-            -float(ground[row, 2]),
-            -float(pads[row, 2]),
-        )
-        for row, (known, given) in enumerate(zip(autopilots, parameters, strict=True))
+        LandingDescent.of(known.traits.landing.profile(given), (north, east), *heights_m)
+        for known, given, (north, east, _), heights_m in rows
     )
 
 

@@ -11,14 +11,8 @@ from gcs.mission.model import Home, MissionItem
 
 HOLD_MAX_S = 3600.0  # of a point in a scenario
 _HOLD_MIN_S = 0.1
-_DATUMS = {
-    0: Datum.SEA,
-    5: Datum.SEA,  # GLOBAL_INT
-    3: Datum.HOME,
-    6: Datum.HOME,  # GLOBAL_RELATIVE_ALT_INT
-    10: Datum.GROUND,
-    11: Datum.GROUND,  # GLOBAL_TERRAIN_ALT_INT
-}
+# By the frame of an item; the second one of each is the _INT frame
+_DATUMS = {0: Datum.SEA, 5: Datum.SEA, 3: Datum.HOME, 6: Datum.HOME, 10: Datum.GROUND, 11: Datum.GROUND}
 _POINTS = {  # commands of route points: what is lost of them
     MavCommand.NAV_WAYPOINT: "",
     MavCommand.NAV_LOITER_TIME: "",
@@ -31,13 +25,7 @@ _POINTS = {  # commands of route points: what is lost of them
 _TAKEOFFS = (MavCommand.NAV_TAKEOFF, MavCommand.NAV_VTOL_TAKEOFF)
 _LANDINGS = (MavCommand.NAV_LAND, MavCommand.NAV_VTOL_LAND)
 _JUMPS = (MavCommand.DO_JUMP, MavCommand.DO_JUMP_TAG)
-_AIMS = (
-    MavCommand.NAV_ROI,
-    MavCommand.DO_SET_ROI,
-    MavCommand.DO_SET_ROI_LOCATION,
-    MavCommand.DO_SET_ROI_WPNEXT_OFFSET,
-    MavCommand.DO_SET_ROI_NONE,
-)
+_AIMS = tuple(command for command in MavCommand if "_ROI" in command.name)
 _OF_SPEED = (0.0, 1.0)  # airspeed and ground speed, in DO_CHANGE_SPEED
 
 

@@ -41,6 +41,11 @@ class DrawnFile:
         return self.start.startswith((b"<", b"\xff\xfe", b"\xfe\xff"))
 
     @cached_property
+    def is_gpx(self) -> bool:
+        """Whether it is XML whose root is that of GPX."""
+        return self.is_xml and b"<gpx" in self.data[:_ROOT_WITHIN].replace(b"\0", b"")
+
+    @cached_property
     def is_json(self) -> bool:
         """Whether it begins as JSON does."""
         return self.start.startswith((b"{", b"["))
@@ -67,10 +72,6 @@ class RouteFormat:
     reader: Callable[[bytes, str], Drawing]  # of bytes and the file's name for errors; raises `FileFormatError`
 
 
-def _is_gpx(file: DrawnFile) -> bool:
-    return file.is_xml and b"<gpx" in file.data[:_ROOT_WITHIN].replace(b"\0", b"")
-
-
 def _is_mission(file: DrawnFile) -> bool:
     """Also a fence or rally points, whose reader says that they are no route."""
     line = first_line(file.data)
@@ -78,25 +79,17 @@ def _is_mission(file: DrawnFile) -> bool:
     return is_mission_json(file.data) if file.is_json else begins
 
 
+_PLAN = "The items; those of surveys and corridors as QGroundControl stored them"
+_GEOJSON = "The first line, else the points in order"
+_KML = "The first line, else the first track, else the points in order"
+_GPX = "The first route, else the first track, else the waypoints in order"
 # The first row that recognises a file reads it.
 ROUTE_FORMATS = (
-    RouteFormat(
-        (".plan",),
-        "The items; those of surveys and corridors as QGroundControl stored them",
-        lambda file: file.members.get("fileType") == "Plan",
-        draw_plan,
-    ),
+    RouteFormat((".plan",), _PLAN, lambda file: file.members.get("fileType") == "Plan", draw_plan),
     RouteFormat((".kmz",), "As of the KML in it", lambda file: file.start.startswith(b"PK"), draw_kmz),
-    RouteFormat((".gpx",), "The first route, else the first track, else the waypoints in order", _is_gpx, draw_gpx),
-    RouteFormat(
-        (".kml",), "The first line, else the first track, else the points in order", lambda file: file.is_xml, draw_kml
-    ),
-    RouteFormat(
-        (".geojson",),
-        "The first line, else the points in order",
-        lambda file: file.members.get("type") in GEOJSON_TYPES,
-        draw_geojson,
-    ),
+    RouteFormat((".gpx",), _GPX, lambda file: file.is_gpx, draw_gpx),
+    RouteFormat((".kml",), _KML, lambda file: file.is_xml, draw_kml),
+    RouteFormat((".geojson",), _GEOJSON, lambda file: file.members.get("type") in GEOJSON_TYPES, draw_geojson),
     RouteFormat((".waypoints", ".mission"), "The items, also of older versions", _is_mission, draw_mission),
 )
 

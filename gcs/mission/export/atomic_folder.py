@@ -96,10 +96,8 @@ def refuse_foreign(folder: Path) -> None:
     if INDEX in names:
         known = {INDEX, *listed(folder / INDEX)}
     if foreign := sorted(names - known):
-        raise UsageError(
-            f"{folder} holds files that no export wrote: {', '.join(foreign[:5])}.",
-            hint="choose another folder, or move these files out of it",
-        )
+        text = f"{folder} holds files that no export wrote: {', '.join(foreign[:5])}."
+        raise UsageError(text, hint="choose another folder, or move these files out of it")
 
 
 def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[Finding]]:

@@ -176,10 +176,8 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
             return replace(path, clearance_min_m=clearance_m)
         knots_s /= 2.0
         if knots_s < SHORTEST_KNOT_S:
-            raise VerificationError(
-                f"smoothing failed with knots {2.0 * knots_s:g} s apart: {'; '.join(violated)}",
-                hint="do not smooth, or plan with more margin to this limit",
-            )
+            text = f"smoothing failed with knots {2.0 * knots_s:g} s apart: {'; '.join(violated)}"
+            raise VerificationError(text, hint="do not smooth, or plan with more margin to this limit")
 
 
 def _fitted(t_s: Array, planned: Array, start_s: float, end_s: float, pieces: int) -> BSpline:

@@ -130,15 +130,6 @@ class _Material:
 _Values = Iterator[tuple[str, object]]  # name of a file without suffix, and what it holds
 
 
-def _fences(material: _Material) -> _Values:
-    return ((vehicle_name(sysid), material.safety.fence.geofence) for sysid in material.plan.sysids)
-
-
-def _rally(material: _Material) -> _Values:
-    points = zip(material.plan.sysids, material.safety.rally, strict=True)
-    return ((vehicle_name(sysid), list(each)) for sysid, each in points)
-
-
 def _parameters(material: _Material) -> _Values:
     rows = zip(material.plan.sysids, material.autopilots, material.safety.parameters, strict=True)
     for sysid, firmware, values in rows:
@@ -160,20 +151,16 @@ def _histories(material: _Material) -> _Values:
             yield vehicle_name(history.sysid), history
 
 
-def _maps(material: _Material) -> _Values:
-    yield FLEET, build_map(material.plan, material.safety.fence.geofence)
-
-
 def _batches(vehicles: int) -> Iterator[slice]:
     return (slice(first, first + _BATCH) for first in range(0, vehicles, _BATCH))
 
 
 # The values of each content. `mission_files` makes, verifies and writes missions.
 _VALUES: dict[Content, Callable[[_Material], _Values]] = {
-    Content.FENCE: _fences,
-    Content.RALLY: _rally,
+    Content.FENCE: lambda m: ((name, m.safety.fence.geofence) for name in m.by_stem),
+    Content.RALLY: lambda m: ((name, list(each)) for name, each in zip(m.by_stem, m.safety.rally, strict=True)),
     Content.PARAMETERS: _parameters,
     Content.SETPOINTS: _setpoints,
     Content.HISTORY: _histories,
-    Content.MAP: _maps,
+    Content.MAP: lambda m: iter([(FLEET, build_map(m.plan, m.safety.fence.geofence))]),
 }

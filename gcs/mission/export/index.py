@@ -10,8 +10,7 @@ from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.returns.fence_areas import INCLUSION_MARGIN_M
 from gcs.mission.returns.fence_rally import Safety
-from gcs.mission.returns.rtl_altitudes import WorstReturn
-from gcs.mission.returns.rtl_cases import Crossing
+from gcs.mission.returns.rtl_cases import WorstReturn
 from gcs.mission.waypoints.placement import Deviation
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
@@ -105,11 +104,6 @@ def _worst(worst: WorstReturn) -> dict[str, object]:
     return asdict(worst) | {"proved_m": None if worst.proved_m is None else rounded_down(worst.proved_m)}
 
 
-def _crossing(crossing: Crossing) -> dict[str, object]:
-    """A crossing; `keep_in` is there for the edge of a keep-in area only."""
-    return {key: value for key, value in asdict(crossing).items() if key != "keep_in" or value}
-
-
 def _returns(safety: Safety) -> dict[str, object]:
     returns = safety.returns
     return {
@@ -120,5 +114,9 @@ def _returns(safety: Safety) -> dict[str, object]:
         "worst": None if returns.worst is None else _worst(returns.worst),
         "routed_worst": None if returns.routed is None else asdict(returns.routed),
         "without_way": [asdict(gap) for gap in returns.no_way],
-        "through_zones": [_crossing(crossing) for crossing in returns.crossings],
+        # `keep_in` is there for the edge of a keep-in area only.
+        "through_zones": [
+            {key: value for key, value in asdict(crossing).items() if key != "keep_in" or value}
+            for crossing in returns.crossings
+        ],
     }

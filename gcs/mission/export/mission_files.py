@@ -85,10 +85,8 @@ def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitud
             out_m = np.maximum(low - places[:, axis], places[:, axis] - high)
             worst = int(np.argmax(out_m))
             if out_m[worst] > tolerance_m:
-                raise VerificationError(
-                    f"waypoint {timed[worst][0]} of vehicle {mission.sysid} is {out_m[worst]:.2f} m outside the "
-                    f"{name} limits"
-                )
+                what = f"waypoint {timed[worst][0]} of vehicle {mission.sysid}"
+                raise VerificationError(f"{what} is {out_m[worst]:.2f} m outside the {name} limits")
 
 
 def refuse_broken(report: FleetReport) -> None:
@@ -144,10 +142,8 @@ class MissionOrder:
         if self.gates and not self.corrected:
             raise UsageError("gates need corrected speeds", hint="do not give --untimed or --altitude terrain")
         if self.gates and self.start_s is None:
-            raise UsageError(
-                "gates open at a time of day, and the time of the common start is missing",
-                hint="give --start HH:MM:SS (UTC), or fly with `gcs fly --mode mission --gates`",
-            )
+            text = "gates open at a time of day, and the time of the common start is missing"
+            raise UsageError(text, hint="give --start HH:MM:SS (UTC), or fly with `gcs fly --mode mission --gates`")
         if self.start_s is not None and not 0 <= self.start_s < _DAY_S:
             raise UsageError(f"start_s is {self.start_s}", hint=f"give a time of day from 0 to {_DAY_S - 1} s")
 
@@ -224,10 +220,8 @@ def _held(missions: Sequence[VehicleMission], autopilots: Sequence[Autopilot], s
     rows = zip(missions, autopilots, safety.rally, safety.parameters, strict=True)
     for mission, firmware, rally, parameters in rows:
         speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
-        speed_mps = round(sum(speeds) / len(speeds), 1)
-        name = vehicle_name(mission.sysid)
-        fence = safety.fence.geofence
-        file = MissionFile(name, firmware, mission.home, mission.items, fence, rally, speed_mps)
+        more = safety.fence.geofence, rally, round(sum(speeds) / len(speeds), 1)
+        file = MissionFile(vehicle_name(mission.sysid), firmware, mission.home, mission.items, *more)
         held.append(replace(file, parameters=dict(parameters)))
     return held
 

@@ -7,6 +7,7 @@ lists of points and QGroundControl's `.mission` files are read too, and never wr
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
@@ -18,11 +19,10 @@ from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.formats.vendor_quirks import Oddity, first_line
-from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.util.bounded_file import MISSION_FILE, SHEETS, read_file
 
 _BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
-_Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Oddity, ...]]  # a fence or rally points, and their oddities
+_Extra = tuple[dict[str, Any], tuple[Oddity, ...]]  # a fence or rally points, as fields of a mission, and oddities
 
 
 def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> tuple[MissionFile, ...]:
@@ -46,7 +46,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
     for path, extra in extras:
         same = [Path(m.source).with_suffix("") == path.with_suffix("") for m in missions]
         belongs = same if any(same) else [True] * len(missions)
-        missions = [_with(m, extra) if its else m for m, its in zip(missions, belongs, strict=True)]
+        missions = [replace(m, **extra[0]) if its else m for m, its in zip(missions, belongs, strict=True)]
         first = belongs.index(True)  # one warning for a file, not one for each mission
         missions[first] = replace(missions[first], oddities=missions[first].oddities + extra[1])
     return tuple(missions)
@@ -63,31 +63,26 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
             hint="`gcs new NAME --positions FILE.csv` makes a scenario of a sheet, and `gcs export` its missions",
         )
     if Path(source).suffix.lower() == ".toml":
-        raise FileFormatError(
-            f"{source}: is a scenario, not a mission; missions are {suffixes_of(Content.MISSION)} files",
-            hint="`gcs plan` checks a scenario, and `gcs export` writes its missions",
-        )
+        text = f"{source}: is a scenario, not a mission; missions are {suffixes_of(Content.MISSION)} files"
+        raise FileFormatError(text, hint="`gcs plan` checks a scenario, and `gcs export` writes its missions")
     rows = [row for row in FORMATS if row.content is Content.MISSION and start.startswith(row.begins)]
     mission: MissionFile = max(rows, key=lambda row: len(row.begins)).read(data, source, firmware)
     return mission
-
-
-def _with(mission: MissionFile, extra: _Extra) -> MissionFile:
-    held = extra[0]
-    return replace(mission, geofence=held) if isinstance(held, Geofence) else replace(mission, rally=held)
 
 
 def _extra(data: bytes, source: str) -> _Extra | None:
     """The fence or the rally points in a file that holds nothing else; None for a mission file."""
     start = first_line(data)
     if begins_fence(start):
-        return read_fence_list(data, source)
+        fence, oddities = read_fence_list(data, source)
+        return {"geofence": fence}, oddities
     if begins_rally(start):
-        return read_rally_list(data, source)
+        rally, oddities = read_rally_list(data, source)
+        return {"rally": rally}, oddities
     if not start.startswith(HEADER.split()[0]):
         return None
     table = read_waypoints(data, source, home_first=False)
     commands = {item.command for item in table.items}
     if commands & FENCE_COMMANDS:
-        return fence_in(table, source), table.oddities
-    return (rally_in(table, source), table.oddities) if FenceCommand.RALLY_POINT in commands else None
+        return {"geofence": fence_in(table, source)}, table.oddities
+    return ({"rally": rally_in(table, source)}, table.oddities) if FenceCommand.RALLY_POINT in commands else None

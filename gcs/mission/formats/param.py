@@ -33,7 +33,10 @@ def write_parameters(file: ParameterFile) -> str:
     """The text of a file; `read_parameters` gives back the same values."""
     if file.firmware.traits.parameter_file is ParameterFileStyle.QGROUNDCONTROL:
         lines = [f"# Onboard parameters for Vehicle {file.sysid}", "#", "# Vehicle-Id Component-Id Name Value Type"]
-        lines += [f"{file.sysid}\t{_COMPONENT}\t{name}\t{value!r}\t{_type(value)}" for name, value in file.values]
+        lines += [
+            f"{file.sysid}\t{_COMPONENT}\t{name}\t{value!r}\t{_INT32 if isinstance(value, int) else _REAL32}"
+            for name, value in file.values
+        ]
     else:
         lines = [f"# vehicle {file.sysid}"]
         if has_new_names(file.firmware, dict(file.values)):
@@ -66,10 +69,6 @@ def read_parameters(text: str | bytes, source: str, firmware: Autopilot) -> Para
         except ValueError as error:
             raise FileFormatError(f"{source}, line {number}: {error}.") from error
     return ParameterFile(firmware, sysid, tuple(values.items()))
-
-
-def _type(value: int | float) -> int:
-    return _INT32 if isinstance(value, int) else _REAL32
 
 
 def _mission_planner(line: str) -> tuple[str, int | float]:

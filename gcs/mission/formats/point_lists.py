@@ -41,10 +41,8 @@ def read_fence_list(text: str | bytes, source: str) -> tuple[Geofence, tuple[Odd
         )
     (first, back), (_, start), *_, (last, end) = points
     if end != start:
-        raise FileFormatError(
-            f"{source}, line {last}: the last point does not repeat the first vertex, line {points[1][0]}.",
-            hint="repeat it: MAVProxy drops the last point",
-        )
+        message = f"{source}, line {last}: the last point does not repeat the first vertex, line {points[1][0]}."
+        raise FileFormatError(message, hint="repeat it: MAVProxy drops the last point")
     oddities.add(Odd.RETURN, "the return point has no altitude: read as 0 m above home", first)
     polygon = FencePolygon(tuple(point for _, point in points[1:-1]), inclusion=True)
     return Geofence((polygon,), (), RallyPoint(back, 0.0)), oddities.found()

@@ -6,6 +6,7 @@ came before: version 1.0, a flat list of items, and version 2. They are only rea
 
 import json
 import math
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
@@ -119,17 +120,28 @@ def read_mission(data: str | bytes, source: str, firmware: Autopilot | None = No
     """
     plan = PlanText(data, source)
     document = plan.parsed(PlanDocument)
-    mission = document.mission
-    named = plan.autopilot(mission.firmwareType, ("mission", "firmwareType"), firmware)
+    found = _planned(document.mission, ("mission",), plan, firmware)
+    fence, rally = fence_in_plan(document.geoFence, plan), rally_in_plan(document.rallyPoints, plan)
+    return replace(found, geofence=fence, rally=rally, oddities=plan.oddities.found())
+
+
+def _planned(
+    mission: PlannedMission,
+    at: tuple[str, ...],
+    plan: PlanText,
+    firmware: Autopilot | None,
+    named: str = "firmwareType",
+) -> MissionFile:
+    """The mission `at` a key of a file. `named` is the key of its autopilot."""
+    autopilot = plan.autopilot(mission.firmwareType, (*at, named), firmware)
     return MissionFile(
-        source,
-        named if firmware is None else firmware,
+        plan.source,
+        autopilot if firmware is None else firmware,
         Home(*mission.plannedHomePosition),
-        plan.mission_items(mission.items, ("mission", "items")),
-        fence_in_plan(document.geoFence, plan),
-        rally_in_plan(document.rallyPoints, plan),
-        mission.hoverSpeed if mission.hoverSpeed > 0 else None,
+        plan.mission_items(mission.items, (*at, "items")),
+        speed_mps=mission.hoverSpeed if mission.hoverSpeed > 0 else None,
         text=plan.text,
+        items_path=(*at, "items"),
         oddities=plan.oddities.found(),
     )
 
@@ -151,17 +163,15 @@ def _written(item: MissionItem, number: int) -> dict[str, object]:
 
 
 def _written_fence(fence: Geofence) -> dict[str, object]:
-    written: dict[str, object] = {
-        "circles": [
-            {"circle": {"center": c.center.place_deg, "radius": c.radius_m}, "inclusion": c.inclusion, "version": 1}
-            for c in fence.circles
-        ],
-        "polygons": [
-            {"inclusion": p.inclusion, "polygon": [place.place_deg for place in p.points], "version": 1}
-            for p in fence.polygons
-        ],
-        "version": 2,
-    }
+    circles = [
+        {"circle": {"center": c.center.place_deg, "radius": c.radius_m}, "inclusion": c.inclusion, "version": 1}
+        for c in fence.circles
+    ]
+    polygons = [
+        {"inclusion": p.inclusion, "polygon": [place.place_deg for place in p.points], "version": 1}
+        for p in fence.polygons
+    ]
+    written: dict[str, object] = {"circles": circles, "polygons": polygons, "version": 2}
     if fence.return_point is not None:
         written["breachReturn"] = _written_point(fence.return_point)
     return written
@@ -230,25 +240,13 @@ def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = Non
     file = PlanText(data, source)
     version = file.parsed(_Kind).version
     file.note(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
-    speed_mps = None
     if version == 2:
-        mission = file.parsed(PlannedMission)
-        named = file.autopilot(mission.firmwareType, ("firmwareType",), firmware)
-        home, items = Home(*mission.plannedHomePosition), file.mission_items(mission.items, ("items",))
-        speed_mps = mission.hoverSpeed if mission.hoverSpeed > 0 else None
-    else:
-        older = file.parsed(_Version1)
-        if older.complexItems:
-            raise file.refused(("complexItems", 0), "a complex item; replace it by simple items")
-        named = file.autopilot(older.MAV_AUTOPILOT, ("MAV_AUTOPILOT",), firmware)
-        home, items = Home(*older.plannedHomePosition.coordinate), file.mission_items(older.items, ("items",))
-    return MissionFile(
-        source,
-        named if firmware is None else firmware,
-        home,
-        items,
-        speed_mps=speed_mps,
-        text=file.text,
-        items_path=("items",),
-        oddities=file.oddities.found(),
+        return _planned(file.parsed(PlannedMission), (), file, firmware)
+    older = file.parsed(_Version1)
+    if older.complexItems:
+        raise file.refused(("complexItems", 0), "a complex item; replace it by simple items")
+    home = older.plannedHomePosition.coordinate
+    mission = PlannedMission.model_construct(
+        firmwareType=older.MAV_AUTOPILOT, plannedHomePosition=home, items=older.items, hoverSpeed=0.0
     )
+    return _planned(mission, (), file, firmware, "MAV_AUTOPILOT")

@@ -13,19 +13,12 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
+from gcs.mission import geofence
 from gcs.mission.formats.item_place import place_in_file
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.table_rows import HEADER, WITHOUT_HOME, TableRow, read_rows
 from gcs.mission.formats.vendor_quirks import Odd, Oddity, OddityList, decoded
-from gcs.mission.geofence import (
-    BadItem,
-    Geofence,
-    RallyPoint,
-    fence_from_items,
-    fence_items,
-    rally_from_items,
-    rally_items,
-)
+from gcs.mission.geofence import BadItem, Geofence, RallyPoint
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
 _Value = TypeVar("_Value")
@@ -104,7 +97,7 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
 
 def write_fence(fence: Geofence) -> str:
     """The text of a file; `read_fence` gives back the same values."""
-    return write_waypoints(WaypointFile(None, fence_items(fence)))
+    return write_waypoints(WaypointFile(None, geofence.fence_items(fence)))
 
 
 def read_fence(text: str | bytes, source: str) -> Geofence:
@@ -114,7 +107,7 @@ def read_fence(text: str | bytes, source: str) -> Geofence:
 
 def write_rally(points: Sequence[RallyPoint]) -> str:
     """The text of a file; `read_rally` gives back the same values."""
-    return write_waypoints(WaypointFile(None, rally_items(points)))
+    return write_waypoints(WaypointFile(None, geofence.rally_items(points)))
 
 
 def read_rally(text: str | bytes, source: str) -> tuple[RallyPoint, ...]:
@@ -124,12 +117,12 @@ def read_rally(text: str | bytes, source: str) -> tuple[RallyPoint, ...]:
 
 def fence_in(table: WaypointFile, source: str) -> Geofence:
     """The fence in a table without home. Raises `FileFormatError` with file and reason."""
-    return _converted(table, source, fence_from_items)
+    return _converted(table, source, geofence.fence_from_items)
 
 
 def rally_in(table: WaypointFile, source: str) -> tuple[RallyPoint, ...]:
     """The rally points in a table without home. Raises `FileFormatError` with file and reason."""
-    return _converted(table, source, rally_from_items)
+    return _converted(table, source, geofence.rally_from_items)
 
 
 def _converted(table: WaypointFile, source: str, convert: Callable[[Sequence[MissionItem]], _Value]) -> _Value:
@@ -146,10 +139,8 @@ def _home(row: TableRow, source: str, oddities: OddityList) -> Home:
     """The home position in row 0. Raises `FileFormatError` for another row."""
     frame = row.item.frame
     if row.item.command not in _HOME_COMMANDS or frame == Frame.MISSION or frame not in tuple(Frame):
-        raise FileFormatError(
-            f"{source}, line {row.line}: row 0 is not a home position (frame 0, command 16).",
-            hint="files for PX4 have no home row: give --autopilot px4 for them",
-        )
+        message = f"{source}, line {row.line}: row 0 is not a home position (frame 0, command 16)."
+        raise FileFormatError(message, hint="files for PX4 have no home row: give --autopilot px4 for them")
     if frame != Frame.GLOBAL:
         text = f"home is in frame {frame}, not 0; its altitude, {row.place[2]:g} m, counts as AMSL"
         oddities.add(Odd.HOME, text, row.line)

@@ -137,10 +137,8 @@ def select_formats(wanted: Iterable[str | Format]) -> tuple[Format, ...]:
     files: dict[tuple[bool, str], str] = {}
     for row in rows:
         if row.content is Content.MISSION and row.reader is None:
-            raise UsageError(
-                f"format '{row.name}' holds missions and has no reader",
-                hint="give it one: every exported mission is read back and flown",
-            )
+            text = f"format '{row.name}' holds missions and has no reader"
+            raise UsageError(text, hint="give it one: every exported mission is read back and flown")
         for suffix in row.suffixes:
             other = files.setdefault((row.content.per_vehicle, suffix), row.name)
             if other != row.name:

@@ -22,13 +22,9 @@ _COLUMNS_100 = ("seq", "frame", "command", "p3", "p4", "p1", "p2", "current", "y
 _PARAMS = ("p1", "p2", "p3", "p4")
 _VERSIONS = {"100": _COLUMNS_100, "110": _COLUMNS, WITHOUT_HOME: _COLUMNS}
 _COMMANDS_100 = {  # of version 100, in MAV_CMD
-    2: MavCommand.NAV_TAKEOFF,
-    3: MavCommand.NAV_RETURN_TO_LAUNCH,
-    4: MavCommand.NAV_LAND,
-    24: MavCommand.NAV_TAKEOFF,
-    25: MavCommand.NAV_WAYPOINT,
-    26: MavCommand.NAV_LAND,
-    27: MavCommand.NAV_LOITER_UNLIM,
+    **dict.fromkeys((2, 24), MavCommand.NAV_TAKEOFF),
+    **dict.fromkeys((4, 26), MavCommand.NAV_LAND),
+    **{3: MavCommand.NAV_RETURN_TO_LAUNCH, 25: MavCommand.NAV_WAYPOINT, 27: MavCommand.NAV_LOITER_UNLIM},
 }
 _SEQ = re.compile(r"[+-]?[0-9]{1,9}")
 
@@ -49,9 +45,8 @@ def read_rows(text: str, source: str, oddities: OddityList) -> tuple[str, list[T
     first, header = bodies[0] if bodies else (1, "")
     version = re.fullmatch(r"QGC\s+WPL\s+([0-9]+)\s*", header)
     if version is None or version[1] not in _VERSIONS:
-        raise FileFormatError(
-            f"{source}, line {first}: expected '{HEADER}'.", hint="give a file in the QGC WPL 110, 120 or 100 format"
-        )
+        message = f"{source}, line {first}: expected '{HEADER}'."
+        raise FileFormatError(message, hint="give a file in the QGC WPL 110, 120 or 100 format")
     if header.strip() != HEADER:
         oddities.add(Odd.VERSION, f"'{header.strip()}' instead of '{HEADER}'", first)
     rows: list[TableRow] = []
@@ -75,7 +70,9 @@ def _row(body: str, number: int, version: str, oddities: OddityList) -> TableRow
     frame, command = _integer(cell, "frame", 0xFF), _integer(cell, "command", 0xFFFF)
     if version == "100":
         if command not in _COMMANDS_100:
-            raise ValueError(f"command {command} is not one of {HEADER_100}: {', '.join(map(str, _COMMANDS_100))}")
+            raise ValueError(
+                f"command {command} is not one of {HEADER_100}: {', '.join(map(str, sorted(_COMMANDS_100)))}"
+            )
         command = _COMMANDS_100[command]
         if cell["yaw"] and _float(cell, "yaw"):
             note(Odd.YAW, f"yaw {cell['yaw']} of {HEADER_100} is ignored, as MAVProxy does")

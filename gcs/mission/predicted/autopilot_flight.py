@@ -91,13 +91,9 @@ class AutopilotFlight:
         moved = flown.position_ned_m[rows] - np.array(orders.start_ned_m)
         kept = _bends(flown.t_s[rows], moved, stop)
         steps = rows[kept]
-        segment = _Segment(
-            flown.t_s[steps],
-            moved[kept],
-            stop[kept],
-            np.append(0.0, bends_m(flown, steps)),
-            np.append(np.zeros((1, 3)), fastest_mps(flown, steps), axis=0),
-        )
+        bent_m = np.append(0.0, bends_m(flown, steps))
+        top_mps = np.append(np.zeros((1, 3)), fastest_mps(flown, steps), axis=0)
+        segment = _Segment(flown.t_s[steps], moved[kept], stop[kept], bent_m, top_mps)
         self._flown = [*self._flown[-_CACHED_MAX:], (firmware, orders, segment)]
         return segment
 

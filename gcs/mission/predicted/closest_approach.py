@@ -64,11 +64,8 @@ def closest_approach(
         if not len(pairs):
             continue
         found, low_m = _nearest(fleet, slice(piece, piece + 1), pairs[:, 0], pairs[:, 1])
-        if (
-            found is not None
-            and (best is None or found.distance_m < best.distance_m - EQUAL)
-            and found.distance_m < below_m
-        ):
+        least_m = below_m if best is None else min(best.distance_m - EQUAL, below_m)
+        if found is not None and found.distance_m < least_m:
             best = found
         short = low_m < required_m
         unclear |= set(map(tuple, pairs[short].tolist()))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gcs.autopilots.mission_commands import known_position
-from gcs.frames import Origin, geodetic_to_ned
+from gcs.frames import geodetic_to_ned
 from gcs.mavlink import MavCommand, WireFrame
 from gcs.mission.flight_limits import Surroundings
 from gcs.mission.formats.mission_file import MissionFile
@@ -71,8 +71,7 @@ class PredictedFlight:
 def surroundings(missions: Sequence[MissionFile]) -> Surroundings:
     """A frame with its origin at the first home, or else at the first position of any mission; no ground."""
     homes = [m.home for m in missions if m.home is not None]
-    first = homes[0] if homes else _first_place(missions)
-    return Surroundings(Origin(first.lat_deg, first.lon_deg, first.alt_amsl_m))
+    return Surroundings(homes[0] if homes else _first_place(missions))
 
 
 def _first_place(missions: Sequence[MissionFile]) -> Home:

@@ -197,14 +197,8 @@ def _vehicle(mission: VehicleMission, late_s: Array, error_m: Array, t_s: Array)
     ]
     worst = first_least(-np.abs(late_s))
     at = first_least(-error_m)
-    return VehicleTiming(
-        mission.sysid,
-        float(late_s[worst]),
-        float(arrivals[worst] or 0.0),
-        float(error_m[at]),
-        float(t_s[at]),
-        float(np.sqrt(np.mean(error_m**2))),
-    )
+    late = float(late_s[worst]), float(arrivals[worst] or 0.0)
+    return VehicleTiming(mission.sysid, *late, float(error_m[at]), float(t_s[at]), float(np.sqrt(np.mean(error_m**2))))
 
 
 def _spread_s(autopilots: Sequence[Autopilot], late: Sequence[Array]) -> float:

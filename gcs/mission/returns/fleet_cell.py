@@ -105,17 +105,11 @@ class FleetCell:
         ends_off = self.ends_off[first] + self.ends_off[second]
         share = speeds.cruise_mps / speeds.climb_mps
         apart = self.middle[second] - self.middle[first]
-        return Between(
-            apart[:, :2],
-            apart[:, _CHANGE],
-            begin_off,
-            change_off,
-            np.minimum(ends_off, begin_off + change_off),
-            (self._ways(first), self._ways(second)),
-            (self._ways_off(first), self._ways_off(second)),
-            share * apart[:, _CLIMB],
-            share * (self.climb_off[first] + self.climb_off[second]),
-        )
+        ways = self._ways(first), self._ways(second)
+        ways_off = self._ways_off(first), self._ways_off(second)
+        late = share * apart[:, _CLIMB], share * (self.climb_off[first] + self.climb_off[second])
+        ends_off = np.minimum(ends_off, begin_off + change_off)
+        return Between(apart[:, :2], apart[:, _CHANGE], begin_off, change_off, ends_off, ways, ways_off, *late)
 
     def moved_m(self, first: Rows, second: Rows) -> Array:
         """How far (M,) groups move against each other."""
@@ -184,20 +178,10 @@ class FleetReturn:
         begin_off, ends_off, change_off = (
             np.hypot(half[:, n], half[:, n + 1]) + _ROUNDING_M for n in (0, _ENDS.start, _CHANGE.start)
         )
-        shape = (len(middle), -1, 2)
-        moves_off = np.linalg.norm(half[:, _MOVES:].reshape(shape), axis=-1).sum(axis=-1)
-        return FleetCell(
-            middle,
-            begin_off,
-            ends_off,
-            change_off,
-            middle[:, _MOVES:].reshape(shape),
-            moves_off,
-            half[:, _CLIMB],
-            high[:, _SEVERAL],
-            leader[:2],
-            float(np.hypot(leader_reach[0], leader_reach[1])),
-        )
+        flat_moves, moved = (part[:, _MOVES:].reshape(len(middle), -1, 2) for part in (middle, half))
+        each = flat_moves, np.linalg.norm(moved, axis=-1).sum(axis=-1)
+        climb_off, several, reach_m = half[:, _CLIMB], high[:, _SEVERAL], float(np.hypot(*leader_reach[:2]))
+        return FleetCell(middle, begin_off, ends_off, change_off, *each, climb_off, several, leader[:2], reach_m)
 
     def _possible(self, starts: Array, reach: Array, moves: Array) -> Array:
         """Which ends (V, E) returns of an interval may lead to."""

@@ -15,18 +15,8 @@ from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.returns.rtl_cases import return_ends
 from gcs.mission.returns.start_cells import plan_intervals, start_cells
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.proof.subdivision import (
-    Cells,
-    Constraint,
-    Looks,
-    Mask,
-    Proof,
-    Rows,
-    halved,
-    joined,
-    plain_cells,
-    settle,
-)
+from gcs.plan.verification.proof import subdivision
+from gcs.plan.verification.proof.subdivision import Cells, Constraint, Looks, Mask, Proof, Rows
 from gcs.scenario.environment.ground_bounds import Highest, highest_ground
 from gcs.types import Array
 
@@ -57,7 +47,7 @@ def highest_below_returns_m(plan: Plan, firmware: FleetFirmware, rally_ned_m: Ar
         reach_m = half[:, None] * np.abs(to_m - place_m) + beside_m[:, None]
         return _Rectangles(place_m + share[:, None] * (to_m - place_m), reach_m, flown, half * own_m >= beside_m)
 
-    tracks = plain_cells(np.stack([vehicle, end], axis=1), begin_s[cell], end_s[cell])
+    tracks = subdivision.plain_cells(np.stack([vehicle, end], axis=1), begin_s[cell], end_s[cell])
     return _highest_m(plan, tracks, rectangles, seen_m)
 
 
@@ -72,7 +62,7 @@ def highest_along_m(plan: Plan, begin_m: Array, end_m: Array, seen_m: float) -> 
         share, half = cells.patch.mean(axis=1, keepdims=True), 0.5 * np.diff(cells.patch)
         return _Rectangles(begin_m[line] + share * moved_m, half * np.abs(moved_m), yes, yes)
 
-    lines = plain_cells(each[:, None], np.zeros(len(each)), np.zeros(len(each)))
+    lines = subdivision.plain_cells(each[:, None], np.zeros(len(each)), np.zeros(len(each)))
     return _highest_m(plan, lines, rectangles, seen_m)
 
 
@@ -122,13 +112,15 @@ class _GroundBelow:
         first, last = by_length.patch.T
         middle = 0.5 * (first + last)
         ends = [np.stack(pair, axis=1) for pair in ((first, middle), (middle, last))]
-        parts = [halved(by_time), *(replace(by_length, patch=patch) for patch in ends)]
-        return joined(parts), np.concatenate([times, times, lengths, lengths])
+        parts = [subdivision.halved(by_time), *(replace(by_length, patch=patch) for patch in ends)]
+        return subdivision.joined(parts), np.concatenate([times, times, lengths, lengths])
 
 
 def _highest_m(plan: Plan, tracks: Cells, rectangles: Callable[[Cells], _Rectangles], given_m: float) -> float:
     depth = _Depth(0.0, GAP_M, given_m)
     proof = Proof.begun((1, 1), tracks.who.shape[1])
     whole = replace(tracks, patch=np.tile([0.0, 1.0], (len(tracks), 1)))
-    settle(_GroundBelow((depth,), highest_ground(plan.scenario.terrain), rectangles), whole, proof, Looks(_PARTS_MAX))
+    subdivision.settle(
+        _GroundBelow((depth,), highest_ground(plan.scenario.terrain), rectangles), whole, proof, Looks(_PARTS_MAX)
+    )
     return max(given_m, -float(proof.proved[0, 0]))

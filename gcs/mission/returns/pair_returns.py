@@ -17,17 +17,8 @@ from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.rtl_cases import Motion, ReturnEnds, Returning, ReturnSpeeds, places_at
 from gcs.mission.returns.start_cells import Starts, plan_intervals, start_cells
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.proof.subdivision import (
-    Cells,
-    Constraint,
-    Looks,
-    Mask,
-    Proof,
-    Rows,
-    halved,
-    plain_cells,
-    settle,
-)
+from gcs.plan.verification.proof import subdivision
+from gcs.plan.verification.proof.subdivision import Cells, Constraint, Looks, Mask, Proof, Rows
 from gcs.types import Array
 
 LONGEST_S, RESOLUTION_S, RESOLUTION_M = 1.0, 1e-3, 1e-2
@@ -217,7 +208,7 @@ class StraightReturns:
         _, starts, rows, _ = self._starts(cells)
         wide = (starts.level_m + starts.vertical_m)[rows].sum(axis=0) > RESOLUTION_M
         numbers = np.flatnonzero(chosen & wide & (cells.end_s - cells.start_s > RESOLUTION_S))
-        return halved(cells[numbers]), np.tile(numbers, 2)
+        return subdivision.halved(cells[numbers]), np.tile(numbers, 2)
 
     @lru_cache(maxsize=1)  # noqa: B019 - asked twice in a row for the same cells; the family lives no longer than a proof
     def _starts(self, cells: Cells) -> tuple[Rows, Starts, Rows, tuple[Array, Array]]:
@@ -257,8 +248,8 @@ def proved_separation(returns: StraightReturns, seen_m: float) -> ProvedSeparati
     begin_s, end_s = plan_intervals(plan, LONGEST_S)
     every = np.stack(np.triu_indices(len(returns.altitudes_m), 1), axis=1)
     cells, pairs = len(begin_s), len(every)
-    whole = plain_cells(np.tile(every, (cells, 1)), np.repeat(begin_s, pairs), np.repeat(end_s, pairs))
+    whole = subdivision.plain_cells(np.tile(every, (cells, 1)), np.repeat(begin_s, pairs), np.repeat(end_s, pairs))
     for to_rally in (False, True):
         family = replace(returns, to_rally=to_rally)
-        settle(family, family.cells(whole), proof, looks)
+        subdivision.settle(family, family.cells(whole), proof, looks)
     return ProvedSeparation.of(proof)

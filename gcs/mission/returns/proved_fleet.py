@@ -13,18 +13,8 @@ from gcs.mission.returns.fleet_cell import FleetCell, FleetReturn, least_level_m
 from gcs.mission.returns.pair_returns import LONGEST_S, ProvedSeparation, StraightReturns
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.proof.subdivision import (
-    Cells,
-    Constraint,
-    Looks,
-    Mask,
-    Proof,
-    Rows,
-    joined,
-    plain_cells,
-    refined,
-    settle,
-)
+from gcs.plan.verification.proof import subdivision
+from gcs.plan.verification.proof.subdivision import Cells, Constraint, Looks, Mask, Proof, Rows
 from gcs.plan.verification.proof.vehicle_tree import Groups
 from gcs.types import Array
 
@@ -90,7 +80,7 @@ class _GroupPairs:
             once = ~(np.any(single & [one == 1, other == 1], axis=1) | (same & (one > other)))
             found.append(replace(whole[once], who=who[once]))
             origin.append(numbers[once])
-        return joined(found), np.concatenate(origin)
+        return subdivision.joined(found), np.concatenate(origin)
 
     def in_time(self, cells: Cells) -> Mask:
         """Which pairs a shorter interval may settle."""
@@ -109,7 +99,7 @@ def _settle_block(
     plan, returns = pairs.plan, FleetReturn(pairs.plan, pairs.ends, pairs.altitudes_m, pairs.to_rally)
     offsets = plan.offsets(np.array([0.5 * (begin_s + end_s)]))[:, 0, :2]
     groups, _ = Groups.of(np.concatenate([offsets, returns.places_m[:, 0, :2]], axis=1))
-    waiting = [plain_cells(np.zeros((1, 2), dtype=np.intp), np.array([begin_s]), np.array([end_s]))]
+    waiting = [subdivision.plain_cells(np.zeros((1, 2), dtype=np.intp), np.array([begin_s]), np.array([end_s]))]
     while waiting:
         cells = waiting.pop()
         begin_s, end_s, middle_s = (float(each[0]) for each in (cells.start_s, cells.end_s, cells.middle_s))
@@ -118,11 +108,11 @@ def _settle_block(
         can_halve = len(inner_s) > 0 or end_s - begin_s > LONGEST_S
         cell = returns.cell(groups, begin_s, end_s)
         family = _GroupPairs(pairs.constraints, groups, cell, pairs.speeds, can_halve)
-        left, _ = refined(family, cells, proof, group_looks, proved_is_enough=True)
+        left, _ = subdivision.refined(family, cells, proof, group_looks, proved_is_enough=True)
         if not len(left):
             continue
         in_time = family.in_time(left)
-        settle(pairs, pairs.cells(replace(left, who=groups.row[left.who])[~in_time]), proof, pair_looks)
+        subdivision.settle(pairs, pairs.cells(replace(left, who=groups.row[left.who])[~in_time]), proof, pair_looks)
         left = left[in_time]
         if len(left):
             # The joint of the leader's motion that is nearest to the middle; without one, the middle.

@@ -73,9 +73,7 @@ class _Knots:
         self.add((peak - last) / ACCEL_MPS2, last[:, None] * directions, ends)
 
     def motion(self) -> PiecewiseMotion:
-        return PiecewiseMotion(
-            np.stack(self._times, axis=1), np.stack(self._places, axis=1), np.stack(self._velocities, axis=1)
-        )
+        return PiecewiseMotion(*(np.stack(part, axis=1) for part in (self._times, self._places, self._velocities)))
 
 
 @dataclass(frozen=True)
@@ -174,15 +172,9 @@ def _stop(places: Array, velocities: Array, brake_mps2: float, sideways: float) 
     right /= np.maximum(level_mps, 1e-9)[:, None]
     aside = right * (sideways * ACCEL_MPS2 * duration_s**2 / 4)[:, None]
     run = velocities * duration_s[:, None] / 2
-    with_rate = 2 * aside / np.maximum(duration_s, 1e-9)[:, None]
-    return Stops(
-        places,
-        velocities,
-        places + 0.75 * run + aside / 2,
-        velocities / 2 + with_rate,
-        places + run + aside,
-        duration_s,
-    )
+    half_mps = velocities / 2 + 2 * aside / np.maximum(duration_s, 1e-9)[:, None]
+    half, end = places + 0.75 * run + aside / 2, places + run + aside
+    return Stops(places, velocities, half, half_mps, end, duration_s)
 
 
 def _tracks(stop: Stops) -> Array:

@@ -16,7 +16,7 @@ from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.ground_below import highest_along_m
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
-from gcs.mission.returns.rtl_cases import ReturnSpeeds
+from gcs.mission.returns.rtl_cases import ReturnSpeeds, WorstReturn
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -165,19 +165,9 @@ def nearest_pairs(
     return least_m, pairs
 
 
-@dataclass(frozen=True)
-class NearestReturn:
-    """A return from `t_s` in which two vehicles (rows) come within `distance_m`."""
-
-    distance_m: float
-    t_s: float
-    pair: tuple[int, int]
-    name: str
-
-
 def nearest_return(
     plan: Plan, routes: ReturnRoutes, first: list[RoutedReturns], top_down_m: Array, speeds: ReturnSpeeds
-) -> NearestReturn:
+) -> WorstReturn:
     """The nearest two vehicles; `first` are the returns to begin with, at least two vehicles of them.
 
     Intervals between instants are halved, down to 1 ms, where a way jumps to another corner or another brake, and where
@@ -186,8 +176,19 @@ def nearest_return(
     """
     apart_m = plan.scenario.limits.separation_min_m
     rate_mps = float(np.hypot(*plan.scenario.limits.speed_ned_mps[:2]))
-    found: list[NearestReturn] = []
-    known = {case.name: _Instants.of(case, nearest_pairs(case, top_down_m, speeds, apart_m), found) for case in first}
+    found: list[WorstReturn] = []
+
+    def looked_at(cases: list[RoutedReturns]) -> dict[str, _Instants]:
+        instants = {}
+        for case in cases:
+            least_m, pairs = nearest_pairs(case, top_down_m, speeds, apart_m)
+            at = first_least(least_m)
+            sysids = plan.sysids[int(pairs[at, 0])], plan.sysids[int(pairs[at, 1])]
+            found.append(WorstReturn(float(least_m[at]), float(case.t_s[at]), sysids, case.name))
+            instants[case.name] = _Instants(case.t_s, least_m, case.kinds())
+        return instants
+
+    known = looked_at(first)
     solved, most = 0, _SOLVED_MAX if len(top_down_m) * (len(top_down_m) - 1) // 2 <= _PAIRS_MAX else 1
     while solved < most:
         best_m = min(one.distance_m for one in found)
@@ -199,10 +200,7 @@ def nearest_return(
         if not len(at_s):
             break
         solved += len(at_s)
-        more = {
-            case.name: _Instants.of(case, nearest_pairs(case, top_down_m, speeds, apart_m), found)
-            for case in routed_returns(plan, routes, at_s)
-        }
+        more = looked_at(routed_returns(plan, routes, at_s))
         # Where all return home, there is no other case.
         known = {name: instants.joined(more.get(name, more["home"])) for name, instants in known.items()}
     return found[first_least(np.array([one.distance_m for one in found]))]
@@ -215,15 +213,6 @@ class _Instants:
     t_s: Array
     least_m: Array
     kinds: Array
-
-    @classmethod
-    def of(cls, case: RoutedReturns, nearest: tuple[Array, NDArray[np.intp]], found: list[NearestReturn]) -> _Instants:
-        """Those of a case; its nearest two vehicles are added to what was found."""
-        least_m, pairs = nearest
-        at = first_least(least_m)
-        pair = int(pairs[at, 0]), int(pairs[at, 1])
-        found.append(NearestReturn(float(least_m[at]), float(case.t_s[at]), pair, case.name))
-        return cls(case.t_s, least_m, case.kinds())
 
     def wanted(self, best_m: float, rate_mps: float) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Middles (M,) of intervals to halve, how near (M,) vehicles may be in them, and whether a way jumps."""

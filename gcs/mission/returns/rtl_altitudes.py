@@ -22,6 +22,7 @@ from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.machine_independent import EQUAL, first_least
+from gcs.mission.returns import rtl_cases
 from gcs.mission.returns.ground_below import highest_below_returns_m
 from gcs.mission.returns.pair_returns import StraightReturns, proved_separation
 from gcs.mission.returns.proved_fleet import proved_fleet
@@ -35,17 +36,7 @@ from gcs.mission.returns.routed_returns import (
     routed_returns,
     without_way,
 )
-from gcs.mission.returns.rtl_cases import (
-    Crossing,
-    Returning,
-    ReturnSpeeds,
-    highest_ground_m,
-    pair_distances,
-    places_at,
-    rally_points_ned_m,
-    return_cases,
-    return_ends,
-)
+from gcs.mission.returns.rtl_cases import Crossing, Returning, ReturnSpeeds, WorstReturn
 from gcs.mission.returns.zones_crossed import zones_crossed
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
@@ -67,20 +58,6 @@ GAP_STEP_M = 0.05
 ENOUGH = 2.0
 _ALL_ORDERS = 8  # vehicles
 _STEPS_BEGIN = 0.382  # of a step: pads and formations have round distances, and steps shall not begin there
-
-
-@dataclass(frozen=True)
-class WorstReturn:
-    """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins.
-
-    At whatever instant a return begins, no two vehicles come nearer than `proved_m`; None where that is not proved.
-    """
-
-    distance_m: float
-    t_s: float
-    sysids: tuple[int, int]
-    ends: str  # "home", or "nearest" of home and rally points
-    proved_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +93,7 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     if worst is None:
         return found
     prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
-    ends, required_m = return_ends(plan, firmware, rally), judged_separation_m(plan.scenario)
+    ends, required_m = rtl_cases.return_ends(plan, firmware, rally), judged_separation_m(plan.scenario)
     returns = StraightReturns(plan, ends, found.speeds, np.array(found.altitudes_m), required_m)
     proof = prove(returns, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
@@ -133,29 +110,32 @@ def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     best: ReturnPlan | None = None
     routes = ReturnRoutes(plan)
     routed = routed_returns(plan, routes, instants_s(plan, _ROUTED_S))
-    rally = rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
+    rally = rtl_cases.rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
     ground_m = 0.0
     for share in _CRUISE_SHARES:
         speeds = _speeds(plan, firmware, share)
-        coarse = return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
+        coarse = rtl_cases.return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
         if best is None:
-            straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S, rally_ned_m=rally))
+            over_ground = rtl_cases.return_cases(plan, firmware, speeds, _GROUND_S, rally_ned_m=rally)
+            straight_m = rtl_cases.highest_ground_m(plan, over_ground)
             straight_m = highest_below_returns_m(plan, firmware, rally, straight_m)
             ground_m = max(straight_m, highest_under_ways_m(plan, routed))
-        base_m = _base_m(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
+        # The lowest return altitude above the origin: clear of the ground, and not below the plan's own heights.
+        highest_m = -float(coarse[0].from_ned_m[..., 2].min())
+        base_m = max(ground_m + limits.clearance_min_m - KEPT_M, highest_m - _LEVEL_M)
+        base_m = math.ceil(base_m / BASE_GRID_M) * BASE_GRID_M
         vehicles = len(plan.sysids)
         # A large fleet returns at one level: there, rounding would make vehicles climb for different times.
         quantum_m = np.array([row.rally_step_m if vehicles <= SEARCHED_MAX else 1.0 / _CM for row in rows])
         # Rounding brings two neighbours closer by less than one quantum.
-        step_m = max(
-            STEP_MIN_M, _STEP_SHARE * limits.separation_min_m, limits.separation_min_m + float(quantum_m.max())
-        )
+        apart_m = limits.separation_min_m
+        step_m = max(STEP_MIN_M, _STEP_SHARE * apart_m, apart_m + float(quantum_m.max()))
         homes_m = -plan.pads_ned_m[:, 2]
         levels_m = _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m)
         order = stagger_order(coarse, levels_m, limits.separation_min_m)
         altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
         worst = _worst(plan, firmware, speeds, altitudes_m, rally) if vehicles > 1 else None
-        fine = return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
+        fine = rtl_cases.return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
         found = ReturnPlan(
             tuple(altitudes_m.tolist()),
             speeds,
@@ -189,38 +169,27 @@ def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], f
     if found.worst is None:
         return found
     top_down_m = plan.pads_ned_m[:, 2] - np.array(found.altitudes_m)
-    near = nearest_return(plan, routes, cases, top_down_m, found.speeds)
-    sysids = plan.sysids[near.pair[0]], plan.sysids[near.pair[1]]
-    return replace(found, routed=WorstReturn(near.distance_m, near.t_s, sysids, near.name))
+    return replace(found, routed=nearest_return(plan, routes, cases, top_down_m, found.speeds))
 
 
 def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array, rally: Array) -> WorstReturn:
     """The nearest two vehicles of all returns, to homes and to the nearest of home and rally points."""
     if len(altitudes_m) > SEARCHED_MAX:
         period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
-        cases = return_cases(plan, firmware, speeds, period_s, rally_ned_m=rally)
+        cases = rtl_cases.return_cases(plan, firmware, speeds, period_s, rally_ned_m=rally)
         return min((_nearest_in_formation(plan, case, altitudes_m) for case in cases), key=_distance)
-    fine = [
-        _nearest_pair(plan, case, altitudes_m)
-        for case in return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
-    ]
-    worst = min(fine, key=_distance)
-    around = max(worst.t_s - _FINE_S, plan.t_start_s), min(worst.t_s + _FINE_S, plan.t_end_s)
-    finer = [
-        _nearest_pair(plan, case, altitudes_m)
-        for case in return_cases(plan, firmware, speeds, _FINEST_S, around, rally)
-    ]
-    return min(worst, *finer, key=_distance)
+    found: list[WorstReturn] = []
+    within = None
+    for period_s in (_FINE_S, _FINEST_S):
+        cases = rtl_cases.return_cases(plan, firmware, speeds, period_s, within, rally)
+        found += (_nearest_pair(plan, case, altitudes_m) for case in cases)
+        at_s = min(found, key=_distance).t_s
+        within = max(at_s - _FINE_S, plan.t_start_s), min(at_s + _FINE_S, plan.t_end_s)
+    return min(found, key=_distance)
 
 
 def _distance(worst: WorstReturn) -> int:
     return math.floor(worst.distance_m / EQUAL + 0.5)  # of equal distances the first counts
-
-
-def _base_m(clear_m: float, highest_m: float) -> float:
-    """The lowest return altitude above the origin: clear of the ground, and not below the plan's own heights."""
-    least_m = max(clear_m - KEPT_M, highest_m - _LEVEL_M)
-    return math.ceil(least_m / BASE_GRID_M) * BASE_GRID_M
 
 
 def _rounded(altitudes_m: Array, quantum_m: Array) -> Array:
@@ -241,11 +210,10 @@ def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstRetur
     motions = [case.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
     found = []
     for i, j in itertools.combinations(range(len(motions)), 2):
-        distance = pair_distances(motions[i], motions[j])
+        distance = rtl_cases.pair_distances(motions[i], motions[j])
         at = first_least(distance)
-        found.append(
-            WorstReturn(float(distance.min()), float(case.t_s[at]), (plan.sysids[i], plan.sysids[j]), case.name)
-        )
+        pair = plan.sysids[i], plan.sysids[j]
+        found.append(WorstReturn(float(distance.min()), float(case.t_s[at]), pair, case.name))
     return min(found, key=_distance)
 
 
@@ -254,7 +222,7 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
     motions = [returning.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
     longest_s = np.max([times[:, -1] for times, _ in motions], axis=0)
     looks = np.linspace(0.0, 1.0, _IN_FORMATION_LOOKS) * longest_s[:, None]
-    places = np.stack([places_at(motion, looks) for motion in motions])  # (V, N, L, 3)
+    places = np.stack([rtl_cases.places_at(motion, looks) for motion in motions])  # (V, N, L, 3)
     worst = WorstReturn(math.inf, math.nan, (0, 0), returning.name)
     for instant, look in np.ndindex(looks.shape):
         distance, near = KDTree(places[:, instant, look]).query(places[:, instant, look], k=2)
@@ -269,11 +237,7 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
     """Warnings: returns below the judge's separation, above the plan's ceiling, or through no-fly zones."""
     worst, required_m = returns.worst, judged_separation_m(plan.scenario)
     if worst is not None and worst.distance_m < required_m:
-        first, second = worst.sysids
-        yield (
-            f"if all vehicles return at {worst.t_s:.1f} s, vehicles {first} and {second} come within "
-            f"{worst.distance_m:.2f} m ({required_m:g} m required); do not command RTL to all vehicles at once"
-        )
+        yield f"if all vehicles return at {worst.in_words(required_m)}; do not command RTL to all vehicles at once"
     elif worst is not None and worst.proved_m is not None and worst.proved_m < required_m - KEPT_M:
         yield (
             f"returns that begin at about {returns.proved_at_s:.1f} s are proved only {worst.proved_m:.3f} m apart "
@@ -282,17 +246,11 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         )
     ceiling_m = plan.scenario.limits.height_m[1]
     if returns.top_m > ceiling_m:
-        yield (
-            f"returns reach {returns.top_m:.1f} m, above the plan's ceiling of {ceiling_m:g} m; check that the "
-            "airspace allows it"
-        )
+        above = f"above the plan's ceiling of {ceiling_m:g} m"
+        yield f"returns reach {returns.top_m:.1f} m, {above}; check that the airspace allows it"
     routed = returns.routed
     if routed is not None and routed.distance_m < required_m:
-        first, second = routed.sysids
-        yield (
-            f"if the ground station returns all vehicles at {routed.t_s:.1f} s, vehicles {first} and {second} come "
-            f"within {routed.distance_m:.2f} m ({required_m:g} m required); land them instead"
-        )
+        yield f"if the ground station returns all vehicles at {routed.in_words(required_m)}; land them instead"
     for gap in returns.no_way:
         yield (
             f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} cannot return outside all no-fly zones "
@@ -300,13 +258,11 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         )
     acts = dict(zip(plan.sysids, (known.traits.returns for known in one_each(firmware, len(plan.sysids))), strict=True))
     for crossing in returns.crossings:
-        where = (
-            "to home (without rally points)" if crossing.ends == "home" else "to the nearest of home and rally points"
-        )
+        where = "home (without rally points)" if crossing.ends == "home" else "the nearest of home and rally points"
         for at_fence in dict.fromkeys(acts[sysid].at_fence for sysid in crossing.sysids):
             sysids = ", ".join(str(sysid) for sysid in crossing.sysids if acts[sysid].at_fence == at_fence)
             yield (
-                f"from {crossing.from_s:.1f} s to {crossing.to_s:.1f} s the autopilot's own straight return {where} "
+                f"from {crossing.from_s:.1f} s to {crossing.to_s:.1f} s the autopilot's own straight return to {where} "
                 f"crosses {crossing.name.edge}: vehicle {sysids}; at its fence it {at_fence}. Returns of the "
                 "ground station lead round it"
             )
@@ -330,7 +286,7 @@ def stagger_order(cases: list[Returning], altitudes_m: Array, separation_m: floa
         motions = [case.motion(row, altitudes_m[:, row, None]) for row in range(vehicles)]
         for i, j in pairs:
             (times_i, places_i), (times_j, places_j) = motions[i], motions[j]
-            distance = pair_distances((times_i[:, None], places_i[:, None]), (times_j[None], places_j[None]))
+            distance = rtl_cases.pair_distances((times_i[:, None], places_i[:, None]), (times_j[None], places_j[None]))
             gaps_m[i, j] = np.minimum(gaps_m[i, j], distance.min(axis=-1))
     steps = np.floor(np.minimum(gaps_m, ENOUGH * separation_m) / GAP_STEP_M + _STEPS_BEGIN)
     first, second = np.array(pairs).T

@@ -120,6 +120,26 @@ class Crossing:
 
 
 @dataclass(frozen=True)
+class WorstReturn:
+    """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins.
+
+    At whatever instant a return begins, no two vehicles come nearer than `proved_m`; None where that is not proved.
+    """
+
+    distance_m: float
+    t_s: float
+    sysids: tuple[int, int]
+    ends: str  # "home", or "nearest" of home and rally points
+    proved_m: float | None = None
+
+    def in_words(self, required_m: float) -> str:
+        """When it begins and what happens, for a sentence."""
+        first, second = self.sysids
+        near = f"vehicles {first} and {second} come within {self.distance_m:.2f} m ({required_m:g} m required)"
+        return f"{self.t_s:.1f} s, {near}"
+
+
+@dataclass(frozen=True)
 class ReturnEnds:
     """Where each vehicle may return to (V, E, 3): its home, then its rally points. Waits above the ends (V,)."""
 
@@ -204,7 +224,15 @@ def rally_points_ned_m(plan: Plan, points_max: int) -> Array:
     candidates = _candidates(plan)  # (V, C, 3)
     ends = np.concatenate([plan.pads_ned_m[:, None], chosen, candidates], axis=1)
     away_m = np.linalg.norm(start[:, :, None] - ends[:, None, :, :2], axis=-1)  # (V, N, E)
-    through = straight_through(plan, t_s, start, ends[..., :2])
+    # Whether (V, N, E) straight tracks cross a no-fly zone
+    shape = (len(start), len(t_s), ends.shape[1], 2)
+    first, last = np.broadcast_to(start[:, :, None], shape), np.broadcast_to(ends[:, None, :, :2], shape)
+    through = np.zeros(shape[:3], dtype=bool)
+    for zone in zones(plan.scenario):
+        area = outline(zone).buffer(-plan.scenario.mission.tolerance_m)
+        shapely.prepare(area)
+        moved = displacement_m(zone, t_s)[:, None]
+        through |= shapely.intersects(area, shapely.linestrings(np.stack([first - moved, last - moved], axis=-2)))
     taken = [0, 1]
     best = _crossings(away_m, through, taken)
     while best and len(taken) <= points_max:
@@ -219,19 +247,6 @@ def rally_points_ned_m(plan: Plan, points_max: int) -> Array:
         best = fewer
         taken.append(end)
     return np.asarray(ends[:, taken[1:]])
-
-
-def straight_through(plan: Plan, t_s: Array, start: Array, ends: Array) -> Array:
-    """Whether (V, N, E) straight tracks from (V, N, 2) at plan times (N,) to (V, E, 2) cross a no-fly zone."""
-    shape = (len(start), len(t_s), ends.shape[1], 2)
-    first, last = np.broadcast_to(start[:, :, None], shape), np.broadcast_to(ends[:, None], shape)
-    through = np.zeros(shape[:3], dtype=bool)
-    for zone in zones(plan.scenario):
-        area = outline(zone).buffer(-plan.scenario.mission.tolerance_m)
-        shapely.prepare(area)
-        moved = displacement_m(zone, t_s)[:, None]
-        through |= shapely.intersects(area, shapely.linestrings(np.stack([first - moved, last - moved], axis=-2)))
-    return through
 
 
 def _candidates(plan: Plan) -> Array:

@@ -54,10 +54,8 @@ def timed_legs(plan: Plan) -> TimedLegs:
     tolerance_m = plan.scenario.mission.tolerance_m
     path_m = tolerance_m - ROUNDING_M
     if path_m <= 0:
-        raise ScenarioError(
-            f"mission.tolerance_m is {tolerance_m} m, and waypoints are rounded by up to {ROUNDING_M} m.",
-            hint="set mission.tolerance_m to 0.02 or more",
-        )
+        text = f"mission.tolerance_m is {tolerance_m} m, and waypoints are rounded by up to {ROUNDING_M} m."
+        raise ScenarioError(text, hint="set mission.tolerance_m to 0.02 or more")
     rows = rows_with_own_legs(plan)
     kept: list[Array] = []
     errors: list[Deviation] = []
@@ -93,20 +91,16 @@ def build_missions(
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     for known in set(autopilots):
         if altitude.frame not in known.traits.missions.frames:
-            raise ScenarioError(
-                f"{known.title} refuses altitudes above the ground in missions.",
-                hint="give --altitude relative or --altitude amsl",
-            )
+            text = f"{known.title} refuses altitudes above the ground in missions."
+            raise ScenarioError(text, hint="give --altitude relative or --altitude amsl")
     if not isinstance(legs, Mapping):
         legs = dict.fromkeys(autopilots, legs or timed_legs(plan))
     missions = tuple(_vehicle_mission(plan, row, legs[known], known, altitude) for row, known in enumerate(autopilots))
     for known, mission in zip(autopilots, missions, strict=True):
         count, most = known.home_is_item_0 + len(mission.items), known.traits.missions.items_max
         if count > most:
-            raise ScenarioError(
-                f"A mission has {count} items; {known.title} stores at most {most}.",
-                hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
-            )
+            text = f"A mission has {count} items; {known.title} stores at most {most}."
+            raise ScenarioError(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
     return missions
 
 
@@ -202,16 +196,9 @@ class _Draft:
     def fly_to(self, command: Command, place: Array, yaw_ned_rad: float, at_s: float, hold_s: float = 0.0) -> None:
         """Add an item at (lat_deg, lon_deg, altitude in the mission's frame)."""
         lat_deg, lon_deg, alt_m = place.tolist()
-        self.items.append(
-            MissionItem(
-                command,
-                self.frame,
-                (round(float(hold_s), _TIME_DECIMALS), 0.0, 0.0, _compass_deg(yaw_ned_rad)),
-                to_degE7(lat_deg),
-                to_degE7(lon_deg),
-                alt_m,
-            )
-        )
+        yaw_deg = round(float(np.degrees(yaw_ned_rad)), _YAW_DECIMALS) % 360.0
+        params = (round(float(hold_s), _TIME_DECIMALS), 0.0, 0.0, yaw_deg)
+        self.items.append(MissionItem(command, self.frame, params, to_degE7(lat_deg), to_degE7(lon_deg), alt_m))
         self.arrival_s.append(float(at_s))
 
     def do(self, command: Command, p1: float, p2: float, p3: float, p4: float) -> None:
@@ -238,10 +225,6 @@ def _as_kept(places: Array, firmware: Autopilot) -> Array:
             for lat_deg, lon_deg, alt_m in places.tolist()
         ]
     )
-
-
-def _compass_deg(yaw_ned_rad: float) -> float:
-    return round(float(np.degrees(yaw_ned_rad)), _YAW_DECIMALS) % 360.0
 
 
 def starting_at(mission: VehicleMission, unix_s: int) -> VehicleMission:

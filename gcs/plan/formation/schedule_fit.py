@@ -46,7 +46,7 @@ def check_schedule(scenario: Scenario, end_s: float) -> None:
     late = _first_late(scenario, made, end_s)
     if late is None:
         return
-    raise ScheduleMisfit(f"no plan: {_what(scenario, made, late, end_s)}", hint=_advice(scenario, made, late, end_s))
+    raise ScheduleMisfit.because(_what(scenario, made, late, end_s), hint=_advice(scenario, made, late, end_s))
 
 
 def _first_late(scenario: Scenario, made: tuple[MadeChange, ...], end_s: float) -> _Late | None:

@@ -27,6 +27,7 @@ from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.values.si import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
 from gcs.types import Array
 
+AUTO = "auto"  # the trigger of a change that the optimiser chose; others are words of `trigger_words`
 _SLACK_S = 1e-9
 _KEYS = "change_speed_mps or change_accel_mps2"
 _DOWN = np.array([0.0, 0.0, 1.0])

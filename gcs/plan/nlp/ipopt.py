@@ -168,8 +168,8 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
     kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
     leg = program.leg_at(t_s)
     against = _opposing(program, y_multipliers, g_multipliers)
-    return kind(
-        f"no plan: {reason} (IPOPT: {status}); the largest violation is of {constraint} at t = {t_s:.1f} s"
+    return kind.because(
+        f"{reason} (IPOPT: {status}); the largest violation is of {constraint} at t = {t_s:.1f} s"
         + (f" in {leg}" if leg else "")
         + (f", against the {against}" if against else ""),
         hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m), "

@@ -120,8 +120,8 @@ def optimise(
             worst_s += [0.5 * (miss.t_s + end_s) for miss in missed for end_s in miss.period_s]
         mesh = mesh.split(drifting).enforcing_at(np.unique(worst_s))
     leg = problem.leg_at(max(missed, key=attrgetter("tolerated")).t_s) if missed else ""
-    raise PlanningError(
-        f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}"
+    raise PlanningError.because(
+        f"{MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}"
         + (f", in {leg}" if leg else ""),
         hint="relax this limit a little, or give the flight more time ([time] flight_s)",
     )

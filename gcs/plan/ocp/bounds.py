@@ -79,8 +79,8 @@ def _refuse_crossed(times_s: Array, low: Array, high: Array, kinds: tuple[Kind, 
         return
     t, number = crossed[0]
     kind, apart = kinds[number], kinds[number] in STATES[POSITION]
-    raise Infeasible(
-        f"no plan: at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
+    raise Infeasible.because(
+        f"at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
         f"of {kind.value} allows{_excess(low[t, number] - high[t, number], kind)}",
         hint="widen [limits] height_m, north_m or east_m, or give the shapes less spacing"
         if apart

@@ -89,7 +89,7 @@ def plan_from_flight(
 
 def with_times_of_changes(scenario: Scenario, plan: Plan) -> Scenario:
     """The scenario with changes at gates and route points begun at their planned times: the track may differ now."""
-    starts = iter(move.start_s for move in plan.moves if move.trigger != "auto")
+    starts = iter(move.start_s for move in plan.scheduled_moves)
     changes = []
     for change in scenario.formation.change:
         at_s = None if change.auto else next(starts, None)
@@ -139,8 +139,8 @@ def _refuse_covered(problem: Problem, zones: tuple[NoFlyZone, ...]) -> None:
         for zone in zones:
             inside_m = -float(outside_m(zone, np.full(len(places), t_s), places[:, 0], places[:, 1]).min())
             if inside_m > point.radius_m:
-                raise Infeasible(
-                    f"no plan: {point.name} of the route cannot be passed: a vehicle would be {inside_m:.1f} m inside "
+                raise Infeasible.because(
+                    f"{point.name} of the route cannot be passed: a vehicle would be {inside_m:.1f} m inside "
                     "a new no-fly zone",
                     hint="land, return or hold (`gcs attach`); the old plan has not changed",
                 )

@@ -273,8 +273,8 @@ class Replanner:
                 program = tightened(program, trajectory, missed)
                 start = {"x0": np.clip(solution.y, program.y_low, program.y_high), "lam_x0": solution.y_multipliers}
                 start["lam_g0"] = np.array(list(solution.g_multipliers.values()))
-        raise PlanningError(
-            f"no plan: the finest mesh was not enough: {'; '.join(history[-1].complaints)}",
+        raise PlanningError.because(
+            f"the finest mesh was not enough: {'; '.join(history[-1].complaints)}",
             hint="plan again with `gcs plan`, or re-plan from a later state",
         )
 
@@ -305,8 +305,7 @@ def _check_length(problem: Problem, route: Route) -> None:
 def _in_words(problem: Problem, failure: PlanningError) -> PlanningError:
     """The optimiser's message, with what the operator can do in flight."""
     return type(failure)(
-        f"no plan from t = {problem.start_s:g} s in the remaining {problem.duration_s:.0f} s: "
-        + failure.message.removeprefix("no plan: "),
+        f"no plan from t = {problem.start_s:g} s in the remaining {problem.duration_s:.0f} s: " + failure.reason,
         hint="land, return or hold (`gcs attach`); the old plan has not changed",
     )
 
@@ -343,8 +342,8 @@ def _check_start(problem: Problem) -> None:
         if margin.value.min() < 0.0:
             vehicle = int(margin.value.min(axis=1).argmin())
             of_vehicle = f" for vehicle {scenario.formation.sysids[vehicle]}" if len(margin.value) > 1 else ""
-            raise Infeasible(
-                f"no plan: the state at t = {problem.start_s:g} s violates {margin.name}{of_vehicle} by "
+            raise Infeasible.because(
+                f"the state at t = {problem.start_s:g} s violates {margin.name}{of_vehicle} by "
                 f"{-margin.value.min():.3g} {margin.unit}",
                 hint="bring the formation back within its limits (hold or return), then re-plan",
             )

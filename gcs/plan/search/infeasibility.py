@@ -49,8 +49,8 @@ def _check_speed(problem: Problem) -> None:
     if times[axis] <= latest_s:
         return
     limit = problem.state_high[VELOCITY][axis]
-    raise Infeasible(
-        f"no plan: {latest_s:g} s are too short; {_AXES[axis]} alone needs t_f ≥ {np.ceil(times[axis]):g} s "
+    raise Infeasible.because(
+        f"{latest_s:g} s are too short; {_AXES[axis]} alone needs t_f ≥ {np.ceil(times[axis]):g} s "
         f"at |v| ≤ {limit:g} m/s, and more to start and stop",
         hint=f"set [time] flight_s to {np.ceil(1.05 * times[axis]):g}, or raise [limits] speed_ned_mps",
     )
@@ -139,7 +139,7 @@ def explain_infeasible(problem: Problem, route: Route, failures: list[PlanningEr
         return last
     return Infeasible(
         f"no plan in {problem.duration_s:g} s; it needs t_f ≥ {needed_s:g} s within these limits. "
-        f"At {problem.duration_s:g} s: {last.message.removeprefix('no plan: ')}",
+        f"At {problem.duration_s:g} s: {last.reason}",
         hint=f"set [time] flight_s to {needed_s:g} or more",
     )
 

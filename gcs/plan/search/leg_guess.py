@@ -67,8 +67,8 @@ def check_legs(problem: Problem) -> None:
             most = problem.scenario.limits.accel_max_mps2
             at_rest = _at_rest(problem)[number : number + 2].any()
             accelerating = f" and {most:g} m/s2" if at_rest and most is not None else ""
-            raise Infeasible(
-                f"no plan: {problem.leg_words(number)} needs {_up(needed_s):g} s at "
+            raise Infeasible.because(
+                f"{problem.leg_words(number)} needs {_up(needed_s):g} s at "
                 f"{limits[axis]:g} m/s {_AXES[axis]}{accelerating}, "
                 f"{key} leaves {max(np.floor(10.0 * left_s) / 10.0, 0.0):g} s",
                 hint=f"set {key} to {_up(ready_s + 1.05 * needed_s):g} or more, or raise [limits] speed_ned_mps",
@@ -184,8 +184,7 @@ def routes_through(problem: Problem) -> tuple[Route, ...]:
         try:
             legs.append(_of_leg(leg, whole, rigid))
         except Infeasible as none:
-            text = none.message.removeprefix("no plan: ")
-            raise Infeasible(f"no plan: {problem.leg_at(start_s + 1e-6)}: {text}", hint=none.hint) from none
+            raise Infeasible.because(f"{problem.leg_at(start_s + 1e-6)}: {none.reason}", hint=none.hint) from none
     return tuple(_joined(legs, chosen) for chosen in _shortest_first(legs))
 
 

@@ -189,15 +189,15 @@ def _no_route(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeas
         return bool(labels[start] == labels[end] != 0)
 
     if not connected(high):
-        return Infeasible(
-            "no plan: no-fly zones block all routes from start to end",
+        return Infeasible.because(
+            "no-fly zones block all routes from start to end",
             hint="move or shrink a zone ([[no_fly]]), or widen the area ([limits] north_m, east_m; [[keep_in]])",
         )
     while high - low > 0.05:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if connected(middle) else (middle, high)
-    return Infeasible(
-        f"no plan: there is no route under the ceiling of {area.ceiling_m:g} m; the lowest pass needs {high:.1f} m",
+    return Infeasible.because(
+        f"there is no route under the ceiling of {area.ceiling_m:g} m; the lowest pass needs {high:.1f} m",
         hint=f"raise [limits] height_m to [.., {np.ceil(high):g}] or more",
     )
 

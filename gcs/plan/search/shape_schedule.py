@@ -14,7 +14,7 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.coordinates import COORDINATE_OF_CHANGE, Coordinate, CoordinateName, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
-from gcs.plan.formation.timeline import Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
+from gcs.plan.formation.timeline import AUTO, Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh_refinement import (
     DEGREE,
@@ -86,8 +86,8 @@ def optimise_on_schedule(
             moves = (*timeline.moves, *automatic)
             return replace(found, history=history, moves=tuple(sorted(moves, key=lambda move: move.start_s)))
         guess, starts, warm = found.trajectory, crossed, found.last
-    raise PlanningError(
-        f"no plan: after {_TRIES} iterations the leader crosses a gate {late:.2f} s from the start of its change; "
+    raise PlanningError.because(
+        f"after {_TRIES} iterations the leader crosses a gate {late:.2f} s from the start of its change; "
         f"the limit is {_LATE_S:g} s",
         hint="trigger the change by a time (at_s), or move its gate to where the leader flies straight",
     )
@@ -128,8 +128,8 @@ def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Tr
         crossing = gate_crossing_s(change.gate_m, times, places)
         if crossing is None:
             (n1, e1), (n2, e2) = change.gate_m
-            raise Infeasible(
-                f"no plan: the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
+            raise Infeasible.because(
+                f"the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
                 f"that begins the change of kind {change.kind}",
                 hint="move or widen the gate (gate_m), or trigger the change by a time (at_s)",
             )
@@ -159,7 +159,7 @@ def automatic_moves(
                 Move(
                     kind=_CHANGES[coordinate.name],
                     name=_words(coordinate, float(at[furthest, number])),
-                    trigger="auto",
+                    trigger=AUTO,
                     start_s=float(times[first]),
                     end_s=float(times[last]),
                     paper_time_s=2.0 * travel_m / change_speed_mps,

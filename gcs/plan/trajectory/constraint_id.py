@@ -122,8 +122,13 @@ class PointName:
     number: int  # 1 is the first point of the first round
     name: str = ""
 
+    @property
+    def short(self) -> str:
+        """Under a heading that says "point"."""
+        return f'{self.number} ("{self.name}")' if self.name else str(self.number)
+
     def __str__(self) -> str:
-        return f'point {self.number} ("{self.name}")' if self.name else f"point {self.number}"
+        return f"point {self.short}"
 
 
 @dataclass(frozen=True)

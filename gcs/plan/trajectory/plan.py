@@ -14,7 +14,7 @@ from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
-from gcs.plan.formation.timeline import Move
+from gcs.plan.formation.timeline import AUTO, Move
 from gcs.plan.trajectory.distances import formation_error_m, ground_distances_m, separations_m, zone_distances_m
 from gcs.plan.trajectory.passages import Passage, passages
 from gcs.plan.trajectory.phases import Phase, PhaseKind
@@ -85,6 +85,11 @@ class Plan:
     def leader(self) -> int:
         """Row of the leader."""
         return leader_index(self.scenario)
+
+    @cached_property
+    def scheduled_moves(self) -> tuple[Move, ...]:
+        """The changes that begin at a time or a gate."""
+        return tuple(move for move in self.moves if move.trigger != AUTO)
 
     @cached_property
     def passages(self) -> tuple[Passage, ...]:

@@ -59,10 +59,8 @@ def read_dem(file: Path, origin: Origin, region: Region, unit: HeightUnit | None
 
 def _relief(raster: DatasetReader, origin: Origin, region: Region, unit: HeightUnit | None) -> Relief:
     if raster.crs is None or raster.transform.is_identity:
-        raise DemError(
-            "does not say where on Earth it lies (no projection); add one, for example `gdal_translate -a_srs EPSG:… "
-            "-a_ullr …`"
-        )
+        step = "add one, for example `gdal_translate -a_srs EPSG:… -a_ullr …`"
+        raise DemError(f"does not say where on Earth it lies (no projection); {step}")
     if raster.count != 1:
         raise DemError(f"has {raster.count} bands, a picture perhaps; heights are one band")
     _refuse_large_blocks(raster)
@@ -106,10 +104,8 @@ def _refuse_large_blocks(raster: DatasetReader) -> None:
         raise DemError(f"has {raster.height:,} times {raster.width:,} pixels; the limit of a side is {_SIDE_MAX:,}")
     if rows * columns * kind.itemsize > _BLOCK_BYTES_MAX:
         size = in_mib(rows * columns * kind.itemsize)
-        raise DemError(
-            f"has blocks of {rows:,} times {columns:,} pixels, {size} each; the limit is {in_mib(_BLOCK_BYTES_MAX)}; "
-            "write it in tiles, for example `gdal_translate -co TILED=YES`"
-        )
+        text = f"has blocks of {rows:,} times {columns:,} pixels, {size} each; the limit is {in_mib(_BLOCK_BYTES_MAX)}"
+        raise DemError(f"{text}; write it in tiles, for example `gdal_translate -co TILED=YES`")
 
 
 def _metres_per_unit(raster: DatasetReader, unit: HeightUnit | None) -> float:
@@ -144,10 +140,8 @@ def _window(raster: DatasetReader, origin: Origin, region: Region) -> Window:
     top, left = max(int(needed[0]) - 1, 0), max(int(needed[2]) - 1, 0)
     bottom, right = min(int(needed[1]) + 3, raster.height), min(int(needed[3]) + 3, raster.width)
     if (bottom - top) * (right - left) > PIXELS_MAX:
-        raise DemError(
-            f"has {(bottom - top) * (right - left):,} pixels where the scenario is, {PIXELS_MAX:,} are the most; make "
-            "them larger, for example `gdalwarp -tr … -r max`"
-        )
+        text = f"has {(bottom - top) * (right - left):,} pixels where the scenario is, {PIXELS_MAX:,} are the most"
+        raise DemError(f"{text}; make them larger, for example `gdalwarp -tr … -r max`")
     return Window(left, top, right - left, bottom - top)
 
 

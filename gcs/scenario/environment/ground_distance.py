@@ -61,18 +61,14 @@ def steepness(terrain: Terrain) -> float:
     """A slope (rise over run) that the ground nowhere exceeds."""
     if terrain.relief is not None:
         return terrain.relief.steepness
-    mountains = _mountain_steepness(terrain.mountains)
+    # exp(-r^2) is steepest at r = sqrt(1/2), by sqrt(2/e).
+    spread = np.minimum(terrain.mountains.spread_north_m, terrain.mountains.spread_east_m)
+    mountains = float(np.sqrt(2.0 / np.e) * np.sum(np.abs(terrain.mountains.height_m) / spread))
     if terrain.ripple is None:
         return mountains
     r = terrain.ripple
     along_east = 1.0 + abs(r.e)
     return max(mountains, float(np.hypot(along_east, r.b)) + abs(r.c * r.d) + abs(r.f * r.g))
-
-
-def _mountain_steepness(mountains: Mountains) -> float:
-    # exp(-r^2) is steepest at r = sqrt(1/2), by sqrt(2/e).
-    spread = np.minimum(mountains.spread_north_m, mountains.spread_east_m)
-    return float(np.sqrt(2.0 / np.e) * np.sum(np.abs(mountains.height_m) / spread))
 
 
 def _surfaces(terrain: Terrain) -> list[tuple[Surface, float, Highest]]:
@@ -217,14 +213,9 @@ def _of_block(
     if not len(who):
         return
     i, j = i[who, cell], j[who, cell]
-    corners = np.stack(
-        [
-            pixels[np.clip(i + di, 0, last_row), np.clip(j + dj, 0, last_column)]
-            for di, dj in ((0, 0), (1, 0), (0, 1), (1, 1))
-        ]
-    )
+    edges = [pixels[np.clip(i + di, 0, last_row), np.clip(j + dj, 0, last_column)] for dj in (0, 1) for di in (0, 1)]
     u0, v0 = row[who] - i, column[who] - j
-    squared = _to_patch(corners, u0, v0, to_metres[who], up[who])
+    squared = _to_patch(np.stack(edges), u0, v0, to_metres[who], up[who])
     least = found[part] ** 2
     np.minimum.at(least, who, squared)
     found[part] = np.sqrt(least)

@@ -186,9 +186,8 @@ def _interpolated(table: Array, place: Array, order: int) -> Array:
 def _envelope(relief: Relief) -> Envelope:
     low = np.array([relief.north_m[0], relief.east_m[0]])
     size = np.array([relief.north_m[1], relief.east_m[1]]) - low
-    step = max(
-        _STEP * relief.spacing_m, float(np.sqrt(size.prod() / _CELLS_MAX)), float(size.max()) / _ENVELOPE_SIDE_MAX
-    )
+    coarsest_m = float(np.sqrt(size.prod() / _CELLS_MAX)), float(size.max()) / _ENVELOPE_SIDE_MAX
+    step = max(_STEP * relief.spacing_m, *coarsest_m)
     first = low - _MARGIN_CELLS * step
     count = np.ceil(size / step).astype(int) + 2 * _MARGIN_CELLS + 1
     north, east = (first[axis] + step * np.arange(count[axis]) for axis in (0, 1))
@@ -211,14 +210,8 @@ def _envelope(relief: Relief) -> Envelope:
     windows = np.lib.stride_tricks.sliding_window_view(most, (_SUBSAMPLES + 1,) * 2)
     missing = np.maximum(windows[::_SUBSAMPLES, ::_SUBSAMPLES].max(axis=(2, 3)), 0.0) + ENVELOPE_RESERVE_M
     # Cell (i, j) is made from coefficients i-1 .. i+2: coefficient i takes part in cells i-2 .. i+1.
-    raised = np.full((count[0], count[1]), ENVELOPE_RESERVE_M)
-    np.maximum(raised, _pushed(missing, count), out=raised)
-    return Envelope(surface.first_m, step, surface.coefficients_m + raised)
-
-
-def _pushed(missing: Array, count: Array) -> Array:
-    """For each coefficient the most that is missing in the sixteen cells it takes part in."""
     table = np.zeros((count[0] + 3, count[1] + 3))
     table[2 : 2 + missing.shape[0], 2 : 2 + missing.shape[1]] = missing
-    windows = np.lib.stride_tricks.sliding_window_view(table, (4, 4))
-    return np.asarray(windows.max(axis=(2, 3)))
+    pushed = np.lib.stride_tricks.sliding_window_view(table, (4, 4)).max(axis=(2, 3))
+    raised = np.maximum(ENVELOPE_RESERVE_M, pushed)
+    return Envelope(surface.first_m, step, surface.coefficients_m + raised)

@@ -145,15 +145,11 @@ def polygon_findings(corners: tuple[Point, ...]) -> Findings:
     if len(corners) < 3:
         yield ("polygon_m",), f"has {len(corners)} corners; a polygon needs at least 3"
     elif (shape := shapely.Polygon(corners)) and not shape.is_valid:
-        yield ("polygon_m",), f"crosses itself: {_reason(shape)} (north east, m)", "give the corners in order"
+        long = r"-?\d+\.\d{4,}(?!\d*e)"  # coordinates: to a millimetre
+        reason = re.sub(long, lambda found: f"{float(found[0]):.3f}", shapely.is_valid_reason(shape))
+        yield ("polygon_m",), f"crosses itself: {reason} (north east, m)", "give the corners in order"
     elif shape.area <= 0.0:
         yield ("polygon_m",), "has no area: its corners are on one line", "move a corner"
-
-
-def _reason(shape: shapely.Polygon) -> str:
-    """Why a polygon is not valid, with its coordinates to a millimetre."""
-    text = shapely.is_valid_reason(shape)
-    return re.sub(r"-?\d+\.\d{4,}(?!\d*e)", lambda found: f"{float(found[0]):.3f}", text)
 
 
 class RoutePoint(Part):

@@ -7,7 +7,6 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,7 +89,11 @@ def read_sheet(file: Path) -> list[SheetRow]:
                 mistakes.append(f"row {number}, {name}: {mistake}")
         if len(cells) == len(columns):
             rows.append(SheetRow(number, cells))
-    mistakes += _twice(rows)
+    first_at: dict[int, int] = {}
+    for row in rows:
+        if (there := first_at.setdefault(row.number, row.row)) != row.row:
+            text = f"vehicle {row.number} is there twice; it is in row {there} too"
+            mistakes.append(f"row {row.row}, number: {text}")
     refuse(file, mistakes)
     return sorted(rows, key=lambda row: row.number)
 
@@ -154,13 +157,6 @@ def _value(cell: str, name: str, *, decimal_comma: bool) -> float:
     if abs(value) > (most := _BOUNDS.get(name, _FARTHEST_M)):
         raise ValueError(f"{cell[:40]} is out of range; it must be from {-most:g} to {most:g}")
     return value
-
-
-def _twice(rows: list[SheetRow]) -> Iterator[str]:
-    first: dict[int, int] = {}
-    for row in rows:
-        if first.setdefault(row.number, row.row) != row.row:
-            yield f"row {row.row}, number: vehicle {row.number} is there twice; it is in row {first[row.number]} too"
 
 
 @dataclass(frozen=True)
@@ -227,26 +223,19 @@ def read_flight_sheets(
     if count is not None and count != len(expected):
         absent = sorted(set(range(1, count + 1)) - expected)
         missing = f"; missing: {_ids(absent)}" if absent else ""
-        raise UsageError(
-            f"{positions}: has {counted(len(expected), 'vehicle')}, and --count is {count}{missing}",
-            hint="correct the sheet or --count",
-        )
+        text = f"{positions}: has {counted(len(expected), 'vehicle')}, and --count is {count}{missing}"
+        raise UsageError(text, hint="correct the sheet or --count")
     sheets: list[Sheet] = []
     for file in shapes:
         if (name := _name_of(file)) in (START_SHAPE, *(sheet.name for sheet in sheets)):
             raise UsageError(f"{file}: another shape has the name {name}", hint="give the file another name")
         rows = read_sheet(file)
-        _refuse_other_vehicles(file, rows, positions, expected)
+        absent = sorted(expected - {row.number for row in rows})
+        mistakes = [f"no row has vehicle {_ids(absent)}, which {positions.name} has"] * bool(absent)
+        others = (row for row in rows if row.number not in expected)
+        refuse(file, mistakes + [f"row {row.row}: {positions.name} has no vehicle {row.number}" for row in others])
         sheets.append(_sheet(file, rows, origin, least_m))
     return FlightSheets(first, tuple(sheets), origin)
-
-
-def _refuse_other_vehicles(file: Path, rows: list[SheetRow], positions: Path, expected: set[int]) -> None:
-    """Raise UsageError for a shape that has not the vehicles of the positions."""
-    absent = sorted(expected - {row.number for row in rows})
-    mistakes = [f"no row has vehicle {_ids(absent)}, which {positions.name} has"] * bool(absent)
-    mistakes += [f"row {r.row}: {positions.name} has no vehicle {r.number}" for r in rows if r.number not in expected]
-    refuse(file, mistakes)
 
 
 def _sheet(file: Path, rows: list[SheetRow], origin: Origin | None, least_m: float, *, pads: bool = False) -> Sheet:

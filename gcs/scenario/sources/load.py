@@ -78,7 +78,7 @@ def load_scenario(path: Path | str) -> Scenario:
     mistakes += [
         in_degree_keys(one, converted)
         for one in found
-        if not meant.follows(one) and all(_has(others, one) for _, others in judged)
+        if not meant.follows(one) and all(str(one) in map(str, others) for _, others in judged)
     ]
     if mistakes or elsewhere is not None or scenario is None:
         raise _error_report(file, mistakes, meant, elsewhere)
@@ -151,10 +151,6 @@ def _judged(data: Table, folder: Path, certain: set[Key]) -> tuple[Scenario | No
     return scenario, lacking or check(scenario, certain=certain)
 
 
-def _has(judged: list[Mistake], mistake: Mistake) -> bool:
-    return any(str(one) == str(mistake) for one in judged)
-
-
 def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:
     """The scenario with the heights of its elevation model, or the mistake of the model."""
     terrain = scenario.terrain
@@ -184,9 +180,8 @@ def _meant(file: Path, text: str, model: type[Part], also: tuple[str, ...] = ())
         if found := _TWICE.fullmatch(said):
             name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
             words, step = f"table [{name}] stands twice", "keep one, with the keys of both"
-        raise _error_report(
-            file, [Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))]
-        ) from None
+        mistake = Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))
+        raise _error_report(file, [mistake]) from None
     except json.JSONDecodeError as error:
         raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
     except ValueError as error:  # a number of thousands of digits, for example
@@ -276,10 +271,8 @@ def _missions_near(path: Path) -> str:
 def _read(file: Path) -> str:
     kind = SCENARIO_JSON if file.suffix == ".json" else SCENARIO_TOML
     if file.suffix.lower() in SHEETS:
-        raise ScenarioError(
-            f"{file}: is a sheet, not a scenario",
-            hint="save it as CSV, and make a scenario of it: gcs new NAME --positions FILE.csv",
-        )
+        text = f"{file}: is a sheet, not a scenario"
+        raise ScenarioError(text, hint="save it as CSV, and make a scenario of it: gcs new NAME --positions FILE.csv")
     try:
         return read_file(file, kind, error=ScenarioError, hint="check the path and its permissions").decode()
     except UnicodeDecodeError as error:

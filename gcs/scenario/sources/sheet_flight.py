@@ -83,10 +83,8 @@ class SheetFlight:
     def _formation(self, leader_m: Array) -> tuple[float, str]:
         """The flight's duration, s, and the table [formation]."""
         ids = self.positions.sysids
-        lines = [
-            "[formation]",
-            f"leader = {ids[0]}                    # the first vehicle of {self.positions.file.name}",
-        ]
+        leader = f"leader = {ids[0]}                    # the first vehicle of {self.positions.file.name}"
+        lines = ["[formation]", leader]
         if self.shapes:
             lines += [f"change_speed_mps = {_SPEED_MPS}", f"change_accel_mps2 = {_ACCEL_MPS2}"]
         lines += ["vehicle = ["]

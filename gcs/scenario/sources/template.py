@@ -164,10 +164,8 @@ def scenario_text(
     name = folder.resolve().name
     pattern = next(m.pattern for m in Scenario.model_fields["name"].metadata if hasattr(m, "pattern"))
     if not re.match(pattern, name):
-        raise UsageError(
-            f'"{name}" cannot be the name of a scenario.',
-            hint="use small letters, digits, - and _; begin with a letter or a digit",
-        )
+        message = f'"{name}" cannot be the name of a scenario.'
+        raise UsageError(message, hint="use small letters, digits, - and _; begin with a letter or a digit")
     try:
         OriginTable(lat_deg=lat_deg, lon_deg=lon_deg, alt_amsl_m=alt_amsl_m)
     except ValueError:
@@ -217,7 +215,5 @@ def _refuse_impossible(text: str) -> None:
     places = offsets_ned_m(scenario)
     size_m, apart_m = vehicle_size_m(scenario.vehicle), float(KDTree(places).query(places, k=2)[0][:, 1].min())
     if apart_m < size_m:  # infinite for a single vehicle
-        raise UsageError(
-            f"such a flight is not possible: vehicles of {size_m:.2f} m would be {apart_m:g} m apart",
-            hint="give a greater --spacing",
-        )
+        message = f"such a flight is not possible: vehicles of {size_m:.2f} m would be {apart_m:g} m apart"
+        raise UsageError(message, hint="give a greater --spacing")

@@ -80,10 +80,8 @@ def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
         along, own = np.delete(places_m[:, axis], stray), end.position_m[axis]
         outside = int(np.count_nonzero((along < low - SLACK) | (along > high + SLACK)))
         if outside and low <= own <= high:  # else the rule about the leader reports it
-            text = (
-                f"puts {counted(outside, 'place')} of the last shape, {name}, {_outside(scenario, axis)}; the shape "
-                f"would reach from {plain(along.min())} to {plain(along.max())}"
-            )
+            text = f"puts {counted(outside, 'place')} of the last shape, {name}, {_outside(scenario, axis)}"
+            text += f"; the shape would reach from {plain(along.min())} to {plain(along.max())}"
             yield _into_the_box(scenario, ("end",), axis, own, along, text)
 
 
@@ -118,13 +116,10 @@ def _pads_are_apart(scenario: Scenario) -> Mistakes:
     if scenario.formation.ends_in_start_shape:
         grounds.append(("land", si.landing_points_ned_m(scenario)))
     for what, points in grounds:
-        pairs = [
-            pair
-            for pair in close_pairs(points, least)
-            if (pair.first, pair.second) not in found
-            and np.linalg.norm(places[pair.first] - places[pair.second])
-            >= least - SLACK  # else the rule about shapes reports it
-        ]
+        new = [pair for pair in close_pairs(points, least) if (pair.first, pair.second) not in found]
+        flown_m = [float(np.linalg.norm(places[pair.first] - places[pair.second])) for pair in new]
+        # Where they are too near in flight, the rule about shapes reports it.
+        pairs = [pair for pair, apart_m in zip(new, flown_m, strict=True) if apart_m >= least - SLACK]
         found |= {(pair.first, pair.second) for pair in pairs}
         yield from pairs_in_start_shape(scenario, pairs, f"fly above each other and would {what} {{:.2f}} m apart")
 
@@ -149,11 +144,8 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     climb_m = (si.pads_ned_m(scenario) - si.hover_start_ned_m(scenario))[:, 2]
     climb_m = np.delete(climb_m, _strays(scenario, _HEIGHT))
     descent_m = (si.landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_later(scenario)]
-    steps = (
-        ("takeoff_s", float(climb_m.max()), phases.takeoff_s),
-        ("landing_s", float(descent_m.max()), phases.landing_s),
-    )
-    for key, step_m, time in steps:
+    for key, step_m in (("takeoff_s", float(climb_m.max())), ("landing_s", float(descent_m.max()))):
+        time = getattr(phases, key)
         by_speed = fastest * step_m / most_mps
         needed = max(by_speed, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
         if limits.jerk_max_mps3 is not None:
@@ -161,16 +153,13 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
             if jerky ** (1 / 3) > needed:
                 needed, spare = jerky ** (1 / 3), f"{limits.jerk_max_mps3:g} m/s³ (limits.jerk_max_mps3)"
         if time < needed:
-            text = (
-                f"too short for {step_m:.1f} m from rest to rest; {plain(most_mps)} m/s (limits.speed_ned_mps[2]) and "
-                f"{spare} take {needed:.1f} s"
-            )
+            by = f"{plain(most_mps)} m/s (limits.speed_ned_mps[2]) and {spare}"
+            text = f"too short for {step_m:.1f} m from rest to rest; {by} take {needed:.1f} s"
             if needed == by_speed:
                 air = "" if si.quadrotor(scenario).wind.is_still else " in wind"
                 text += f", because a smooth step{air} is {fastest:.2f} times as fast in its middle as on average"
-            yield Mistake(
-                ("ground_phases", key), text, time, remedy=f"set ground_phases.{key} to {np.ceil(needed):.0f}"
-            )
+            step = f"set ground_phases.{key} to {np.ceil(needed):.0f}"
+            yield Mistake(("ground_phases", key), text, time, remedy=step)
 
 
 def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
@@ -181,10 +170,8 @@ def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
     beyond[np.isin(stop.sysids, [si.sysids(scenario)[row] for row in stray])] = 0.0
     worst = int(beyond.argmax())
     if beyond[worst] > SLACK:
-        text = (
-            f"puts {_vehicles(stop, beyond > SLACK)} {_outside(scenario, axis)}; "
-            f"vehicle {stop.sysids[worst]} would be at {plain(along[worst])}"
-        )
+        text = f"puts {_vehicles(stop, beyond > SLACK)} {_outside(scenario, axis)}"
+        text += f"; vehicle {stop.sysids[worst]} would be at {plain(along[worst])}"
         yield _into_the_box(scenario, stop.key, axis, stop.position_m[axis], along, text)
 
 
@@ -233,9 +220,8 @@ def _stray_vehicle(scenario: Scenario, axis: int) -> Mistake:
         text += f"; in all, {_vehicles(start, np.isin(np.arange(len(along)), rows))} are outside"
         return Mistake(table, text, own, "set {}, or move these vehicles", (wider,))
     if axis == _HEIGHT and np.ptp(others) <= SLACK:
-        return Mistake(
-            table, text, own, "set {}, as the others have, or {}", (KeyChange(table, float(others[0])), wider)
-        )
+        changes = KeyChange(table, float(others[0])), wider
+        return Mistake(table, text, own, "set {}, as the others have, or {}", changes)
     return Mistake(table, text, own, "set {}, or {}", (KeyChange(table, min(max(own, low), high)), wider))
 
 
@@ -341,7 +327,5 @@ def _missing_m(scenario: Scenario, places_up_m: Array) -> Array:
 
 def _below(missing_m: float, scenario: Scenario) -> str:
     """Where a vehicle would be that is so much too low."""
-    return (
-        f"{missing_m:.2f} m too low: limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m "
-        "to the highest possible ground around it"
-    )
+    required = f"limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m"
+    return f"{missing_m:.2f} m too low: {required} to the highest possible ground around it"

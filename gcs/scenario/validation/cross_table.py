@@ -92,10 +92,8 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
     phases = scenario.ground_phases
     speed = float(np.hypot(*scenario.start.velocity_mps[:2]))
     if speed > 0 and not 0 < phases.run_up_m < speed * phases.run_up_s:
-        text = (
-            f"cannot bring a vehicle from rest to {speed:.2f} m/s in run_up_s = {phases.run_up_s:g} s; "
-            f"it must lie between 0 and {speed * phases.run_up_s:.1f}"
-        )
+        text = f"cannot bring a vehicle from rest to {speed:.2f} m/s in run_up_s = {phases.run_up_s:g} s"
+        text += f"; it must lie between 0 and {speed * phases.run_up_s:.1f}"
         step = f"set ground_phases.run_up_m to {speed * phases.run_up_s / 2:.1f}"
         yield Mistake(("ground_phases", "run_up_m"), text, phases.run_up_m, remedy=step)
 
@@ -116,9 +114,8 @@ def _acceleration_is_enough_for_the_run_up(scenario: Scenario) -> Mistakes:
     if speed > 0 and 0 < phases.run_up_m < speed * phases.run_up_s:  # else the rule about the run-up reports it
         way = velocity / speed * phases.run_up_m
         needed = least_acceleration_mps2(way, velocity, phases.run_up_s)
-        yield from _too_little_acceleration(
-            scenario, needed, f"for a run-up of {phases.run_up_m:g} m in {phases.run_up_s:g} s"
-        )
+        what_for = f"for a run-up of {phases.run_up_m:g} m in {phases.run_up_s:g} s"
+        yield from _too_little_acceleration(scenario, needed, what_for)
 
 
 def least_acceleration_mps2(distance_m: Array, velocity_mps: Array, time_s: float) -> float:

@@ -95,10 +95,9 @@ def _gates_are_in_the_box(scenario: Scenario) -> Mistakes:
     box_m = scenario.limits.north_m, scenario.limits.east_m
     for index, change in enumerate(scenario.formation.change):
         if change.gate_m is not None and not _crosses(change.gate_m, box_m):
-            sides = (
-                f"{name} {low:g} to {high:g} m" for name, (low, high) in zip(("north", "east"), box_m, strict=True)
-            )
-            text = f"lies outside the box of [limits], {' and '.join(sides)}"
+            (south, north), (west, east) = box_m
+            sides = f"north {south:g} to {north:g} m and east {west:g} to {east:g} m"
+            text = f"lies outside the box of [limits], {sides}"
             yield Mistake(("formation", "change", index, "gate_m"), text, change.gate_m, "move it")
 
 
@@ -179,10 +178,8 @@ def _too_small(scenario: Scenario, index: int, before: _Size, brings: str) -> Mi
     scale = scenario.formation.change[index].scale
     assert scale is not None
     least = scenario.limits.separation_min_m
-    text = (
-        f"{brings} {_names(scenario, before.pair)} from {before.gap_m:.2f} m to {before.gap_m * scale:.2f} m; "
-        f"limits.separation_min_m requires {least:g} m"
-    )
+    text = f"{brings} {_names(scenario, before.pair)} from {before.gap_m:.2f} m to {before.gap_m * scale:.2f} m"
+    text += f"; limits.separation_min_m requires {least:g} m"
     allowed = np.ceil(least / before.gap_m * 1000.0 - 1e-6) / 1000.0
     step = f"give a scale of at least {allowed:g}" if allowed < 1 else "remove the change: the shape cannot shrink here"
     return Mistake(("formation", "change", index, "scale"), text, scale, step)

@@ -102,8 +102,10 @@ def _times_are_enough(scenario: Scenario) -> Mistakes:
                 text = f"must be later than {since} at {plain(since_s)} s: the leader passes it before"
                 yield Mistake(at, text, due_s, "correct it")
             earliest_s = due_s
-        fixed_s = _fixed_s(scenario, point)
-        if point is not None and fixed_s is not None:
+        if point is None or scenario.loops > 1:
+            continue
+        fixed_s = point.at_s if point.at_s is not None else point.after_s  # the leader does not leave it before
+        if fixed_s is not None:
             if point.at_s is not None or fixed_s >= earliest_s:
                 since_s, since, way = fixed_s, dotted(leg.to), []
             earliest_s = max(earliest_s, fixed_s)
@@ -138,13 +140,6 @@ def _due(scenario: Scenario, point: RoutePoint | None) -> tuple[str, float | Non
     if scenario.loops > 1:
         return "", None  # another rule refuses its times
     return ("at_s", point.at_s) if point.at_s is not None else ("by_s", point.by_s)
-
-
-def _fixed_s(scenario: Scenario, point: RoutePoint | None) -> float | None:
-    """The time before which the leader does not leave a point; None where there is none."""
-    if point is None or scenario.loops > 1:
-        return None
-    return point.at_s if point.at_s is not None else point.after_s
 
 
 def _places(scenario: Scenario) -> list[tuple[Key, Place]]:

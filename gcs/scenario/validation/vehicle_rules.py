@@ -7,7 +7,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
 from gcs.scenario.schema.mistake import Mistake
-from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, Scenario
+from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Scenario
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.values.si import quadrotor, torque_limits
@@ -31,17 +31,13 @@ def _vehicle_hovers(scenario: Scenario) -> Mistakes:
     model = quadrotor(scenario)
     low, high = scenario.limits.thrust_N
     if not low < model.weight_N < high:
-        text = (
-            f"cannot hover: the weight is {model.weight_N:.2f} N (vehicle.mass_kg = {model.mass_kg:g}), "
-            "and it must lie between the two thrusts"
-        )
+        weight = f"the weight is {model.weight_N:.2f} N (vehicle.mass_kg = {model.mass_kg:g})"
+        text = f"cannot hover: {weight}, and it must lie between the two thrusts"
         yield Mistake(("limits", "thrust_N"), text, (low, high))
     from_rotors = 4 * model.thrust_coeff_Ns2 * model.rotor_max_radps**2
     if from_rotors < high:
-        text = (
-            f"too slow: four rotors lift {from_rotors:.2f} N; limits.thrust_N has {high:g} N "
-            f"and needs {np.sqrt(high / (4 * model.thrust_coeff_Ns2)):.0f} rad/s"
-        )
+        needed = f"{np.sqrt(high / (4 * model.thrust_coeff_Ns2)):.0f} rad/s"
+        text = f"too slow: four rotors lift {from_rotors:.2f} N; limits.thrust_N has {high:g} N and needs {needed}"
         yield Mistake(("vehicle", "rotor_max_radps"), text, model.rotor_max_radps)
 
 
@@ -56,10 +52,8 @@ def _wind_is_weaker_than_the_vehicle(scenario: Scenario) -> Mistakes:
     most_deg = min(limits.roll_pitch_yaw_deg[:2])
     most_N = model.weight_N + (1.0 - limits.control_margin) * (limits.thrust_N[1] - model.weight_N)
     if tilt_deg > most_deg or thrust > most_N:
-        text = (
-            f"too strong: to hover at {highest_m:g} m the vehicle tilts by {tilt_deg:.1f} degrees and needs "
-            f"{thrust:.2f} N; limits allow {most_deg:g} degrees and the plan {most_N:.2f} N"
-        )
+        needs = f"to hover at {highest_m:g} m the vehicle tilts by {tilt_deg:.1f} degrees and needs {thrust:.2f} N"
+        text = f"too strong: {needs}; limits allow {most_deg:g} degrees and the plan {most_N:.2f} N"
         yield Mistake(("wind", "speed_mps"), text, scenario.wind.speed_mps)
 
 
@@ -73,20 +67,18 @@ def _rotors_give_the_torques(scenario: Scenario) -> Mistakes:
         wanted[axis + 1] = most
         got = float(control_from_rotors(rotors_from_control(wanted, model), model)[axis + 1])
         if got < _REACHED * most:
-            key, value = _torque_key(scenario.limits, axis)
+            limits = scenario.limits
+            name = next(key for key in ROLL_PITCH_KEYS if getattr(limits, key) is not None)
+            key: Key = (name, axis)
+            if axis == _YAW and limits.yaw_moment_Nm is not None:
+                key, value = ("yaw_moment_Nm",), limits.yaw_moment_Nm
+            else:
+                value = getattr(limits, name)[axis]
             text = (
                 f"more than the rotors give: while they carry the weight, {_TORQUES[axis]}, reaches "
                 f"{got * value / most:.3g} (Eq. 2, rotor_max_radps = {model.rotor_max_radps:g})"
             )
             yield Mistake(("limits", *key), text, value)
-
-
-def _torque_key(limits: Performance, axis: int) -> tuple[Key, float]:
-    """The key that limits U_2, U_3 or U_4 in this scenario, and its value in its own unit."""
-    name = next(key for key in ROLL_PITCH_KEYS if getattr(limits, key) is not None)
-    if axis == _YAW and limits.yaw_moment_Nm is not None:
-        return ("yaw_moment_Nm",), limits.yaw_moment_Nm
-    return (name, axis), getattr(limits, name)[axis]
 
 
 @RULES.needs("vehicle")

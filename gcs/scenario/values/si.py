@@ -141,14 +141,8 @@ def boundary_state(scenario: Scenario, boundary: Boundary) -> Array:
     vehicle = quadrotor(scenario)
     if not any(boundary.velocity_mps) and not vehicle.wind.is_still:
         _, attitude[0], attitude[1] = hover_trim(boundary.position_m[2], float(attitude[2]), vehicle)
-    return np.concatenate(
-        [
-            np.array(boundary.position_m) * NED_FROM_UP,
-            np.array(boundary.velocity_mps) * NED_FROM_UP,
-            attitude,
-            np.zeros(3),
-        ]
-    )
+    place, velocity = (np.array(part) * NED_FROM_UP for part in (boundary.position_m, boundary.velocity_mps))
+    return np.concatenate([place, velocity, attitude, np.zeros(3)])
 
 
 def route_points(scenario: Scenario) -> tuple[RoutePoint, ...]:
@@ -227,15 +221,9 @@ def physical_limits(vehicle: Quadrotor, limits: Performance) -> PhysicalLimits:
     sideways = g * math.sqrt(max(surplus * surplus - 1.0, 0.01))
     torque = torque_limits(limits, vehicle.arm_m)
     tilt = g * math.tan(math.radians(min(limits.roll_pitch_yaw_deg[:2])))
-    return PhysicalLimits(
-        sideways_mps2=min(sideways, tilt),
-        upwards_mps2=g * (surplus - 1.0),
-        tilt_rate_radps=math.radians(min(limits.rates_degps[:2])),
-        tilt_accel_radps2=min(
-            vehicle.arm_m * torque[0] / vehicle.inertia_kgm2[0],
-            vehicle.arm_m * torque[1] / vehicle.inertia_kgm2[1],
-        ),
-    )
+    tilt_accel = min(vehicle.arm_m * torque[axis] / vehicle.inertia_kgm2[axis] for axis in (0, 1))
+    tilt_rate = math.radians(min(limits.rates_degps[:2]))
+    return PhysicalLimits(min(sideways, tilt), g * (surplus - 1.0), tilt_rate, tilt_accel)
 
 
 def ability_of(vehicle: Quadrotor, limits: Performance) -> Ability:

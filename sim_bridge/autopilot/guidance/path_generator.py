@@ -54,6 +54,11 @@ class PathGenerator:
     rally_ned_m: tuple[Array, ...] = ()  # each (2,): the vehicle returns to the nearest one if it is nearer than home
     navigator: Navigator | None = None
 
+    @property
+    def home_amsl_m(self) -> float:
+        """The altitude of home."""
+        return self.origin.alt_amsl_m - float(self.home_ned_m[2])
+
     def take_off(self, t_s: float, flat: Array, height_m: float) -> PiecePath:
         """Return the path straight up to `height_m` above home."""
         pieces = self.climb_out(t_s, flat, self.home_ned_m[2] - height_m)

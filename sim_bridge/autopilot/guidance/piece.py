@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.types import Array
-from sim_bridge.dynamics.reference import Reference
 
 TERMS = 8  # degree 7: position, velocity, acceleration and jerk given at both ends
 DERIVATIVES = 5  # position to snap
@@ -64,11 +63,9 @@ class PieceBatch:
             self._start_s[row] = piece.start_s
             self._coefficients[row] = piece.coefficients
 
-    def reference(self, t_s: float) -> Reference:
-        """Return the reference of all vehicles at `t_s`."""
-        flat = _basis(t_s - self._start_s) @ self._coefficients  # (V, DERIVATIVES, 4)
-        ned = flat[:, :, :3]
-        return Reference(ned[:, 0], ned[:, 1], ned[:, 2], ned[:, 3], ned[:, 4], flat[:, 0, 3], flat[:, 1, 3])
+    def reference(self, t_s: float) -> Array:
+        """Return the reference of all vehicles at `t_s`, (V, DERIVATIVES, 4)."""
+        return np.asarray(_basis(t_s - self._start_s) @ self._coefficients)
 
 
 @dataclass(frozen=True)

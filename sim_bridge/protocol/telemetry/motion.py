@@ -170,7 +170,7 @@ def _servo_output(sources: Sources) -> Fields:
 def _target(sources: Sources) -> tuple[int, Array]:
     """Return the mask of the present setpoint and its derivatives (DERIVATIVES, 4)."""
     autopilot = sources.autopilot
-    return _FULL if autopilot.flying else _GROUND_LEVEL, autopilot.piece.at(sources.instruments.t_s)
+    return _FULL if autopilot.flying else _GROUND_LEVEL, autopilot.path.piece.at(sources.instruments.t_s)
 
 
 def _rates(flat: Array) -> dict[str, float]:
@@ -186,7 +186,7 @@ def _throttle(sources: Sources) -> Array:
 
 
 def _mission_current(sources: Sources) -> Fields:
-    progress = sources.autopilot.mode_actions.progress
+    progress = sources.autopilot.progress
     state, mode = progress.state(sources.autopilot.mode.intent, flying=sources.autopilot.flying)
     return {"seq": progress.seq, "total": progress.counted, "mission_state": int(state), "mission_mode": mode}
 
@@ -220,15 +220,15 @@ def _global_origin(sources: Sources) -> Fields | None:
 
 
 def _autopilot_version(sources: Sources) -> Fields:
-    identity, uid = sources.personality.identity, sources.instruments.uid
+    personality, uid = sources.personality, sources.instruments.uid
     return {
-        "capabilities": int(identity.capabilities),
-        "flight_sw_version": identity.version,
+        "capabilities": int(personality.capabilities),
+        "flight_sw_version": personality.version,
         **dict.fromkeys(("middleware_sw_version", "os_sw_version", "board_version", "vendor_id", "product_id"), 0),
         "flight_custom_version": list(b"skein\0\0\0"),
         "middleware_custom_version": [0] * 8,
         "os_custom_version": [0] * 8,
-        "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if identity.sends_uid else 0,
+        "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if personality.sends_uid else 0,
         "uid2": list(uid.ljust(_UID_BYTES, b"\0")),
     }
 

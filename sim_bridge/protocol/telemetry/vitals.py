@@ -24,7 +24,7 @@ def _heartbeat(sources: Sources) -> Fields:
         flags |= ModeFlag.ARMED
     return {
         "type": int(MavType.QUADROTOR),
-        "autopilot": int(personality.identity.autopilot),
+        "autopilot": int(personality.autopilot),
         "base_mode": flags,
         "custom_mode": autopilot.mode.number,
         "system_status": int(_status(sources)),
@@ -38,8 +38,8 @@ def _status(sources: Sources) -> MavState:
         return sources.personality.boot.starting
     if autopilot.failing or (sources.personality.failsafes.low_is_critical and sources.failsafe.charge_state > 1):
         return MavState.CRITICAL
-    if not sources.personality.arming.status_shows_armable:
-        return MavState.ACTIVE if autopilot.mode_actions.ground.aloft else MavState.STANDBY
+    if not sources.personality.flight.status_shows_armable:
+        return MavState.ACTIVE if autopilot.ground.aloft else MavState.STANDBY
     if autopilot.armed:
         return MavState.ACTIVE
     return MavState.STANDBY if autopilot.can_arm(sources.instruments.t_s) else MavState.UNINIT
@@ -123,7 +123,7 @@ def _estimator_status(sources: Sources) -> Fields:
 
 def _filter_flags(sources: Sources) -> int:
     health = sources.personality.health
-    return health.ready if sources.autopilot.ready and sources.instruments.healthy else health.before_ready
+    return health.ready if sources.autopilot.readiness.ready and sources.instruments.healthy else health.before_ready
 
 
 def _gps_raw(sources: Sources) -> Fields:
@@ -151,7 +151,7 @@ def _gps_raw(sources: Sources) -> Fields:
 
 
 def _extended_state(sources: Sources) -> Fields:
-    state, kind = int(sources.autopilot.landed_state), sources.personality.identity.vtol_state
+    state, kind = int(sources.autopilot.mode_actions.landed_state), sources.personality.vtol_state
     return {"vtol_state": kind, "landed_state": state}
 
 

@@ -105,7 +105,7 @@ def test_the_emulated_4_7_has_the_new_names_and_the_same_settings() -> None:
     for before, after in zip(older.params, newer.params, strict=True):
         assert after.value * after.unit == pytest.approx(before.value * before.unit)
         assert (after.low * after.unit, after.sets) == (pytest.approx(before.low * before.unit), before.sets)
-    found = _read(["RTL_ALT", "WPNAV_SPEED_DN", "FENCE_ENABLE"], there, newer.identity.version)
+    found = _read(["RTL_ALT", "WPNAV_SPEED_DN", "FENCE_ENABLE"], there, newer.version)
     assert [p.name for p in found.values()] == ["RTL_ALT_M", "WP_SPD_DN", "FENCE_ENABLE"]
     assert found["RTL_ALT"].value == pytest.approx(15.0)
 

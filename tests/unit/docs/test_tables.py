@@ -86,6 +86,9 @@ POLICY_PROOFS = {
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
         (RULES, "test_a_failsafe_that_this_program_caused_by_its_standstill_ends_no_flight"),
     ],
+    "A vehicle that came down is ordered to land, which stops its motors": [
+        ("tests/bridge/test_crash.py", "test_a_vehicle_that_came_down_stops_its_motors_and_the_others_fly_on")
+    ],
     "After a pause of this program all vehicles are led back to the plan together": [
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan")
     ],

@@ -6,6 +6,7 @@ import asyncio
 from types import SimpleNamespace
 
 import pytest
+from mavsdk.plugins.mission_raw import MissionRawError, MissionRawResult
 
 from gcs.errors import PeerError
 from gcs.link.session import mavsdk_vehicle
@@ -21,14 +22,14 @@ class Busy:
     def _asked(self, what: str) -> None:
         self.refusals[what] -= 1
         if self.refusals[what] >= 0:
-            raise RuntimeError("BUSY; origin: tested")
+            raise MissionRawError(MissionRawResult.BUSY, what)
 
     def clear_mission(self) -> None:
         self._asked("clear")
 
     def download_mission(self) -> list[object]:
         self._asked("download")
-        return []
+        raise MissionRawError(MissionRawResult.NO_MISSION_AVAILABLE, "download")  # of a vehicle that holds nothing
 
     download_geofence = download_rallypoints = download_mission
 

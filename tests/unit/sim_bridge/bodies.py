@@ -41,12 +41,12 @@ class Body:
         self.currents: list[int] = []
         if ready:
             self.run(5.0)
-            assert self.pilot.ready
+            assert self.pilot.readiness.ready
             self.told.clear()
 
     @property
     def down_m(self) -> float:
-        return float(self.pilot.piece.at(self.t_s)[0, 2])
+        return float(self.pilot.path.piece.at(self.t_s)[0, 2])
 
     @property
     def height_m(self) -> float:
@@ -54,11 +54,11 @@ class Body:
 
     @property
     def speed_mps(self) -> float:
-        return float(np.linalg.norm(self.pilot.piece.at(self.t_s)[1, :3]))
+        return float(np.linalg.norm(self.pilot.path.piece.at(self.t_s)[1, :3]))
 
     @property
     def estimate(self) -> np.ndarray:
-        flat = self.pilot.piece.at(self.t_s)
+        flat = self.pilot.path.piece.at(self.t_s)
         place = np.minimum(flat[0, :3], [1e9, 1e9, HOME[2]])
         return np.concatenate([place, flat[1, :3], [0, 0, flat[0, 3]], np.zeros(3)])
 
@@ -67,7 +67,10 @@ class Body:
         self.pilot.step(self.t_s, self.down_m >= HOME[2] - 1e-3, self.healthy)
         self.told += self.pilot.events
         self.pilot.events.clear()
-        for seen, value in ((self.states, self.pilot.landed_state), (self.currents, self.pilot.current_seq)):
+        for seen, value in (
+            (self.states, self.pilot.mode_actions.landed_state),
+            (self.currents, self.pilot.progress.seq),
+        ):
             if not seen or seen[-1] != value:
                 seen.append(value)
 
@@ -112,7 +115,7 @@ class Body:
             assert self.pilot.take_off(self.t_s, height_m) == OK
             assert self.arm() == OK
         self.run(25.0)
-        assert self.pilot.landed_state == LandedState.IN_AIR
+        assert self.pilot.mode_actions.landed_state == LandedState.IN_AIR
 
 
 def item(command: int, place: tuple[float, float, float] | None = None, **params: float) -> MissionItem:

@@ -12,7 +12,6 @@ from gcs.types import Array
 from sim_bridge.dynamics import presets
 from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.lqr_gains import ControlLimits
-from sim_bridge.dynamics.reference import Reference, hold
 from sim_bridge.dynamics.sensors import SensorGrade
 from sim_bridge.dynamics.wind_field import CALM, Wind
 
@@ -30,6 +29,20 @@ YAW_RAD = np.pi / 4
 
 def flat_ground(north_m: Array, _: Array) -> Array:
     return np.zeros_like(north_m)
+
+
+def reference_of(p: Array, v: Array, a: Array, j: Array, s: Array, yaw: Array, yaw_rate: Array) -> Array:
+    """A reference (V, 5, 4) of position to snap, each (V, 3), and yaw and its rate, each (V,)."""
+    flat = np.zeros((len(p), 5, 4))
+    flat[:, :, :3] = np.stack((p, v, a, j, s), axis=1)
+    flat[:, 0, 3], flat[:, 1, 3] = yaw, yaw_rate
+    return flat
+
+
+def hold(position_ned_m: Array, yaw_ned_rad: Array) -> Array:
+    """The reference of a hover at positions (V, 3) with yaw (V,)."""
+    still = np.zeros_like(position_ned_m)
+    return reference_of(position_ned_m, still, still, still, still, yaw_ned_rad, np.zeros_like(yaw_ned_rad))
 
 
 def _step_up(t_s: Array, start_s: float, duration_s: float) -> Array:
@@ -58,11 +71,11 @@ class Course:
         derivatives = tuple(d[cut] for d in self.derivatives)
         return Course(self.t_s[cut], derivatives, self.yaw_rad[cut], self.yaw_rate_radps[cut])
 
-    def at(self, k: int, pads_ned_m: Array) -> Reference:
+    def at(self, k: int, pads_ned_m: Array) -> Array:
         vehicles = len(pads_ned_m)
         p, v, a, j, s = (np.tile(d[k], (vehicles, 1)) for d in self.derivatives)
         yaw = np.full(vehicles, self.yaw_rad[k])
-        return Reference(pads_ned_m + p, v, a, j, s, yaw, np.full(vehicles, self.yaw_rate_radps[k]))
+        return reference_of(pads_ned_m + p, v, a, j, s, yaw, np.full(vehicles, self.yaw_rate_radps[k]))
 
 
 @lru_cache
@@ -111,7 +124,7 @@ def fly(airframes: Airframes, flown: Course, pads: Array) -> Flight:
         reference = flown.at(k, pads)
         truth.append(airframes.truth.copy())
         estimate.append(airframes.estimate.copy())
-        wanted.append(reference.position_ned_m)
+        wanted.append(reference[:, 0, :3])
         airframes.step(reference, motors_on)
         control.append(airframes.control)
     return Flight(airframes, np.array(truth), np.array(estimate), np.array(wanted), np.array(control))

@@ -74,16 +74,16 @@ class Fleet:
         self.bodies = Airframes(
             FIELD.quadrotor, flat_ground, self.pads_ned_m, np.zeros(count), GRADES["rtk"], seed=1, limits=FIELD.limits
         )
-        flown = other or personality.identity.autopilot.navigator
+        flown = other or personality.autopilot.navigator
         navigator = None if ideal else flown.within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):
             path_generator = PathGenerator(LIMITS, ORIGIN, pad, navigator=navigator)
             pilot = EmulatedAutopilot(personality, path_generator, 0.0)
             pilot.use(settings_of(personality))
-            pilot.set_mission(items_of(orders, personality, pad))
+            pilot.progress.hold(items_of(orders, personality, pad))
             self.pilots.append(pilot)
-        self._batch = PieceBatch([pilot.piece for pilot in self.pilots])
+        self._batch = PieceBatch([pilot.path.piece for pilot in self.pilots])
         self._steps = 0
         self._rows: list[list[tuple[float, int, Array]]] = [[] for _ in missions]
 
@@ -97,14 +97,14 @@ class Fleet:
         for row, pilot in enumerate(self.pilots):
             pilot.step(self.t_s, landed[row], healthy[row])
             pilot.events.clear()
-            self._batch.put(row, pilot.piece)
-            self._rows[row].append((self.t_s, pilot.current_seq, truth[row].copy()))
+            self._batch.put(row, pilot.path.piece)
+            self._rows[row].append((self.t_s, pilot.progress.seq, truth[row].copy()))
         self.bodies.step(self._batch.reference(self.t_s), np.array([pilot.flying for pilot in self.pilots]))
         self._steps += 1
 
     def fly(self, patience_s: float = 600.0) -> list[Flight]:
         """Until all vehicles hover with nothing left to do."""
-        while not all(pilot.ready for pilot in self.pilots):
+        while not all(pilot.readiness.ready for pilot in self.pilots):
             self.step()
         for row, pilot in enumerate(self.pilots):
             if not pilot.personality.modes.act_on_ground:
@@ -114,14 +114,14 @@ class Fleet:
             else:
                 assert pilot.pursue(self.t_s, Intent.MISSION) == 0
                 assert pilot.arm(self.t_s, self.bodies.estimate[row]) == 0
-        while not all(pilot.flying and pilot.mode_actions.path.at_rest for pilot in self.pilots):
+        while not all(pilot.flying and pilot.path.at_rest for pilot in self.pilots):
             self.step()
             assert self.t_s < patience_s
         return [self._flight(row) for row in range(len(self.pilots))]
 
     def _flight(self, row: int) -> Flight:
         t_s, seq, position = (np.array(column) for column in zip(*self._rows[row], strict=True))
-        first_leg = 4 + self.pilots[row].mode_actions.progress.first
+        first_leg = 4 + self.pilots[row].progress.first
         changes = np.flatnonzero(np.diff(seq) > 0) + 1
         begin, *reached = changes[seq[changes] >= first_leg].tolist()
         left_s = float(t_s[begin])

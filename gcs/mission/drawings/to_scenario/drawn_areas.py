@@ -57,9 +57,8 @@ def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
         inside = shapely.contains_properly(shape, points)
         if inside.any():
             label = route.points[int(inside.argmax())].drawn.label
-            raise FileFormatError(
-                f"{drawing.source}: {label} lies in {zone.label}, a no-fly zone.", hint="draw the route around it"
-            )
+            message = f"{drawing.source}: {label} lies in {zone.label}, a no-fly zone."
+            raise FileFormatError(message, hint="draw the route around it")
     keep_in = _together(drawing, keep_in, route, points, said)
     for areas, most, what in ((keep_in, KEEP_IN_MAX, "areas to stay in"), (no_fly, NO_FLY_MAX, "no-fly zones")):
         if len(areas) > most:
@@ -106,9 +105,8 @@ def _together(
         )
     labels = " and ".join(area.label for area, _ in areas)
     if joined.geom_type != "Polygon" or joined.interiors:
-        raise FileFormatError(
-            f"{drawing.source}: the route leads through {labels}, which are apart.", hint="join them to one area"
-        )
+        text = f"{drawing.source}: the route leads through {labels}, which are apart."
+        raise FileFormatError(text, hint="join them to one area")
     said.append(LeftOut(labels, "the route is only in both together; one area to stay in"))
     corners = _degrees(np.array(joined.exterior.coords)[:-1], route.origin)
     return [(DrawnArea(corners, labels), joined)]

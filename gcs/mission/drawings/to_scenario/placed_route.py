@@ -25,6 +25,7 @@ _BACK_M = 2.0  # a route that ends so near to its start comes back
 _SAME_M = 0.3
 _TRACK_M, _TRACK_MAX_M, _STRAIGHT_M = 1.0, 32.0, 0.5  # tolerances of lines with fewer points
 _CLIMB_M, _STILL_M = 2.0, 3.0  # a take-off climbs more, and stays so near to where it began
+_GIVE_GROUND = "give the altitude of the ground: --at LAT,LON,ALT"
 HEIGHT_M = 15.0  # of points without one, above the origin
 LOWEST_M = 1.0  # lower points are on the ground
 
@@ -64,14 +65,6 @@ def placed_point(
     return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3))
 
 
-def say_heights(points: Sequence[DrawnPoint], height_m: float, said: list[LeftOut]) -> None:
-    """Say how many points have no height, and at which they are flown."""
-    bare = sum(point.datum is Datum.NONE for point in points)
-    if bare:
-        every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
-        said.append(LeftOut("heights", f"{every}; flown {height_m:g} m above the origin (--height)"))
-
-
 def fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
     """As many points as a scenario may have. Raises `FileFormatError` where drawn ones would be lost."""
     most = ROUTE_MAX + (1 if drawing.returns else 2)
@@ -79,8 +72,11 @@ def fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> l
         return points
     places_m = np.array([point.place_m for point in points])
     drawn = [point.drawn for point in points]
-    after = [*drawn[1:], drawn[-1]]
-    kept = np.array([_is_drawn_on_purpose(one, next_one) for one, next_one in zip(drawn, after, strict=True)])
+    pairs = zip(drawn, [*drawn[1:], drawn[-1]], strict=True)
+    # More than places between the points before and after
+    kept = np.array(
+        [bool(a.hold_s or (a.name and a.name != b.name) or a.speed_mps != b.speed_mps) for a, b in pairs], dtype=bool
+    )
     is_line = all(one.datum is not Datum.HOME and not one.hold_s and one.speed_mps is None for one in drawn)
     tolerance_m = _TRACK_M if is_line else _STRAIGHT_M
     stays = thinned(places_m, tolerance_m, kept & (not drawing.recorded))
@@ -88,21 +84,12 @@ def fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> l
         tolerance_m *= 2.0
         stays = thinned(places_m, tolerance_m, np.zeros(len(points), dtype=bool))
     if stays.sum() > most:
-        raise FileFormatError(
-            f"{drawing.source}: has {len(points)} points, and a route has at most {most}.",
-            hint="split it into several files, or draw it with fewer points",
-        )
+        text = f"{drawing.source}: has {len(points)} points, and a route has at most {most}."
+        raise FileFormatError(text, hint="split it into several files, or draw it with fewer points")
     if stays.sum() < len(points):
-        text = (
-            f"{stays.sum()} of {len(points)} points are flown; no other is more than {tolerance_m:g} m from the route"
-        )
-        said.append(LeftOut("points", text))
+        flown = f"{stays.sum()} of {len(points)} points are flown"
+        said.append(LeftOut("points", f"{flown}; no other is more than {tolerance_m:g} m from the route"))
     return [point for point, stay in zip(points, stays, strict=True) if stay]
-
-
-def _is_drawn_on_purpose(one: DrawnPoint, after: DrawnPoint) -> bool:
-    """Whether a point is more than a place between the one before and the one `after`."""
-    return bool(one.hold_s or (one.name and one.name != after.name) or one.speed_mps != after.speed_mps)
 
 
 def merged_points(points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
@@ -134,7 +121,11 @@ def thinned(points_m: Array, tolerance_m: float, kept: NDArray[np.bool_]) -> NDA
         first, last = waiting.pop()
         if last - first < 2:
             continue
-        away_m = _away_m(points_m[first + 1 : last], points_m[first], points_m[last])
+        # The distances of the points between from the straight line
+        along, from_first_m = points_m[last] - points_m[first], points_m[first + 1 : last] - points_m[first]
+        length2 = float(along @ along)
+        share = np.clip(from_first_m @ along / length2, 0.0, 1.0) if length2 else np.zeros(len(from_first_m))
+        away_m = np.linalg.norm(from_first_m - share[:, None] * along, axis=1)
         farthest = int(away_m.argmax())
         if away_m[farthest] > tolerance_m:
             middle = first + 1 + farthest
@@ -157,14 +148,6 @@ def _top(points_m: Array) -> int:
     rows = int(is_away.argmax()) if is_away.any() else len(points_m)
     climbed_m = points_m[:rows, 2] - points_m[0, 2]
     return int(climbed_m.argmax()) if climbed_m.max() >= _CLIMB_M else 0
-
-
-def _away_m(points_m: Array, start_m: Array, end_m: Array) -> Array:
-    """The distances of points (N, 3) from the straight line between two points, m."""
-    along = end_m - start_m
-    length2 = float(along @ along)
-    share = np.clip((points_m - start_m) @ along / length2, 0.0, 1.0) if length2 else np.zeros(len(points_m))
-    return np.asarray(np.linalg.norm(points_m - start_m - share[:, None] * along, axis=1))
 
 
 @dataclass(frozen=True)
@@ -190,7 +173,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     no route.
     """
     said = [*drawing.left_out]
-    drawing = _from_home(_by_home(drawing, said), said)
+    drawing = _with_home(drawing, said)
     _refuse_few(drawing, len(drawing.points))
     ground_m = None
     points = list(drawing.points)
@@ -201,16 +184,16 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
         points, ground_m = _in_the_air(points, said)
     origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, said)
     placed = [placed_point(point, origin, drawing, height_m, said) for point in points]
-    say_heights(points, height_m or HEIGHT_M, said)
+    if bare := sum(point.datum is Datum.NONE for point in points):
+        every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
+        said.append(LeftOut("heights", f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)"))
     placed = merged_points(fewer(drawing, placed, said), said)
     places_m = np.array([point.place_m for point in placed])
     far_m = float(np.abs(places_m).max())
     if far_m > FARTHEST_M:
-        raise FileFormatError(
-            f"{drawing.source}: its points are up to {far_m / 1000.0:,.0f} km from the origin; the limit is "
-            f"{FARTHEST_M / 1000.0:,.0f} km.",
-            hint="give --at near its first point",
-        )
+        limit = f"the limit is {FARTHEST_M / 1000.0:,.0f} km"
+        text = f"{drawing.source}: its points are up to {far_m / 1000.0:,.0f} km from the origin; {limit}."
+        raise FileFormatError(text, hint="give --at near its first point")
     comes_back = len(placed) > 2 and float(np.linalg.norm(places_m[-1] - places_m[0])) <= _BACK_M
     if comes_back:
         placed = placed[:-1]
@@ -218,13 +201,8 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     _refuse_few(drawing, len(placed))
     _refuse_heights(drawing, placed)
     ends = placed[:1] if returns else [placed[0], placed[-1]]
-    said += [
-        LeftOut(
-            point.drawn.label, "the hold is not carried over; the formation hovers there before or after the flight"
-        )
-        for point in ends
-        if point.drawn.hold_s
-    ]
+    text = "the hold is not carried over; the formation hovers there before or after the flight"
+    said += [LeftOut(point.drawn.label, text) for point in ends if point.drawn.hold_s]
     return PlacedRoute(tuple(placed), returns, origin, origin_is, tuple(said))
 
 
@@ -236,28 +214,22 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
     raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to.", hint=step)
 
 
-def _from_home(drawing: Drawing, said: list[LeftOut]) -> Drawing:
-    """The drawing with a second point above home, where it has only one."""
-    home = drawing.home
-    if home is None or len(drawing.points) != 1:
-        return drawing
-    only = drawing.points[0]
-    above = replace(only, place=(home.lat_deg, home.lon_deg), label="the planned home", name="", hold_s=0.0)
-    said.append(LeftOut(only.label, "the file has no other point; the route begins at its height above home"))
-    return replace(drawing, points=(above, only))
-
-
-def _by_home(drawing: Drawing, said: list[LeftOut]) -> Drawing:
-    """The drawing without a home that is far from its route."""
+def _with_home(drawing: Drawing, said: list[LeftOut]) -> Drawing:
+    """The drawing without a home that is far from its route; with a point above home, where it has one other only."""
     home = drawing.home
     if home is None or not drawing.points:
         return drawing
     first = Origin(*drawing.points[0].place, home.alt_amsl_m)
     away_m = float(np.linalg.norm(geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, first)))
-    if away_m <= _HOME_NEAR_M:
+    if away_m > _HOME_NEAR_M:
+        said.append(LeftOut("the planned home", f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point"))
+        return replace(drawing, home=None)
+    only, *more = drawing.points
+    if more:
         return drawing
-    said.append(LeftOut("the planned home", f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point"))
-    return replace(drawing, home=None)
+    above = replace(only, place=(home.lat_deg, home.lon_deg), label="the planned home", name="", hold_s=0.0)
+    said.append(LeftOut(only.label, "the file has no other point; the route begins at its height above home"))
+    return replace(drawing, points=(above, only))
 
 
 def _in_the_air(points: list[DrawnPoint], said: list[LeftOut]) -> tuple[list[DrawnPoint], float | None]:
@@ -287,10 +259,9 @@ def _origin(
 ) -> tuple[Origin, str]:
     """The origin, and in words what it is."""
     home = drawing.home
-    place, what = (
-        (points[0].place, "the first point") if home is None else ((home.lat_deg, home.lon_deg), "planned home")
-    )
-    alt_m = ground_m if home is None else home.alt_amsl_m
+    place, what, alt_m = points[0].place, "the first point", ground_m
+    if home is not None:
+        place, what, alt_m = (home.lat_deg, home.lon_deg), "planned home", home.alt_amsl_m
     if at is not None:
         place, what, alt_m = at[:2], "as given", alt_m if at[2] is None else at[2]
     if alt_m is None:
@@ -310,20 +281,12 @@ def _origin(
 def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
     highest = max(points, key=lambda point: point.place_m[2])
     if (up_m := highest.place_m[2]) > _HIGHEST_M:
-        raise FileFormatError(
-            f"{drawing.source}: {highest.drawn.label} is {up_m:,.0f} m above the origin; "
-            f"the limit is {_HIGHEST_M:,.0f} m.",
-            hint="draw it lower" if highest.key == "height_m" else "give the altitude of the ground: --at LAT,LON,ALT",
-        )
+        text = f"{highest.drawn.label} is {up_m:,.0f} m above the origin; the limit is {_HIGHEST_M:,.0f} m."
+        hint = "draw it lower" if highest.key == "height_m" else _GIVE_GROUND
+        raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
     lowest = min(points, key=lambda point: point.place_m[2])
     if (up_m := round(lowest.place_m[2], 3)) >= LOWEST_M:
         return
-    if lowest.key == "height_m":
-        hint = "give --height METRES for such points"
-    else:
-        hint = "give the altitude of the ground: --at LAT,LON,ALT"
-    raise FileFormatError(
-        f"{drawing.source}: {lowest.drawn.label} is {up_m + 0.0:.1f} m above the origin; "
-        f"a vehicle flies at {LOWEST_M:g} m or more.",
-        hint=hint,
-    )
+    text = f"{lowest.drawn.label} is {up_m + 0.0:.1f} m above the origin; a vehicle flies at {LOWEST_M:g} m or more."
+    hint = "give --height METRES for such points" if lowest.key == "height_m" else _GIVE_GROUND
+    raise FileFormatError(f"{drawing.source}: {text}", hint=hint)

@@ -70,9 +70,8 @@ class RouteFlight:
         points, returns = self.route.points, self.route.returns
         places_m = turned(places_up_m(self.shape, self.count, self.spacing_m), self._course_deg)
         lowest_m, highest_m = (float(edge) for edge in self._heights_m(places_m))
-        first = FirstFlight(
-            self.count, self.shape, self.spacing_m, self._course_deg, max(1.0, self.length_m), points[0].place_m[2]
-        ).keys()
+        flown = self._course_deg, max(1.0, self.length_m), points[0].place_m[2]
+        first = FirstFlight(self.count, self.shape, self.spacing_m, *flown).keys()
         source = tidy(Path(self.drawing.source).name)
         yaw = f"roll_pitch_yaw_deg = [0.0, 0.0, {first['YAW']}]\n" if first["YAW"] != "0.0" else ""
         interior = points[1:] if returns else points[1:-1]
@@ -119,26 +118,17 @@ class RouteFlight:
         return _SHARE * _speed_limits_mps()[0]
 
     @property
-    def _drawn_mps(self) -> list[float | None]:
-        """The speed that was drawn for each leg; None where none was."""
-        drawn = [point.drawn.speed_mps for point in self.route.points[1:]]
-        return drawn + [None] * self.route.returns
-
-    @property
     def _leg_speeds_mps(self) -> Array:
         plain_mps = self.drawing.speed_mps or CRUISE_MPS
-        return np.array([min(self._most_mps, plain_mps if speed is None else speed) for speed in self._drawn_mps])
+        drawn = [point.drawn.speed_mps for point in self.route.points[1:]] + [None] * self.route.returns
+        return np.array([min(self._most_mps, plain_mps if speed is None else speed) for speed in drawn])
 
     @property
     def _speeds_said(self) -> list[LeftOut]:
-        return [
-            LeftOut(
-                point.drawn.label,
-                f"drawn at {point.drawn.speed_mps:g} m/s, too fast for this vehicle type; {self._most_mps:g} m/s here",
-            )
-            for point in self.route.points[1:]
-            if point.drawn.speed_mps is not None and point.drawn.speed_mps > self._most_mps
-        ]
+        text = "drawn at {:g} m/s, too fast for this vehicle type; {:g} m/s here"
+        drawn = ((point.drawn.label, point.drawn.speed_mps or 0.0) for point in self.route.points[1:])
+        most = self._most_mps
+        return [LeftOut(label, text.format(speed, most)) for label, speed in drawn if speed > most]
 
     @property
     def _course_deg(self) -> float:
@@ -154,11 +144,9 @@ class RouteFlight:
         lowest_m = float(heights_m.min() + places_m[:, 2].min())
         if lowest_m < 1.0:
             row = int(heights_m.argmin())
-            raise FileFormatError(
-                f"{self.drawing.source}: {self.route.points[row].drawn.label} is {heights_m[row]:.1f} m above the "
-                f"origin, too low for a {self.shape} of {self.count} vehicles.",
-                hint="give another --shape, or a smaller --spacing",
-            )
+            text = f"{self.route.points[row].drawn.label} is {heights_m[row]:.1f} m above the origin, too low"
+            text = f"{self.drawing.source}: {text} for a {self.shape} of {self.count} vehicles."
+            raise FileFormatError(text, hint="give another --shape, or a smaller --spacing")
         return lowest_m, float(heights_m.max() + places_m[:, 2].max())
 
     def _box(self, places_m: Array) -> tuple[list[float], list[float]]:
@@ -187,7 +175,7 @@ class RouteFlight:
     def _comments(self) -> str:
         """What is left out, as lines of comments; empty if nothing is."""
         said = sentences(self.left_out)
-        more = [f"and {len(said) - _SAID_MAX} more"] if len(said) > _SAID_MAX else []
+        more = [f"and {len(said) - _SAID_MAX} more"] * (len(said) > _SAID_MAX)
         lines = ["# Not carried over as it was drawn:", *(f"#   {line}" for line in [*said[:_SAID_MAX], *more])]
         return "\n".join(lines) if said else "#"
 

@@ -20,13 +20,9 @@ def write_geojson(file: MapFile) -> str:
     features = [_track(track) for track in file.tracks]
     features += [_route_point(point) for point in file.points]
     features += [_area(polygon) for polygon in file.geofence.polygons]
-    features += [
-        _feature(
-            {"type": "Point", "coordinates": circle.center.place_deg[::-1]},
-            {"kind": "circle", "inclusion": circle.inclusion, "radius_m": circle.radius_m},
-        )
-        for circle in file.geofence.circles
-    ]
+    for circle in file.geofence.circles:
+        properties = {"kind": "circle", "inclusion": circle.inclusion, "radius_m": circle.radius_m}
+        features.append(_feature({"type": "Point", "coordinates": circle.center.place_deg[::-1]}, properties))
     collection = {"type": "FeatureCollection", "title": file.title, "plan": file.plan_hash, "features": features}
     return json.dumps(collection, allow_nan=False, ensure_ascii=False, separators=(",", ":")) + "\n"
 

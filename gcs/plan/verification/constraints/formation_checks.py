@@ -32,10 +32,9 @@ def expected_places(plan: Plan) -> list[tuple[float, float, Array]]:
     """Start, end and offsets (V, 3) of every part of the flight over which the schedule requires a rigid shape."""
     scenario = plan.scenario
     changes = [change for change in scenario.formation.change if not change.auto]
-    moves = [move for move in plan.moves if move.trigger != "auto"]
     places = offsets_ned_m(scenario)
     found, since = [], -np.inf
-    for change, move in zip(changes, moves, strict=False):  # the number of moves is a check of its own
+    for change, move in zip(changes, plan.scheduled_moves, strict=False):  # the number of moves is a check of its own
         found.append((since, move.start_s, places))
         if change.kind == "rotate":
             assert change.angle_deg is not None
@@ -65,9 +64,8 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     """Lateness of each scheduled change, and the instant at which it should begin, s."""
     mission = plan.phase(PhaseKind.MISSION)
     changes = [change for change in plan.scenario.formation.change if not change.auto]
-    moves = [move for move in plan.moves if move.trigger != "auto"]
-    found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
-    for change, move in zip(changes, moves, strict=False):
+    found = [(np.inf, mission.end_s)] * abs(len(changes) - len(plan.scheduled_moves))
+    for change, move in zip(changes, plan.scheduled_moves, strict=False):
         if plan.begin_state is not None and move.start_s < plan.t_start_s:
             continue  # it began before this plan
         required = _required_s(plan, change)
@@ -116,9 +114,8 @@ def assignments_m(plan: Plan) -> list[tuple[float, float]]:
     Longer ways are needed where vehicles on the shortest ones would come too near to each other.
     """
     changes = [change for change in plan.scenario.formation.change if not change.auto]
-    moves = [move for move in plan.moves if move.trigger != "auto"]
     found = []
-    for change, move in zip(changes, moves, strict=False):
+    for change, move in zip(changes, plan.scheduled_moves, strict=False):
         if change.kind != "reshape" or change.assignment == "fixed" or bends(plan):
             continue
         before, after = plan.shape.at(move.start_s), plan.shape.at(move.end_s)

@@ -40,7 +40,6 @@ class Span:
 def spans(plan: Plan) -> list[Span]:
     """The parts of the flight in order; without automatic changes, in a formation that keeps its heading."""
     changes = [change for change in plan.scenario.formation.change if not change.auto]
-    moves = [move for move in plan.moves if move.trigger != "auto"]
     down = np.array([0.0, 0.0, 1.0])
     found: list[Span] = []
     places = expected_places(plan)
@@ -48,7 +47,7 @@ def spans(plan: Plan) -> list[Span]:
         found.append(Span(start_s, end_s, "rigid", expected, expected, down))
         if number >= len(places) - 1:
             break
-        move, change = moves[number], changes[number]
+        move, change = plan.scheduled_moves[number], changes[number]
         after = places[number + 1][2]
         if change.kind == "rotate":
             axis = down if change.axis is None else np.array(change.axis) * NED_FROM_UP

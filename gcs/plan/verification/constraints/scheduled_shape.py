@@ -56,11 +56,10 @@ class Stretch:
 def stretches(plan: Plan) -> list[Stretch]:
     """The parts of the flight in order; those of no length are left out."""
     changes = [change for change in plan.scenario.formation.change if not change.auto]
-    moves = [move for move in plan.moves if move.trigger != "auto"]
     places = expected_places(plan)
     found = [Stretch(*places[0][:2], "rigid", places[0][2][None])]
     for change, move, (_, _, before), (start_s, end_s, after) in zip(
-        changes, moves, places[:-1], places[1:], strict=False
+        changes, plan.scheduled_moves, places[:-1], places[1:], strict=False
     ):
         if change.kind == "rotate":
             found.append(_rotation(change, move.start_s, move.end_s, before))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from gcs.flight.assessment.judge import GROUND_SEPARATION, Criterion, Truth, Verdict, judge
+from gcs.flight.assessment.criterion import Criterion, CriterionName
+from gcs.flight.assessment.judge import Truth, Verdict, judge
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -57,7 +58,7 @@ def test_a_flight_as_planned_keeps_both_separations(simulation1_plan: Plan) -> N
     landing_s = plan.phase("landing").start_s
     ground_m = min(planned_m(plan, plan.t_start_s, 0.0), planned_m(plan, landing_s + STEP_S, plan.t_end_s))
     assert named(verdict, "separation").value == pytest.approx(planned_m(plan, 0.0, landing_s), abs=5e-3)
-    assert named(verdict, GROUND_SEPARATION).value == pytest.approx(ground_m, abs=5e-3)
+    assert named(verdict, CriterionName.GROUND_SEPARATION).value == pytest.approx(ground_m, abs=5e-3)
     assert verdict.ok
 
 
@@ -73,7 +74,7 @@ def test_two_vehicles_that_touch_near_the_ground_fail_the_flight(simulation1_pla
         "the last stop": plan.t_end_s - 0.5,
     }[where]
     verdict = judged(plan, beside(t_s, 0.1))
-    ground = named(verdict, GROUND_SEPARATION)
+    ground = named(verdict, CriterionName.GROUND_SEPARATION)
     assert ground.value == pytest.approx(0.1, abs=1e-6)
     assert ground.limit == plan.scenario.judge.separation_min_m
     assert not ground.ok
@@ -87,7 +88,7 @@ def test_two_vehicles_that_touch_on_the_plan_fail_that_criterion_alone(simulatio
     verdict = judged(simulation1_plan, beside(50.0, 0.1))
     assert named(verdict, "separation").value == pytest.approx(0.1, abs=1e-6)
     assert not named(verdict, "separation").ok
-    assert named(verdict, GROUND_SEPARATION).ok
+    assert named(verdict, CriterionName.GROUND_SEPARATION).ok
 
 
 def test_vehicles_may_stand_as_near_as_their_pads(simulation1_plan: Plan) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.flight.assessment.criterion import Criterion, FlightOutcome
+from gcs.flight.assessment.criterion import Criterion, CriterionName, FlightOutcome
 from gcs.flight.assessment.judge import Truth, Verdict, judge, judge_reports, reported_tracks
 from gcs.flight.monitoring.progress import OFF_PLAN, Event, FlightTimes, PlanTime, flown_plan_time
 from gcs.flight.recording.record_table import ReportedAccuracy, build_record
@@ -81,13 +81,14 @@ def both(
 def test_a_limit_inside_the_range_of_the_true_value_is_not_decided(
     lowest: float, highest: float, at_least: bool, outcome: FlightOutcome, words: str
 ) -> None:
-    found = Criterion("separation", "m", 1.3, 1.0, at_least, lowest=lowest, highest=highest)
+    found = Criterion(CriterionName.SEPARATION, "m", 1.3, 1.0, at_least, lowest=lowest, highest=highest)
     assert (found.outcome, found.verdict, found.ok) == (outcome, words, outcome is FlightOutcome.OK)
 
 
 def test_a_failed_criterion_outweighs_one_that_is_not_known() -> None:
     ok, unknown, failed = (
-        Criterion("x", "m", 1.0, 1.0, True, lowest=low, highest=high) for low, high in ((1, 1), (0, 2), (0, 0.5))
+        Criterion(CriterionName.HEIGHT, "m", 1.0, 1.0, True, lowest=low, highest=high)
+        for low, high in ((1, 1), (0, 2), (0, 0.5))
     )
     for criteria, outcome in (
         ((ok, ok), FlightOutcome.OK),

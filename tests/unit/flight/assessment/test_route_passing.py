@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.flight.assessment.route_passing import ROUTE_POINTS, points_passed
+from gcs.flight.assessment.criterion import CriterionName
+from gcs.flight.assessment.route_passing import points_passed
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -29,11 +30,11 @@ def flown(plan: Plan, late_s: float = 0.0, aside_ned_m: tuple[float, float, floa
 
 
 def test_a_flight_as_planned_passes_every_point(routed: Plan) -> None:
-    criterion = named(judged(routed), ROUTE_POINTS)
+    criterion = named(judged(routed), CriterionName.ROUTE_POINTS)
     assert criterion.ok
     assert criterion.value < 0.01
     assert criterion.limit == routed.scenario.judge.arrival_position_m
-    assert ROUTE_POINTS not in {c.name for c in judged(replace(routed, route_s=())).criteria}
+    assert CriterionName.ROUTE_POINTS not in {c.name for c in judged(replace(routed, route_s=())).criteria}
 
 
 def test_a_vehicle_that_missed_a_point_fails_the_flight(routed: Plan) -> None:
@@ -41,7 +42,7 @@ def test_a_vehicle_that_missed_a_point_fails_the_flight(routed: Plan) -> None:
         states[3, np.abs(times_s - 130.0) <= 20.0, 2] -= 8.0
 
     verdict = judged(routed, change)
-    criterion = named(verdict, ROUTE_POINTS)
+    criterion = named(verdict, CriterionName.ROUTE_POINTS)
     assert not criterion.ok
     assert criterion.value == pytest.approx(8.0, abs=0.2)
     assert (criterion.sysid, criterion.t_s) == (routed.sysids[3], 130.0)

@@ -7,13 +7,13 @@ import re
 import shlex
 from pathlib import Path
 
-from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLoss, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.flight.recording.flight_folder import TRUE_STATES, report_data
-from gcs.flight.recording.flight_report import DEFINITIONS, emulation_data, repeat_command, write_report
+from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.scenario.schema.scenario import Scenario
 
@@ -23,8 +23,8 @@ KEEPING = TimeKeeping(FlightMode.STREAM, emulated=True)
 def written(folder: Path, scenario: Scenario, *, wind: str | None, gusts: str | None, seed: int = 7) -> str:
     """The report of a flight of two vehicles."""
     criteria = (
-        Criterion("position error (RMS)", "m", 2.0523, 3.5, False, 5),
-        Criterion("separation", "m", 6.267, 0.75, True, 1, 58.485, 2, 4.0),
+        Criterion(CriterionName.POSITION_RMS, "m", 2.0523, 3.5, False, 5),
+        Criterion(CriterionName.SEPARATION, "m", 6.267, 0.75, True, 1, 58.485, 2, 4.0),
     )
     verdict = Verdict(criteria, {1: 0.487, 5: 2.0523}, {1: 0.836, 5: 2.671}, 1.989)
     emulation = emulation_data(scenario, Emulated("max", seed, ("3:die@60",), wind, gusts))
@@ -69,7 +69,7 @@ def test_every_figure_is_defined_and_none_is_on_the_screen_only(tmp_path: Path, 
     assert "| time skew (telemetry) | 7.4 ms | – | – |" in text
     for name in ("position error (RMS)", "separation", "formation error", "time skew"):
         assert f"- **{name}**: " in text
-    assert "every 0.05 s from T0 to the planned arrival" in DEFINITIONS["position error (RMS)"]
+    assert "every 0.05 s from T0 to the planned arrival" in CriterionName.POSITION_RMS.definition
     assert "**clearance above ground**" not in text  # not a criterion of this flight
 
 

@@ -18,15 +18,7 @@ from gcs.cli.flights.fly_view import checks_table, show_checks
 from gcs.cli.flights.vehicles import _data, _show, _tell_silent
 from gcs.cli.shared.console import Screen, to_json
 from gcs.errors import FlightError
-from gcs.flight.monitoring.preflight_check import (
-    CHECKS,
-    NOT_REPORTED,
-    TIMING,
-    checks_data,
-    complete,
-    refuse_no_go,
-    waive,
-)
+from gcs.flight.monitoring.preflight_check import NOT_REPORTED, CheckName, checks_data, complete, refuse_no_go, waive
 from gcs.flight.setup.preflight import preflight
 from gcs.frames import ned_to_geodetic
 from gcs.link.protocols.timesync import TimeSample
@@ -35,7 +27,7 @@ from gcs.mission.model import Home
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 
-OF_REPORTS = [name for name in CHECKS if name != TIMING]  # which is about parameters
+OF_REPORTS = [name for name in CheckName if name is not CheckName.TIMING]  # which is about parameters
 # Every field of a report that may be missing, and the checks that fail without it.
 FAILS = {
     "version": (),
@@ -143,7 +135,7 @@ def test_what_one_vehicle_does_not_report(field: Plan, name: str) -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(gone=st.sets(st.tuples(st.integers(0, 5), st.sampled_from(sorted(CHECKS))), max_size=65))
+@given(gone=st.sets(st.tuples(st.integers(0, 5), st.sampled_from(sorted(CheckName))), max_size=65))
 def test_a_check_that_a_vehicle_lacks_is_a_no_go(field: Plan, gone: set[tuple[int, str]]) -> None:
     plan = field
     every = preflight(plan, {sysid: full(plan, row) for row, sysid in enumerate(plan.sysids)})

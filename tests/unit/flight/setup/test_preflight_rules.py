@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from gcs.cli.main import run
 from gcs.errors import FlightError, UsageError
 from gcs.flight.monitoring.own_battery import nominal_V, own_battery
-from gcs.flight.monitoring.preflight_check import CHECKS, PreflightCheck, known_checks, refuse_no_go, waive
+from gcs.flight.monitoring.preflight_check import CheckName, PreflightCheck, known_checks, refuse_no_go, waive
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
 from gcs.flight.setup.preflight import battery_needed, compare_capacity, preflight
 from gcs.link.session.status_report import VehicleReport
@@ -178,10 +178,10 @@ def test_a_waived_check_stays_failed_and_lets_the_flight_go(simulation1_plan: Pl
 
 
 def test_checks_are_waived_by_name() -> None:
-    assert known_checks(CHECKS) == set(CHECKS)
+    assert known_checks(CheckName) == set(CheckName)
     with pytest.raises(UsageError, match="there is no such check") as unknown:
         known_checks(["gps"])
-    assert all(name in unknown.value.hint for name in CHECKS)
+    assert all(name in unknown.value.hint for name in CheckName)
     for proof in ("read-back", "verification"):
         with pytest.raises(UsageError, match="never waived"):
             known_checks(["sensors", proof])

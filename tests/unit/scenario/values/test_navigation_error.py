@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.flight.recording.flight_folder import limit_text
 from gcs.mission.flight_limits import limits_of
 from gcs.scenario.schema.scenario import Scenario
@@ -65,6 +65,6 @@ def test_a_given_limit_stays(tmp_path: Path) -> None:
 
 
 def test_the_limit_of_the_plan_stands_beside_that_of_the_flight() -> None:
-    criterion = Criterion("separation", "m", 4.0, 1.53, True, planned=5.0)
+    criterion = Criterion(CriterionName.SEPARATION, "m", 4.0, 1.53, True, planned=5.0)
     assert limit_text(criterion) == "at least 1.53 m (plan: 5 m)"
-    assert limit_text(Criterion("separation", "m", 4.0, 5.0, True, planned=5.0)) == "at least 5 m"
+    assert limit_text(Criterion(CriterionName.SEPARATION, "m", 4.0, 5.0, True, planned=5.0)) == "at least 5 m"

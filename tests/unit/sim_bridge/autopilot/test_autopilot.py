@@ -39,10 +39,10 @@ def test_a_filter_that_does_not_converge_keeps_it_waiting():
     body = Body(ready=False)
     body.healthy = False
     body.run(60.0)
-    assert not body.pilot.ready
+    assert not body.pilot.readiness.ready
     body.healthy = True
     body.run(0.1)
-    assert body.pilot.ready
+    assert body.pilot.readiness.ready
     assert "EKF3 IMU0 is using GPS" in body.texts()
 
 
@@ -71,7 +71,7 @@ def test_failing_checks_are_reported_now_and_then():
 @pytest.mark.parametrize("mode", [CopterMode.AUTO, CopterMode.RTL, CopterMode.LAND])
 def test_modes_that_cannot_be_armed_in(mode):
     body = Body()
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     assert body.pilot.set_mode(body.t_s, mode) == OK
     assert body.arm() == FAILED
     assert body.texts() == [f"Arm: {mode.name} mode not armable"]
@@ -163,7 +163,7 @@ def test_return_to_launch_climbs_waits_over_home_and_lands():
     body.mode(Intent.RETURN)
     body.run_until(lambda: np.linalg.norm(body.estimate[:2] - HOME[:2]) < 1e-3)
     assert body.height_m == pytest.approx(15.0, abs=0.01)
-    waited_s = body.run_until(lambda: body.pilot.landed_state == L.LANDING)
+    waited_s = body.run_until(lambda: body.pilot.mode_actions.landed_state == L.LANDING)
     assert waited_s >= 5.0
     body.run(60.0)
     assert not body.pilot.armed
@@ -183,7 +183,7 @@ def test_setpoints_are_ignored_on_the_ground():
 def test_a_stream_that_stops_is_flown_on_with_its_acceleration_for_three_seconds_then_braked():
     body = Body()
     body.fly()
-    flat = body.pilot.piece.at(body.t_s)[:3].copy()
+    flat = body.pilot.path.piece.at(body.t_s)[:3].copy()
     flat[1, 0], flat[2, 0] = 1.0, 0.5
     body.pilot.follow(body.t_s, StampedSetpoint(body.t_s + 0.5, flat))
     body.run(0.45)
@@ -198,14 +198,14 @@ def test_a_stream_that_stops_is_flown_on_with_its_acceleration_for_three_seconds
 def test_a_setpoint_far_off_is_flown_to_and_not_jumped_to():
     body = Body()
     body.fly()
-    flat = body.pilot.piece.at(body.t_s)[:3].copy()
+    flat = body.pilot.path.piece.at(body.t_s)[:3].copy()
     flat[0, 0] += 20.0
     for _ in range(400):
-        before = body.pilot.piece.at(body.t_s)[0]
+        before = body.pilot.path.piece.at(body.t_s)[0]
         body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, flat.copy(), stamped=False))
         body.run(0.05)
-        assert np.linalg.norm(body.pilot.piece.at(body.t_s)[0] - before) < 2.1
-    np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], flat[0], atol=1e-6)
+        assert np.linalg.norm(body.pilot.path.piece.at(body.t_s)[0] - before) < 2.1
+    np.testing.assert_allclose(body.pilot.path.piece.at(body.t_s)[0], flat[0], atol=1e-6)
 
 
 def test_the_same_place_asked_for_again_and_again_does_not_slow_it_down():
@@ -213,10 +213,10 @@ def test_the_same_place_asked_for_again_and_again_does_not_slow_it_down():
     for period_s in (0.1, 50.0):
         body = Body()
         body.fly()
-        flat = body.pilot.piece.at(body.t_s)[:3].copy()
+        flat = body.pilot.path.piece.at(body.t_s)[:3].copy()
         flat[0, 0] += 12.0
         start_s = body.t_s
-        while abs(body.pilot.piece.at(body.t_s)[0, 0] - flat[0, 0]) > 0.05:
+        while abs(body.pilot.path.piece.at(body.t_s)[0, 0] - flat[0, 0]) > 0.05:
             body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, flat, stamped=False), to_rest=True)
             body.run(min(period_s, 0.1))
         times.append(body.t_s - start_s)
@@ -225,7 +225,7 @@ def test_the_same_place_asked_for_again_and_again_does_not_slow_it_down():
 
 def test_mission_start_wants_arming_and_a_takeoff_item():
     body = Body()
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     assert body.pilot.start_mission(0.0, body.estimate) == FAILED
     body.mode(Intent.MISSION)
     assert body.pilot.start_mission(0.0, body.estimate) == OK
@@ -233,9 +233,9 @@ def test_mission_start_wants_arming_and_a_takeoff_item():
     assert not body.pilot.armed
     body.mode(Intent.GUIDED)
     body.arm()
-    body.pilot.set_mission(())
+    body.pilot.progress.hold(())
     assert body.pilot.start_mission(0.0, body.estimate) == FAILED
-    body.pilot.set_mission(mission()[:1] + mission()[3:])
+    body.pilot.progress.hold(mission()[:1] + mission()[3:])
     assert body.pilot.start_mission(0.0, body.estimate) == FAILED
     assert body.texts()[-1] == "Auto: Missing Takeoff Cmd"
 
@@ -244,7 +244,7 @@ def test_an_armed_vehicle_put_into_auto_waits_for_mission_start_unless_told_othe
     for options, flies in ((0.0, False), (2.0, True)):
         body = Body()
         body.pilot.use(body.settings | {Setting.AUTO_OPTIONS: options})
-        body.pilot.set_mission(mission())
+        body.pilot.progress.hold(mission())
         body.mode(Intent.GUIDED)
         body.arm()
         body.mode(Intent.MISSION)
@@ -252,7 +252,7 @@ def test_an_armed_vehicle_put_into_auto_waits_for_mission_start_unless_told_othe
         assert body.pilot.flying is flies
     body = Body()
     body.pilot.use(body.settings | {Setting.AUTO_OPTIONS: 3.0})
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     body.mode(Intent.MISSION)
     assert body.arm() == OK
     body.run(6.0)
@@ -261,7 +261,7 @@ def test_an_armed_vehicle_put_into_auto_waits_for_mission_start_unless_told_othe
 
 def test_a_mission_is_flown_and_told_as_arducopter_does():
     body = Body()
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     body.mode(Intent.GUIDED)
     body.arm()
     assert body.pilot.start_mission(body.t_s, body.estimate) == OK
@@ -293,31 +293,31 @@ def test_a_mission_is_flown_and_told_as_arducopter_does():
 def test_a_mission_in_the_air_takes_legs_at_the_speed_asked_for():
     body = Body()
     body.fly(5.0)
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     start_s = body.t_s
     assert body.pilot.start_mission(start_s, body.estimate) == OK
     body.run(8.0 / 2.0 - 0.05)
-    assert body.pilot.current_seq == 3
+    assert body.pilot.progress.seq == 3
     body.run(0.1)
-    assert body.pilot.current_seq == 4
+    assert body.pilot.progress.seq == 4
 
 
 @pytest.mark.parametrize(("asked", "result", "seq"), [(0, OK, 1), (3, OK, 3), (2, OK, 3), (99, MavResult.DENIED, 0)])
 def test_set_current_lands_on_an_item_that_moves(asked, result, seq):
     body = Body()
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     assert body.pilot.set_current(0.0, asked) == result
-    assert body.pilot.current_seq == seq
+    assert body.pilot.progress.seq == seq
 
 
 def test_a_mission_replaced_in_flight_is_flown_to_its_end_as_it_was():
     body = Body()
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     body.mode(Intent.GUIDED)
     body.arm()
     body.pilot.start_mission(body.t_s, body.estimate)
     body.run(12.0)
-    body.pilot.set_mission(mission()[:2])
+    body.pilot.progress.hold(mission()[:2])
     body.run(100.0)
     assert body.reached() == [2, 3, 4, 5, 6]
     assert not body.pilot.armed
@@ -339,20 +339,20 @@ def test_a_failsafe_acts_in_the_air_and_disarms_on_the_ground():
 
 def test_a_longer_start_takes_as_long_as_the_original():
     body = Body(replace(Body().pilot.personality).booting_for_real(), ready=False)
-    assert body.run_until(lambda: body.pilot.ready) == pytest.approx(41.4, abs=0.1)
+    assert body.run_until(lambda: body.pilot.readiness.ready) == pytest.approx(41.4, abs=0.1)
 
 
 def test_when_a_stream_ran_out_it_comes_back_to_where_that_was():
     body = Body()
     body.fly()
-    flat = body.pilot.piece.at(body.t_s)[:3].copy()
+    flat = body.pilot.path.piece.at(body.t_s)[:3].copy()
     flat[1, 0] = 1.0
     body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, flat, stamped=False))
     body.run(3.0)
-    place = body.pilot.piece.at(body.t_s)[0].copy()
-    body.run_until(lambda: body.pilot.piece.at(body.t_s)[0, 0] > place[0] + 0.2)
+    place = body.pilot.path.piece.at(body.t_s)[0].copy()
+    body.run_until(lambda: body.pilot.path.piece.at(body.t_s)[0, 0] > place[0] + 0.2)
     body.run_until(lambda: body.speed_mps < 1e-6)
-    np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], place, atol=0.05)
+    np.testing.assert_allclose(body.pilot.path.piece.at(body.t_s)[0], place, atol=0.05)
 
 
 def test_a_place_is_flown_to_as_fast_as_asked_until_the_mode_changes():
@@ -375,11 +375,11 @@ def test_a_place_is_flown_to_as_fast_as_asked_until_the_mode_changes():
 def test_a_new_speed_in_the_middle_of_a_mission_begins_no_item_anew():
     body = Body()
     body.fly(5.0)
-    body.pilot.set_mission(mission())
+    body.pilot.progress.hold(mission())
     assert body.pilot.start_mission(body.t_s, body.estimate) == OK
     body.run(2.0)
     before = body.texts()
     assert body.pilot.set_speed(body.t_s, 1.0, 1.0) == OK
     body.run(1.0)
     assert body.texts() == before
-    assert body.pilot.current_seq == 3
+    assert body.pilot.progress.seq == 3

@@ -39,7 +39,7 @@ class Watched(Body):
             self.failsafe.hear(self.sysid, self.t_s)
         if self.failsafe.due(self.t_s):
             left_Ah = 5.0 - self.used_Ah
-            place = self.pilot.piece.at(self.t_s)[0, :3]
+            place = self.pilot.path.piece.at(self.t_s)[0, :3]
             self.failsafe.step(
                 self.t_s, self.t_s, Readings(place, self.volt, self.used_Ah, left_Ah, self.share, self.healthy)
             )
@@ -76,7 +76,7 @@ def test_too_far_is_a_breach_and_may_end_in_a_landing(personality: Personality):
     body.go(80.0)
     body.run_until(lambda: body.failsafe.breaches == 1)
     assert body.failsafe.breach is Breach.BOUNDARY
-    assert 40.0 < body.pilot.piece.at(body.t_s)[0, 0] - HOME[0] < 42.0
+    assert 40.0 < body.pilot.path.piece.at(body.t_s)[0, 0] - HOME[0] < 42.0
     assert body.intent is Intent.LAND
     body.run_until(lambda: not body.pilot.armed)
 
@@ -182,7 +182,7 @@ def test_who_does_not_know_where_it_is_lands_but_not_for_a_moment(personality: P
     words = "EKF Failsafe: changed to LAND Mode" if personality is ARDUPILOT else "Failsafe activated\t"
     assert body.texts() == [words]
     body.run(0.1)
-    assert body.pilot.landed_state == LandedState.LANDING
+    assert body.pilot.mode_actions.landed_state == LandedState.LANDING
 
 
 @BOTH
@@ -208,12 +208,12 @@ def test_nobody_arms_who_does_not_know_any_more_where_it_is(personality: Persona
 @pytest.mark.parametrize(("north_m", "lands_at_m"), [(50.0, (60.0, 5.0)), (20.0, (0.0, 0.0))])
 def test_it_returns_to_the_nearest_of_home_and_rally_points(personality: Personality, north_m, lands_at_m):
     body = Watched(personality)
-    body.pilot.mode_actions.rally([np.add(HOME[:2], [60.0, 5.0]), np.add(HOME[:2], [200.0, 0.0])])
+    body.pilot.mode_actions.change(rally_ned_m=(np.add(HOME[:2], [60.0, 5.0]), np.add(HOME[:2], [200.0, 0.0])))
     body.go(north_m)
     body.run(40.0)
     assert body.mode(Intent.RETURN) == OK
     body.run_until(lambda: not body.pilot.armed)
-    np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0, :2] - HOME[:2], lands_at_m, atol=0.1)
+    np.testing.assert_allclose(body.pilot.path.piece.at(body.t_s)[0, :2] - HOME[:2], lands_at_m, atol=0.1)
 
 
 @BOTH
@@ -225,7 +225,7 @@ def test_speeds_up_and_down_have_commands_of_their_own(personality: Personality)
     assert body.pilot.path_generator.speed_mps == before_mps
     body.go(0.0, 30.0)
     body.run(15.0)
-    assert body.pilot.piece.at(body.t_s)[1, 2] == pytest.approx(-0.7, abs=0.01)
+    assert body.pilot.path.piece.at(body.t_s)[1, 2] == pytest.approx(-0.7, abs=0.01)
     body.go(0.0, 5.0)
     body.run(15.0)
-    assert body.pilot.piece.at(body.t_s)[1, 2] == pytest.approx(0.5, abs=0.01)
+    assert body.pilot.path.piece.at(body.t_s)[1, 2] == pytest.approx(0.5, abs=0.01)

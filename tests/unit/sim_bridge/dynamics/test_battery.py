@@ -80,9 +80,9 @@ def test_nothing_draws_more_than_the_cells_can_give():
 
 def test_draining_leaves_what_it_says_and_never_fills():
     battery = Battery(presets.F150.power, presets.F150.quadrotor, 3)
-    battery.drain(1, 0.2)
+    battery.drain(np.array([1.0, 0.2, 1.0]))
     np.testing.assert_allclose(battery.remaining, [1.0, 0.2, 1.0])
-    battery.drain(1, 0.9)
+    battery.drain(np.array([1.0, 0.9, 1.0]))
     np.testing.assert_allclose(battery.remaining, [1.0, 0.2, 1.0])
     assert battery.voltage_V[1] < battery.voltage_V[0]
 

@@ -12,7 +12,6 @@ from sim_bridge.dynamics.controller import Controller, DisturbanceObserver, tilt
 from sim_bridge.dynamics.integrator import Stepper, Turn
 from sim_bridge.dynamics.lqr_gains import ControlLimits, chain_gain, lqr_gains, motor_limits
 from sim_bridge.dynamics.position_control import AROUND, PositionController
-from sim_bridge.dynamics.reference import Reference, hold
 from sim_bridge.dynamics.sensors import RTK
 from tests.unit.sim_bridge.flights import (
     F150,
@@ -22,6 +21,8 @@ from tests.unit.sim_bridge.flights import (
     YAW_RAD,
     course,
     fly,
+    hold,
+    reference_of,
     stand,
     steps,
 )
@@ -64,9 +65,9 @@ def test_a_vehicle_that_cannot_lift_itself_is_refused():
 def wanted_force(r, q):
     """What Eq. 1 leaves to the rotors on the reference itself, around now, (3, 3, V)."""
     drag, gravity = np.array(q.drag_Nspm), np.array([0.0, 0.0, q.gravity_mps2])
-    force = q.mass_kg * (gravity - r.acceleration_ned_mps2) - drag * r.velocity_ned_mps
-    first = -q.mass_kg * r.jerk_ned_mps3 - drag * r.acceleration_ned_mps2
-    second = -q.mass_kg * r.snap_ned_mps4 - drag * r.jerk_ned_mps3
+    force = q.mass_kg * (gravity - r[:, 2, :3]) - drag * r[:, 1, :3]
+    first = -q.mass_kg * r[:, 3, :3] - drag * r[:, 2, :3]
+    second = -q.mass_kg * r[:, 4, :3] - drag * r[:, 3, :3]
     return np.array([(force + t * first + 0.5 * t * t * second).T for t in AROUND])
 
 
@@ -76,12 +77,12 @@ def test_feed_forward_rates_and_accelerations_are_derivatives_of_the_tilt():
 
     def tilt(k):
         r = flight.at(k, pads)
-        _, roll, pitch = thrust_and_tilt(r.acceleration_ned_mps2, r.velocity_ned_mps, r.yaw_ned_rad, F150)
+        _, roll, pitch = thrust_and_tilt(r[:, 2, :3], r[:, 1, :3], r[:, 0, 3], F150)
         return np.stack([roll, pitch])
 
     for k in map(steps, (50.0, 60.0, 85.0)):
         r = flight.at(k, pads)
-        angles, rate, turn = tilt_along(wanted_force(r, F150), r.yaw_ned_rad, r.yaw_rate_radps)
+        angles, rate, turn = tilt_along(wanted_force(r, F150), r[:, 0, 3], r[:, 1, 3])
         h = 0.2
         before, now, after = tilt(k - steps(h)), tilt(k), tilt(k + steps(h))
         np.testing.assert_allclose(angles, now, atol=1e-12)
@@ -99,10 +100,8 @@ def test_the_law_without_limits_is_the_law_within_its_limits(q, limits):
     def near(size):
         return size * rng.normal(size=(50, 3))
 
-    r = Reference(near(0.1), near(3.0), near(0.1), near(0.1), near(0.1), np.zeros(50), np.zeros(50))
-    state = np.concatenate((r.position_ned_m.T, r.velocity_ned_mps.T, np.zeros((6, 50)))) + 0.005 * rng.normal(
-        size=(12, 50)
-    )
+    r = reference_of(near(0.1), near(3.0), near(0.1), near(0.1), near(0.1), np.zeros(50), np.zeros(50))
+    state = np.concatenate((r[:, 0, :3].T, r[:, 1, :3].T, np.zeros((6, 50)))) + 0.005 * rng.normal(size=(12, 50))
     push = 0.02 * rng.normal(size=(3, 50))
     np.testing.assert_allclose(law(r, state, push), slow(r, state, push), rtol=1e-9, atol=1e-9)
     state[:3] += 2e3 * rng.normal(size=(3, 50))
@@ -124,12 +123,12 @@ def first_command(controller, reference, state, *, landed=False):
 @pytest.mark.parametrize(("q", "limits"), VEHICLES)
 def test_on_the_reference_the_control_makes_exactly_the_wanted_acceleration(q, limits):
     r = course(yaw_swing_rad=0.0).at(steps(60.0), np.zeros((1, 3)))
-    tilt, rate, turn = tilt_along(wanted_force(r, q), r.yaw_ned_rad, r.yaw_rate_radps)[..., 0]
+    tilt, rate, turn = tilt_along(wanted_force(r, q), r[:, 0, 3], r[:, 1, 3])[..., 0]
     state = np.zeros(12)
-    state[:3], state[3:6] = r.position_ned_m[0], r.velocity_ned_mps[0]
-    state[6:8], state[8], state[9:11] = tilt, r.yaw_ned_rad[0], rate
+    state[:3], state[3:6] = r[:, 0, :3][0], r[:, 1, :3][0]
+    state[6:8], state[8], state[9:11] = tilt, r[:, 0, 3][0], rate
     moving = derivative(state, first_command(new_controller(q, limits), r, state), q)
-    np.testing.assert_allclose(moving[3:6], r.acceleration_ned_mps2[0], atol=1e-9)
+    np.testing.assert_allclose(moving[3:6], r[:, 2, :3][0], atol=1e-9)
     np.testing.assert_allclose(moving[9:11], turn, atol=1e-9)
 
 
@@ -158,7 +157,7 @@ def test_on_the_ground_it_idles_until_the_reference_rises():
     assert 0.0 < idle[0] < 0.5 * F150.weight_N
     np.testing.assert_array_equal(idle[1:], 0.0)
     zero = np.zeros((1, 3))
-    up = Reference(zero, zero, np.array([[0.0, 0.0, -0.1]]), zero, zero, np.zeros(1), np.zeros(1))
+    up = reference_of(zero, zero, np.array([[0.0, 0.0, -0.1]]), zero, zero, np.zeros(1), np.zeros(1))
     assert first_command(controller, up, state, landed=True)[0] > F150.weight_N
 
 
@@ -166,7 +165,7 @@ def test_a_slow_vehicle_is_asked_for_no_more_speed_than_it_has():
     quick, slow = new_controller(FIELD, FIELD_LIMITS), new_controller(FIELD, FIELD_LIMITS)
     slow.slow_down(np.array([2.0]))
     zero = np.zeros((1, 3))
-    past = Reference(zero, np.array([[4.0, 0.0, 0.0]]), zero, zero, zero, np.zeros(1), np.zeros(1))
+    past = reference_of(zero, np.array([[4.0, 0.0, 0.0]]), zero, zero, zero, np.zeros(1), np.zeros(1))
     state = np.zeros(12)
     state[3] = 3.0
     assert first_command(quick, past, state)[2] < 0.0  # pitches forward to gain speed
@@ -208,5 +207,7 @@ def test_what_a_limit_withholds_is_not_mistaken_for_a_push():
 
 
 def test_a_reference_of_the_wrong_shape_is_refused():
-    with pytest.raises(ValueError, match="position_ned_m"):
-        hold(np.zeros((2, 2)), np.zeros(2))
+    two = hold(np.zeros((2, 3)), np.zeros(2))
+    for wrong in (two, two[:1, :4], two[:1, :, :2]):
+        with pytest.raises(ValueError, match="the reference must have shape"):
+            first_command(new_controller(F150, F150_LIMITS), wrong, np.zeros(12))

@@ -9,9 +9,8 @@ from sim_bridge.dynamics.error_model import ErrorModel
 from sim_bridge.dynamics.estimator import COASTING_AFTER_S, GATE_SIGMA, GATE_TIMEOUT_S, Estimator
 from sim_bridge.dynamics.failures import Failure, Sensor
 from sim_bridge.dynamics.integrator import Turn
-from sim_bridge.dynamics.reference import hold
 from sim_bridge.dynamics.sensors import BARO_PERIOD_S, GNSS, INERTIAL_PERIOD_S, RTK, Sensors
-from tests.unit.sim_bridge.flights import FIELD, FIELD_LIMITS, YAW_RAD, course, fly, stand, steps
+from tests.unit.sim_bridge.flights import FIELD, FIELD_LIMITS, YAW_RAD, course, fly, hold, stand, steps
 
 STANDING = np.array([True])
 AT_REST = np.array([[0.0], [0.0], [-9.8]])
@@ -136,7 +135,7 @@ def go_on(airframes, reference, seconds):
 
 def test_it_coasts_through_an_outage_and_is_as_wrong_as_it_says():
     airframes, there = hovering_fleet()
-    airframes.faults[0].add(Failure(from_s=airframes.t_s, until_s=airframes.t_s + 10.0, gnss_lost=True))
+    airframes.fail(0, [Failure(gnss_lost=True)])
     go_on(airframes, there, 9.9)
     assert airframes.gnss_fix.tolist() == [False, True]
     assert airframes.estimator.coasting.tolist() == [True, False]
@@ -144,36 +143,38 @@ def test_it_coasts_through_an_outage_and_is_as_wrong_as_it_says():
     sigma_m = airframes.estimator.accuracy.position_horizontal_m
     assert sigma_m[0] > 10.0 * sigma_m[1]
     assert off_m[0] < 3.0 * sigma_m[0] and off_m[1] < 0.03
-    go_on(airframes, there, 3.0)
+    airframes.fail(0, [])
+    go_on(airframes, there, 2.9)
     assert airframes.gnss_fix.all() and not airframes.estimator.coasting.any() and airframes.healthy.all()
     assert np.linalg.norm((airframes.estimate - airframes.truth)[:, :2], axis=1).max() < 0.03
 
 
 def test_a_fix_that_jumps_for_a_moment_moves_nobody():
     airframes, there = hovering_fleet()
-    now = airframes.t_s
-    airframes.faults[1].add(Failure(from_s=now, until_s=now + 0.8 * GATE_TIMEOUT_S, offset_ned_m=(5.0, 0.0, -3.0)))
+    airframes.fail(1, [Failure(offset_ned_m=(5.0, 0.0, -3.0))])
     go_on(airframes, there, COASTING_AFTER_S + 0.5)
     assert airframes.estimator.coasting.tolist() == [False, True]
     assert airframes.estimator.ratios.position_horizontal[1] > 10.0
+    go_on(airframes, there, 0.8 * GATE_TIMEOUT_S - COASTING_AFTER_S - 0.5)
+    airframes.fail(1, [])
     go_on(airframes, there, GATE_TIMEOUT_S)
     assert np.linalg.norm((airframes.truth - airframes.estimate)[:, :3], axis=1).max() < 0.05
 
 
 def test_a_fix_that_jumps_for_good_is_followed_in_the_end():
     airframes, there = hovering_fleet()
-    airframes.faults[1].add(Failure(from_s=airframes.t_s, offset_ned_m=(2.0, 0.0, 0.0)))
+    airframes.fail(1, [Failure(offset_ned_m=(2.0, 0.0, 0.0))])
     go_on(airframes, there, GATE_TIMEOUT_S + 10.0)
     off = (airframes.truth - airframes.estimate)[:, 0]
     np.testing.assert_allclose(off, [0.0, -2.0], atol=0.05)
-    np.testing.assert_allclose(airframes.estimate[:, :3], there.position_ned_m, atol=0.1)
+    np.testing.assert_allclose(airframes.estimate[:, :3], there[:, 0, :3], atol=0.1)
 
 
 @pytest.mark.parametrize("sensor", [Sensor.BAROMETER, Sensor.COMPASS, Sensor.GNSS])
 def test_an_aid_that_sticks_is_left_out_when_the_vehicle_moves(sensor):
     airframes, there = hovering_fleet()
-    airframes.faults[0].add(Failure(from_s=airframes.t_s, sensor=sensor))
-    away = hold(there.position_ned_m + np.array([0.5, 0.0, -4.0]), there.yaw_ned_rad + 1.0)
+    airframes.fail(0, [Failure(sensor=sensor)])
+    away = hold(there[:, 0, :3] + np.array([0.5, 0.0, -4.0]), there[:, 0, 3] + 1.0)
     worst = 0.0
     for _ in range(16):
         go_on(airframes, away, 0.25)

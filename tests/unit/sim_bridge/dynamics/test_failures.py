@@ -5,10 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.dynamics.failures import Failure, Failures, Sensor
-from sim_bridge.dynamics.reference import Reference, hold
+from sim_bridge.dynamics.failures import Effects, Failure, Sensor
 from sim_bridge.dynamics.sensors import RTK
-from tests.unit.sim_bridge.flights import F150, F150_LIMITS, FIELD, FIELD_LIMITS, YAW_RAD, course, fly, stand, steps
+from tests.unit.sim_bridge.flights import (
+    F150,
+    F150_LIMITS,
+    FIELD,
+    FIELD_LIMITS,
+    YAW_RAD,
+    course,
+    fly,
+    hold,
+    reference_of,
+    stand,
+    steps,
+)
 
 PADS_NED_M = 5.0 * np.arange(2)[:, None] * np.array([[1.0, 0.0, 0.0]])
 
@@ -28,57 +39,50 @@ def go_on(airframes, reference, seconds):
     return np.array(truth)
 
 
-def test_schedules_begin_end_and_add_up():
-    faults = Failures(3)
-    assert faults.due_s == np.inf and len(faults) == 3
-    faults[0].add(Failure(from_s=2.0, until_s=4.0, gnss_lost=True))
-    faults[0].add(Failure(from_s=3.0, motor=2, share=0.5))
-    faults[0].add(Failure(from_s=3.5, motor=2, share=0.5))
-    faults[1].add(Failure(from_s=3.0, sensor=Sensor.COMPASS))
-    faults[2].add(Failure(from_s=0.0, offset_ned_m=(1.0, 0.0, 0.0)))
-    faults[2].add(Failure(from_s=3.0, offset_ned_m=(0.0, 2.0, 0.0)))
-    faults[2].add(Failure(from_s=3.0, speed_mps=2.0))
-    faults[1].add(Failure(from_s=3.0, wind_ned_mps=(3.0, 0.0, 0.0)))
-    faults[1].add(Failure(from_s=3.0, wind_ned_mps=(1.0, -2.0, 0.0)))
-    faults[0].add(Failure(from_s=3.0, push_ned_mps2=(0.0, 0.0, 1.5)))
-    assert faults.due_s == -np.inf
-    early = faults.effects(1.0)
-    assert faults.due_s == 2.0 and not early.sound and not early.gnss_lost.any()
-    late = faults.effects(3.75)
-    assert faults.due_s == 4.0
-    assert late.gnss_lost.tolist() == [True, False, False]
-    np.testing.assert_array_equal(late.motor_strength, [[1.0, 0.25, 1.0, 1.0], [1.0] * 4, [1.0] * 4])
-    assert np.argwhere(late.stuck).tolist() == [[1, Sensor.COMPASS]]
-    np.testing.assert_array_equal(late.gnss_offset_ned_m[2], [1.0, 2.0, 0.0])
-    np.testing.assert_array_equal(late.speed_max_mps, [np.inf, np.inf, 2.0])
-    np.testing.assert_array_equal(late.wind_ned_mps, [[0.0] * 3, [4.0, -2.0, 0.0], [0.0] * 3])
-    np.testing.assert_array_equal(late.push_ned_mps2, [[0.0, 0.0, 1.5], [0.0] * 3, [0.0] * 3])
-    for row in range(3):
-        faults[row].clear()
-    assert faults.effects(5.0).sound and faults.due_s == np.inf
+def test_failures_add_up_vehicle_by_vehicle():
+    motor = Failure(motor=2, share=0.5)
+    found = Effects.of(
+        [
+            [Failure(gnss_lost=True), motor, motor, Failure(push_ned_mps2=(0.0, 0.0, 1.5))],
+            [
+                Failure(sensor=Sensor.COMPASS),
+                *(Failure(wind_ned_mps=wind) for wind in ((3.0, 0.0, 0.0), (1.0, -2.0, 0.0))),
+                *(Failure(remaining=share) for share in (0.3, 0.1, 0.2)),
+            ],
+            [*(Failure(offset_ned_m=far) for far in ((1.0, 0.0, 0.0), (0.0, 2.0, 0.0))), Failure(speed_mps=2.0)],
+        ]
+    )
+    assert not found.sound and Effects.of([(), ()]).sound
+    assert found.gnss_lost.tolist() == [True, False, False]
+    np.testing.assert_array_equal(found.motor_strength, [[1.0, 0.25, 1.0, 1.0], [1.0] * 4, [1.0] * 4])
+    assert np.argwhere(found.stuck).tolist() == [[1, Sensor.COMPASS]]
+    np.testing.assert_array_equal(found.gnss_offset_ned_m[2], [1.0, 2.0, 0.0])
+    np.testing.assert_array_equal(found.speed_max_mps, [np.inf, np.inf, 2.0])
+    np.testing.assert_array_equal(found.wind_ned_mps, [[0.0] * 3, [4.0, -2.0, 0.0], [0.0] * 3])
+    np.testing.assert_array_equal(found.push_ned_mps2, [[0.0, 0.0, 1.5], [0.0] * 3, [0.0] * 3])
+    np.testing.assert_array_equal(found.remaining, [1.0, 0.1, 1.0])
 
 
-def test_a_battery_is_drained_once_by_each_fault():
-    faults = Failures(1)
-    low = Failure(from_s=1.0, remaining=0.3)
-    faults[0].add(low)
-    assert faults.effects(0.5).drained == {}
-    assert faults.effects(1.0).drained == {0: 0.3}
-    assert faults.effects(1.5).drained == {}
-    faults[0].clear()
-    faults[0].add(low)
-    assert faults.effects(2.0).drained == {}
-    faults[0].add(Failure(from_s=0.0, remaining=0.1))
-    assert faults.effects(2.0).drained == {0: 0.1}
+def test_a_drained_battery_stays_drained_and_is_drained_once():
+    airframes, there = hovering(FIELD, FIELD_LIMITS)
+    airframes.fail(1, [Failure(remaining=0.3)])
+    go_on(airframes, there, 10.0)
+    after = airframes.battery.remaining.copy()
+    assert after[0] > 0.9 and after[1] < 0.3
+    airframes.fail(1, [Failure(remaining=0.3), Failure(speed_mps=9.0)])
+    go_on(airframes, there, 0.02)
+    airframes.fail(1, [])
+    go_on(airframes, there, 0.02)
+    np.testing.assert_allclose(airframes.battery.remaining, after, atol=1e-3)
 
 
 @pytest.mark.parametrize(("q", "limits", "share"), [(F150, F150_LIMITS, 0.1), (FIELD, FIELD_LIMITS, 0.25)])
 def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, limits, share):
     airframes, there = hovering(q, limits)
     sound, same = hovering(q, limits)
-    airframes.faults[0].add(Failure(from_s=airframes.t_s, motor=3, share=share))
+    airframes.fail(0, [Failure(motor=3, share=share)])
     truth, healthy = go_on(airframes, there, 20.0), go_on(sound, same, 20.0)
-    off_m = np.linalg.norm(truth[:, :, :3] - there.position_ned_m, axis=-1)
+    off_m = np.linalg.norm(truth[:, :, :3] - there[:, 0, :3], axis=-1)
     assert off_m[:, 0].max() < 1.5
     assert off_m[steps(15.0) :, 0].max() < 0.1
     np.testing.assert_allclose(truth[:, 1], healthy[:, 1], atol=1e-9)
@@ -88,10 +92,11 @@ def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, li
 
 def test_a_push_moves_its_vehicle_its_sensors_feel_it_and_it_comes_back():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    start_s = airframes.t_s
-    airframes.faults[0].add(Failure(from_s=start_s, until_s=start_s + 1.0, push_ned_mps2=(0.0, 6.0, 0.0)))
-    truth = go_on(airframes, there, 15.0)
-    off_m = truth[:, :, :3] - there.position_ned_m
+    airframes.fail(0, [Failure(push_ned_mps2=(0.0, 6.0, 0.0))])
+    pushed = go_on(airframes, there, 1.0)
+    airframes.fail(0, [])
+    truth = np.concatenate((pushed, go_on(airframes, there, 14.0)))
+    off_m = truth[:, :, :3] - there[:, 0, :3]
     assert off_m[:, 0, 1].max() > 1.0
     assert np.linalg.norm(off_m[:, 1], axis=-1).max() < 0.1
     assert np.linalg.norm(off_m[steps(12.0) :, 0], axis=-1).max() < 0.1
@@ -100,10 +105,10 @@ def test_a_push_moves_its_vehicle_its_sensors_feel_it_and_it_comes_back():
 
 def test_a_step_of_wind_is_leant_against():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    airframes.faults[0].add(Failure(from_s=airframes.t_s, wind_ned_mps=(-6.0, 0.0, 0.0)))
+    airframes.fail(0, [Failure(wind_ned_mps=(-6.0, 0.0, 0.0))])
     truth = go_on(airframes, there, 15.0)
     assert airframes.wind_ned_mps.tolist() == [[-6.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    off_m = truth[:, :, :3] - there.position_ned_m
+    off_m = truth[:, :, :3] - there[:, 0, :3]
     assert off_m[:, 0, 0].min() < -0.1
     assert np.linalg.norm(off_m[steps(10.0) :, 0], axis=-1).max() < 0.1
     drag = FIELD.drag_Nspm[0] * 6.0 / FIELD.weight_N
@@ -112,16 +117,16 @@ def test_a_step_of_wind_is_leant_against():
 
 def test_a_motor_that_stands_brings_its_vehicle_down_and_no_other():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    airframes.faults[0].add(Failure(from_s=airframes.t_s, motor=1))
+    airframes.fail(0, [Failure(motor=1)])
     truth = go_on(airframes, there, 12.0)
     assert airframes.landed.tolist() == [True, False]
     assert np.isfinite(truth).all()
-    assert np.linalg.norm(truth[:, 1, :3] - there.position_ned_m[1], axis=-1).max() < 0.1
+    assert np.linalg.norm(truth[:, 1, :3] - there[:, 0, :3][1], axis=-1).max() < 0.1
 
 
 def test_an_empty_battery_stops_the_motors():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    airframes.faults[1].add(Failure(from_s=airframes.t_s, remaining=0.0))
+    airframes.fail(1, [Failure(remaining=0.0)])
     go_on(airframes, there, 3.0)
     assert airframes.landed.tolist() == [False, True]
     assert airframes.battery.remaining[1] == 0.0
@@ -130,8 +135,7 @@ def test_an_empty_battery_stops_the_motors():
 
 def test_a_slow_vehicle_falls_behind_and_catches_up():
     airframes, there = hovering(FIELD, FIELD_LIMITS)
-    start_s = airframes.t_s
-    airframes.faults[0].add(Failure(from_s=start_s, until_s=start_s + 12.0, speed_mps=1.5))
+    airframes.fail(0, [Failure(speed_mps=1.5)])
     zero = np.zeros((2, 3))
 
     def moving(seconds):
@@ -141,18 +145,20 @@ def test_a_slow_vehicle_falls_behind_and_catches_up():
         distance = 0.3 * t_up**2 + 3.0 * max(t - 5.0, 0.0)
         speed = 0.6 * t_up if seconds < 10.0 else 0.0
         ahead = np.array([0.0, 1.0, 0.0])
-        return Reference(
-            there.position_ned_m + distance * ahead,
+        return reference_of(
+            there[:, 0, :3] + distance * ahead,
             zero + speed * ahead,
             zero + (0.6 if t < 5.0 else 0.0) * ahead,
             zero,
             zero,
-            there.yaw_ned_rad,
-            there.yaw_rate_radps,
+            there[:, 0, 3],
+            there[:, 1, 3],
         )
 
     fastest, behind = np.zeros(2), 0.0
     for k in range(steps(25.0)):
+        if k == steps(12.0):
+            airframes.fail(0, [])
         airframes.step(moving(0.02 * k), np.array([True, True]))
         if k < steps(12.0):
             fastest = np.maximum(fastest, airframes.truth[:, 4])
@@ -160,4 +166,4 @@ def test_a_slow_vehicle_falls_behind_and_catches_up():
             behind = airframes.truth[1, 1] - airframes.truth[0, 1]
     assert fastest[0] < 1.7 and fastest[1] > 2.8
     assert behind > 5.0
-    np.testing.assert_allclose(airframes.truth[:, :3], moving(25.0).position_ned_m, atol=0.3)
+    np.testing.assert_allclose(airframes.truth[:, :3], moving(25.0)[:, 0, :3], atol=0.3)

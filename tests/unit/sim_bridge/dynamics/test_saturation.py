@@ -8,10 +8,9 @@ import pytest
 from gcs.types import Array
 from sim_bridge.dynamics.airframes import Airframes
 from sim_bridge.dynamics.presets import FIELD
-from sim_bridge.dynamics.reference import hold
 from sim_bridge.dynamics.sensors import RTK
 from sim_bridge.dynamics.wind_field import CALM, WindField, parse_wind
-from tests.unit.sim_bridge.flights import YAW_RAD, course, fly, stand, steps
+from tests.unit.sim_bridge.flights import YAW_RAD, course, fly, hold, stand, steps
 
 PAD_NED_M = np.zeros((1, 3))
 ON = np.ones(1, dtype=bool)

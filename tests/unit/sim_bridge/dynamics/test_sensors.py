@@ -109,7 +109,7 @@ def test_breakdowns_change_samples_and_not_the_noise_that_follows():
     truth, force = TRUTH[:, :3], FORCE[:, :3]
     before = sample_all(ill, truth, force)
     sample_all(well, truth, force)
-    ill.effects = Effects.none(3)
+    ill.effects = Effects.of([()] * 3)
     ill.effects.sound = False
     ill.effects.stuck[0, :] = True
     ill.effects.gnss_lost[1] = True
@@ -123,7 +123,7 @@ def test_breakdowns_change_samples_and_not_the_noise_that_follows():
             np.testing.assert_array_equal(now[..., 1:], sound[..., 1:])
         assert np.isnan(gnss[:, 1]).all()
         np.testing.assert_allclose(gnss[:, 2] - reference[0][:, 2], [1.0, -2.0, 3.0, 0.0, 0.0, 0.0], atol=1e-12)
-    ill.effects = Effects.none(3)
+    ill.effects = Effects.of([()] * 3)
     for now, sound in zip(sample_all(ill, truth, force), sample_all(well, truth, force), strict=True):
         np.testing.assert_array_equal(now, sound)
 

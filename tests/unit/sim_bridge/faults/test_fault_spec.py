@@ -107,7 +107,10 @@ def active(schedule: FaultSchedule) -> list[str]:
 
 
 def agenda_of(*texts: str) -> FaultSchedule:
-    return FaultSchedule(parse_fault(f"1:{text}")[1] for text in texts)
+    schedule = FaultSchedule()
+    for text in texts:
+        schedule.add(parse_fault(f"1:{text}")[1], 0.0)
+    return schedule
 
 
 def test_a_fault_without_a_time_is_always_in_force():
@@ -121,7 +124,9 @@ def test_times_count_from_take_off_and_again_from_the_next_one():
     schedule = agenda_of("slow=1@10..30")
     assert schedule.step(50.0) is None
     for moment_s in (60.0, 200.0):
-        schedule.took_off(moment_s)
+        schedule.flies(False, moment_s - 1.0)
+        schedule.flies(True, moment_s)
+        schedule.flies(True, moment_s + 1.0)
         assert began(schedule, moment_s + 9.99) == []
         assert began(schedule, moment_s + 10.0) == ["slow"]
         assert active(schedule) == ["slow"]
@@ -154,13 +159,13 @@ def test_ending_a_kind_ends_what_is_in_force_and_what_is_to_come():
     schedule.step(0.0)
     schedule.end([f.LOSS])
     schedule.step(0.0)
-    schedule.took_off(1.0)
+    schedule.flies(True, 1.0)
     assert began(schedule, 100.0) == []
     assert active(schedule) == ["delay"]
 
 
 def test_a_live_fault_counts_from_now():
-    schedule = FaultSchedule(())
+    schedule = FaultSchedule()
     schedule.add(make_fault(f.LOSS, (0.2,), when=When(1.0, 3.0)), 40.0)
     assert [began(schedule, t_s) for t_s in (40.5, 41.0)] == [[], ["loss"]]
     schedule.step(43.0)

@@ -40,7 +40,7 @@ def test_it_is_ready_after_four_seconds_and_says_one_sentence_until_then():
     body.step()
     assert body.arm() == REJECTED
     assert body.texts() == ["Arming denied: Resolve system health failures first\t"]
-    assert body.run_until(lambda: body.pilot.ready) == pytest.approx(4.0, abs=0.1)
+    assert body.run_until(lambda: body.pilot.readiness.ready) == pytest.approx(4.0, abs=0.1)
     assert body.arm() == OK
 
 
@@ -77,7 +77,7 @@ def test_takeoff_is_a_mode_that_waits_for_arming_and_ends_in_hold():
     body = body_of()
     assert body.pilot.take_off(body.t_s, 4.0) == OK
     assert body.pilot.mode.number == px4_mode(4, 2)
-    assert body.pilot.mode_actions.progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NO_MISSION, 1)
+    assert body.pilot.progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NO_MISSION, 1)
     body.run(3.0)
     assert not body.pilot.armed
     assert body.arm() == OK
@@ -125,13 +125,13 @@ def test_landing_takes_its_time_and_the_mode_goes_back_to_the_last_that_could_be
 
 def test_arming_in_mission_mode_starts_the_mission_which_is_told_as_px4_does():
     body = body_of()
-    body.pilot.set_mission(mission(PX4))
-    progress = body.pilot.mode_actions.progress
+    body.pilot.progress.hold(mission(PX4))
+    progress = body.pilot.progress
     assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NOT_STARTED, 2)
     assert body.mode(Intent.MISSION) == OK
     assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.ACTIVE, 1)
     assert body.arm() == OK
-    body.run_until(lambda: body.pilot.landed_state == L.LANDING)
+    body.run_until(lambda: body.pilot.mode_actions.landed_state == L.LANDING)
     assert body.reached()[-1] == 6
     assert body.height_m > 4.0
     body.run_until(lambda: not body.pilot.armed)
@@ -156,7 +156,7 @@ def test_arming_in_mission_mode_starts_the_mission_which_is_told_as_px4_does():
 def test_mission_start_arms_and_flies_and_is_refused_without_a_mission():
     body = body_of()
     assert body.pilot.start_mission(body.t_s, body.estimate) == REJECTED
-    body.pilot.set_mission(mission(PX4))
+    body.pilot.progress.hold(mission(PX4))
     assert body.pilot.start_mission(body.t_s, body.estimate) == OK
     body.run(5.0)
     assert body.pilot.flying
@@ -165,7 +165,7 @@ def test_mission_start_arms_and_flies_and_is_refused_without_a_mission():
 
 def test_a_mission_without_takeoff_climbs_first():
     body = body_of()
-    body.pilot.set_mission((item(16, (30, 0, 6)), item(21, (30, 0, 0))))
+    body.pilot.progress.hold((item(16, (30, 0, 6)), item(21, (30, 0, 0))))
     body.pilot.start_mission(body.t_s, body.estimate)
     body.run_until(lambda: body.height_m > 5.99)
     np.testing.assert_allclose(body.estimate[:2], HOME[:2], atol=0.1)
@@ -176,10 +176,10 @@ def test_a_mission_without_takeoff_climbs_first():
 
 def test_set_current_takes_the_first_item_as_an_item():
     body = body_of()
-    body.pilot.set_mission(mission(PX4))
+    body.pilot.progress.hold(mission(PX4))
     for asked, seq in ((3, 3), (0, 0), (1, 2)):
         assert body.pilot.set_current(body.t_s, asked) == OK
-        assert body.pilot.current_seq == seq
+        assert body.pilot.progress.seq == seq
 
 
 def test_offboard_wants_a_second_of_setpoints_before_it_can_be_armed_in():
@@ -228,7 +228,7 @@ def test_silence_brings_the_failsafe_after_a_second_and_it_comes_down_where_it_i
     assert body.texts() == ["Failsafe activated\t"]
     assert body.pilot.mode.number == px4_mode(3)
     body.run(6.8)  # this vehicle is slow to change its height
-    assert body.pilot.piece.at(body.t_s)[1, 2] == pytest.approx(0.7, abs=0.05)
+    assert body.pilot.path.piece.at(body.t_s)[1, 2] == pytest.approx(0.7, abs=0.05)
     body.run_until(lambda: not body.pilot.armed)
     assert body.pilot.mode.number == PX4_OFFBOARD
 
@@ -285,12 +285,12 @@ def test_the_closer_to_home_the_lower_it_returns(north_m, height_m):
     body = body_of()
     body.fly(3.0)
     body.pilot.reposition(body.t_s, np.array([HOME[0] + north_m, HOME[1], HOME[2] - 3.0, YAW]), change_mode=True)
-    body.run_until(lambda: body.pilot.mode_actions.path.at_rest)
+    body.run_until(lambda: body.pilot.path.at_rest)
     body.mode(Intent.RETURN)
     text = f"RTL: start return at {488.0 - HOME[2] + height_m:.0f} m ({height_m:.0f} m above destination)\t"
     assert body.texts()[-1] == text
     top_m = 0.0
-    while body.pilot.landed_state != L.LANDING:
+    while body.pilot.mode_actions.landed_state != L.LANDING:
         top_m = max(top_m, body.height_m)
         body.run(0.5)
     assert top_m == pytest.approx(height_m, abs=0.1)
@@ -304,7 +304,7 @@ def test_it_repositions_in_hold():
     assert body.pilot.reposition(body.t_s, target, change_mode=True) == OK
     body.run(20.0)
     assert body.pilot.mode.number == PX4_HOLD
-    np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], target, atol=1e-9)
+    np.testing.assert_allclose(body.pilot.path.piece.at(body.t_s)[0], target, atol=1e-9)
 
 
 def test_a_takeoff_is_told_at_once_and_floats_before_it_climbs():
@@ -314,13 +314,13 @@ def test_a_takeoff_is_told_at_once_and_floats_before_it_climbs():
     body.run_until(lambda: "Takeoff detected\t" in body.texts())
     assert body.t_s - 5.0 == pytest.approx(1.8, abs=0.5)
     assert 2.0 < body.run_until(lambda: body.height_m > 0.1) < 4.5
-    assert body.pilot.landed_state == L.TAKEOFF
+    assert body.pilot.mode_actions.landed_state == L.TAKEOFF
 
 
 def test_a_landing_counts_as_a_mission_that_is_flown_to_its_end():
     body = body_of()
-    body.pilot.set_mission(mission(PX4))
-    progress = body.pilot.mode_actions.progress
+    body.pilot.progress.hold(mission(PX4))
+    progress = body.pilot.progress
     body.fly()
     assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.COMPLETE, 2)
     body.mode(Intent.LAND)
@@ -336,7 +336,7 @@ def test_close_to_home_it_comes_down_while_it_still_flies_there():
     body.run(30.0)
     body.mode(Intent.RETURN)
     body.run_until(lambda: "RTL: land at destination\t" in body.texts())
-    away_m = np.linalg.norm(body.pilot.piece.at(body.t_s)[0, :2] - HOME[:2])
+    away_m = np.linalg.norm(body.pilot.path.piece.at(body.t_s)[0, :2] - HOME[:2])
     assert 1.0 < away_m < 2.0
     body.run_until(lambda: not body.pilot.armed)
-    assert np.linalg.norm(body.pilot.piece.at(body.t_s)[0, :2] - HOME[:2]) < 0.01
+    assert np.linalg.norm(body.pilot.path.piece.at(body.t_s)[0, :2] - HOME[:2]) < 0.01

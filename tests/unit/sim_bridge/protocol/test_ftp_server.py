@@ -257,8 +257,8 @@ def test_hostile_bytes_change_nothing_and_the_next_honest_file_is_taken(attacks)
 
 
 def test_only_ardupilot_claims_and_has_it():
-    assert ARDUPILOT.identity.capabilities & Capability.FTP
-    assert not PX4.identity.capabilities & Capability.FTP
+    assert ARDUPILOT.capabilities & Capability.FTP
+    assert not PX4.capabilities & Capability.FTP
     assert ARDUPILOT.missions.as_files and not PX4.missions.as_files
 
 

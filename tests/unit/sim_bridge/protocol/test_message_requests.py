@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gcs.frames import Origin
@@ -101,7 +102,7 @@ def test_without_remote_control_it_arms_all_the_same(
     fields = next(told.message.fields for told in asked.harness.told if told.message.name == "SYS_STATUS")
     bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"]
     assert {name for bit, name in enumerate(SENSORS) if bits >> bit & 1} - {"arming checks"} == ailing
-    flight = personality.identity.autopilot.traits.flight
+    flight = personality.autopilot.traits.flight
     asked.command(MavCommand.DO_SET_MODE, *flight.mode_parameters(flight.armed_in))
     assert asked.command(MavCommand.COMPONENT_ARM_DISARM, 1.0) == MavResult.ACCEPTED
 
@@ -132,7 +133,7 @@ def test_it_is_set_to_the_battery_of_its_scenario(repo_root: Path, personality: 
     (value,) = [m.fields["param_value"] for m in vehicle.receive(message, 0.0) if m.name == "PARAM_VALUE"]
     assert scenario.vehicle.power is not None
     assert value == pytest.approx(1000.0 * scenario.vehicle.power.battery_Wh / (4 * 3.7))
-    assert personality.identity.autopilot.traits.link.capacity_parameter == name
+    assert personality.autopilot.traits.link.capacity_parameter == name
 
 
 def test_a_charge_in_percent_is_not_rounded_up_for_the_error_of_a_sum(repo_root: Path) -> None:
@@ -140,7 +141,7 @@ def test_a_charge_in_percent_is_not_rounded_up_for_the_error_of_a_sum(repo_root:
     for percent in (99, 57, 29, 18, 7):
         asked = Asked(ARDUPILOT, repo_root)
         asked.harness.run_until(1.0)
-        asked.harness.airframes.battery.drain(0, percent / 100.0)
+        asked.harness.airframes.battery.drain(np.array([percent / 100.0]))
         asked.harness.told.clear()
         asked.command(MavCommand.REQUEST_MESSAGE, MessageId.SYS_STATUS)
         told += [

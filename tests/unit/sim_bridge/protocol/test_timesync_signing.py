@@ -38,7 +38,7 @@ def came(message: Message, signature: Signature | None = None) -> Message:
 @pytest.mark.parametrize(("personality", "step_ns"), [(ARDUPILOT, 1_000), (PX4, 4_000_000)], ids=["ardupilot", "px4"])
 @given(t_ns=st.integers(1, 10**15))
 def test_the_clock_goes_on_in_the_originals_steps(personality, step_ns, t_ns):
-    (answer,) = TimesyncResponder(personality.link, ME).receive(asked(), t_ns)
+    (answer,) = TimesyncResponder(personality.replies, ME).receive(asked(), t_ns)
     assert answer.fields["ts1"] == 17
     assert answer.fields["tc1"] % step_ns == 0
     assert 0 <= t_ns - answer.fields["tc1"] < step_ns
@@ -46,15 +46,15 @@ def test_the_clock_goes_on_in_the_originals_steps(personality, step_ns, t_ns):
 
 def test_answers_are_not_answered():
     answer = Message("TIMESYNC", {"tc1": 5, "ts1": 17}, 255, 190)
-    assert TimesyncResponder(ARDUPILOT.link, ME).receive(answer, S) == []
+    assert TimesyncResponder(ARDUPILOT.replies, ME).receive(answer, S) == []
 
 
 def test_ardupilot_asks_every_ten_seconds_px4_never():
-    asks = TimesyncResponder(ARDUPILOT.link, ME)
+    asks = TimesyncResponder(ARDUPILOT.replies, ME)
     questions = [(t, m.fields) for t in range(5, 40) for m in asks.due(t * S)]
     assert [t for t, _ in questions] == [15, 25, 35]
     assert questions[0][1] == {"tc1": 0, "ts1": 15 * S + 3}
-    never = TimesyncResponder(PX4.link, ME)
+    never = TimesyncResponder(PX4.replies, ME)
     assert [m for t in range(100) for m in never.due(t * S)] == []
 
 
