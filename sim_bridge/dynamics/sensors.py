@@ -142,7 +142,7 @@ class Sensors:
         drifts = [drift.steps(GNSS_PERIOD_S) for drift in g.gnss_drift]
         self._gnss = _Errors(gnss, g.gnss_white, drifts + [still] * 3)
         self._last_inertial, self._last_gnss = np.zeros((6, vehicles)), np.zeros((6, vehicles))
-        self._last_baro, self._last_compass = np.zeros(vehicles), np.zeros(vehicles)
+        self._last_number = dict.fromkeys((Sensor.BAROMETER, Sensor.COMPASS), np.zeros(vehicles))
         self.effects = Effects.of([()] * vehicles)
 
     @property
@@ -168,19 +168,11 @@ class Sensors:
 
     def read_baro(self, truth: Array) -> Array:
         """True states (12, V) -> barometric height (V,), m."""
-        z: Array = self._baro.draw()[0] - truth[2]
-        if not self.effects.sound:
-            self._hold(z, self._last_baro, self.effects.stuck[:, Sensor.BAROMETER])
-        self._last_baro = z
-        return z
+        return self._number(Sensor.BAROMETER, self._baro.draw()[0] - truth[2])
 
     def read_compass(self, truth: Array) -> Array:
         """True states (12, V) -> magnetic yaw (V,), rad."""
-        z: Array = self._compass.draw()[0] + truth[8]
-        if not self.effects.sound:
-            self._hold(z, self._last_compass, self.effects.stuck[:, Sensor.COMPASS])
-        self._last_compass = z
-        return z
+        return self._number(Sensor.COMPASS, self._compass.draw()[0] + truth[8])
 
     def read_gnss(self, truth: Array) -> Array:
         """True states (12, V) -> (6, V): position (m) and velocity (m/s), NED; NaN where there is no fix."""
@@ -193,6 +185,12 @@ class Sensors:
         else:
             self._last_gnss = z
         return np.asarray(z)
+
+    def _number(self, sensor: Sensor, z: Array) -> Array:
+        if not self.effects.sound:
+            self._hold(z, self._last_number[sensor], self.effects.stuck[:, sensor])
+        self._last_number[sensor] = z
+        return z
 
     @staticmethod
     def _hold(z: Array, last: Array, stuck: Mask) -> None:

@@ -110,7 +110,7 @@ class FaultInjector:
         vehicle.autopilot.arming.refuses = f.REFUSE_ARMING in kinds
         vehicle.autopilot.arming.fails_checks = f.FAIL_CHECKS in kinds
         vehicle.instruments.sag_V = sum(fault.values[0] for fault in active if fault.kind is f.SAG)
-        vehicle.gnss_ahead_s = sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP)
+        vehicle.set_gnss_ahead(sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP))
         if row in self.radios:
             radio = self.radios[row]
             radio.up.impairment = _impairment(active, LinkDirection.UP)

@@ -68,13 +68,8 @@ class Conversation:
         self.on_from_s = -math.inf  # until then the vehicle is off: it neither receives nor sends
         self._apply_params()
 
-    @property
-    def gnss_ahead_s(self) -> float:
-        """A fault: its GNSS time is ahead of that of the others."""
-        return self.instruments.gnss_ahead_s
-
-    @gnss_ahead_s.setter
-    def gnss_ahead_s(self, ahead_s: float) -> None:
+    def set_gnss_ahead(self, ahead_s: float) -> None:
+        """Act on a fault: its GNSS time is ahead of that of the others."""
         self.instruments.gnss_ahead_s = ahead_s
         self.autopilot.mode_actions.change(epoch_unix_s=self.instruments.unix_at_0_s)
 
@@ -99,10 +94,6 @@ class Conversation:
                 hint="leave --signing-key-file out, or emulate ArduPilot",
             )
         self._signing.set_up(key, ticks, now_s)
-
-    def simulated_s(self, boot_ms: int) -> float:
-        """Return the simulated time of a time of the vehicle's boot clock."""
-        return self.instruments.simulated_s(boot_ms)
 
     def signature(self, now_s: float) -> Signature | None:
         """Return the signature for the next frame; None while signing is off."""

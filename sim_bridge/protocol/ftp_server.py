@@ -8,7 +8,7 @@
 - Written files may have holes, which read as zeros.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from gcs.link.protocols.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, read_payload
 from gcs.link.wire.message import Message, Station
@@ -31,14 +31,6 @@ class _Open:
     writing: bool
 
 
-@dataclass
-class _Last:
-    """The replies that a repeated request gets again."""
-
-    peer: Station = field(default_factory=lambda: Station(0, 0))
-    replies: list[FtpPayload] = field(default_factory=list)
-
-
 class FileServer:
     """The file server of one vehicle. It survives any bytes; only a whole, valid file changes anything."""
 
@@ -47,7 +39,7 @@ class FileServer:
         self.wrong_checksums = False  # a fault
         self._open: _Open | None = None
         self._replied_s = 0.0
-        self._last = _Last()
+        self._last: tuple[Station, list[FtpPayload]] = Station(0, 0), []  # what a repeated request gets again
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer a FILE_TRANSFER_PROTOCOL message."""
@@ -62,15 +54,15 @@ class FileServer:
             return self._reply(peer, [_nak(request, FtpError.INVALID_DATA_SIZE)], now_s)
         if request.opcode in (FtpOpcode.ACK, FtpOpcode.NAK):
             return []
-        last = self._last
-        if last.peer == peer and last.replies:
-            final = last.replies[-1]
+        last_peer, replies = self._last
+        if last_peer == peer and replies:
+            final = replies[-1]
             if final.session == request.session and final.seq == (request.seq + 1) % _SEQS:
                 return self._reply(peer, [final], now_s)
         return self._reply(peer, self._answer(request, now_s), now_s)
 
     def _reply(self, peer: Station, replies: list[FtpPayload], now_s: float) -> list[Message]:
-        self._last = _Last(peer, replies)
+        self._last = peer, replies
         if replies:
             self._replied_s = now_s
         return [reply.message(peer) for reply in replies]

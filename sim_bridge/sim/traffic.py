@@ -184,7 +184,7 @@ class Traffic:
     def _leaves_s(self, row: int, message: Message, t_s: float) -> float:
         if message.name != _SETPOINT:
             return t_s
-        stamp_s = self._vehicles[row].simulated_s(message.fields["time_boot_ms"])
+        stamp_s = self._vehicles[row].instruments.simulated_s(message.fields["time_boot_ms"])
         if not is_stamp(stamp_s, t_s):
             return t_s
         self._departures.setdefault(row, Departure()).arrived(stamp_s, t_s)

@@ -75,7 +75,7 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "fail-checks": lambda fleet, row: fleet.vehicles[row].autopilot.arming.fails_checks,
     "ignore-commands": lambda fleet, row: fleet.vehicles[row].commands.ignores,
     "wrong-crc": lambda fleet, row: fleet.vehicles[row].files.wrong_checksums,
-    "clock-jump=20": lambda fleet, row: fleet.vehicles[row].gnss_ahead_s == 20.0,
+    "clock-jump=20": lambda fleet, row: fleet.vehicles[row].instruments.gnss_ahead_s == 20.0,
     "push=0,5": lambda fleet, row: bool(fleet.airframes.truth[row, 4] > 0.5),
 }
 

@@ -54,7 +54,7 @@ def flown(scenario: Scenario, speedup: float, *texts: str, beats: int = 1) -> np
         pilot.set_mode(fleet.t_s, CopterMode.GUIDED)
         pilot.arm(fleet.t_s, fleet.airframes.estimate[0])
         pilot.take_off(fleet.t_s, 3.0)
-        boot_ms = -round(1000 * vehicle.simulated_s(0))
+        boot_ms = -round(1000 * vehicle.instruments.simulated_s(0))
         thread = threading.Thread(target=fleet.run, args=(BEGINS_S + LASTS_S + 2.0,))
         thread.start()
         t_s = np.arange(0.0, LASTS_S + PERIOD_S / 2, PERIOD_S)

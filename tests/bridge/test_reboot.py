@@ -60,7 +60,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
                 await session.run(MissionSender(items, Exchange(session.station, timers=TIMERS, estimates=False)))
             restarted_s = fleet.vehicles[1].on_from_s
             assert fleet.vehicles[1] is not before
-            assert fleet.vehicles[1].simulated_s(0) == pytest.approx(restarted_s, abs=1e-9)  # its clock began anew
+            assert fleet.vehicles[1].instruments.simulated_s(0) == pytest.approx(restarted_s, abs=1e-9)
             home_first = autopilot == "ardupilot"
             stored = heights(fleet.vehicles[1].autopilot.progress.items[home_first:])
             kept = LOST - home_first  # items are numbered from home on

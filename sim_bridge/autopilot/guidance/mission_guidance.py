@@ -155,14 +155,14 @@ class MissionGuidance:
             motion(self._flat),
         )
         sections = follow(self._t_s, self._flat, navigator, orders)
-        for section in sections:
-            for index, t_s in section.completed:
+        for piece, completed in sections:
+            for index, t_s in completed:
                 self._completed(waypoints[index].seq, t_s)
                 if index + 1 == orders.count:
-                    self._follow(_cut_at(section.piece, t_s))
-                    self._onward = chain([section.piece], (following.piece for following in sections))
+                    self._follow(_cut_at(piece, t_s))
+                    self._onward = chain([piece], (following for following, _ in sections))
                     return
-            self._follow(section.piece)
+            self._follow(piece)
             if len(self._pieces) >= _AHEAD:
                 yield self._section()
 
@@ -262,16 +262,13 @@ def _cut_at(piece: Piece, end_s: float) -> Piece:
     return Piece(piece.start_s, min(piece.end_s, end_s), piece.coefficients)
 
 
-@dataclass(frozen=True)
-class NavigatorPath:
-    """One piece, and the waypoints completed within it: index and time."""
+def follow(
+    start_s: float, flat: Array, navigator: Navigator, orders: NavigatorOrders
+) -> Iterator[tuple[Piece, list[tuple[int, float]]]]:
+    """Generate the pieces of a navigator from a motion `flat` (DERIVATIVES, 4), without end; yaw is constant.
 
-    piece: Piece
-    completed: tuple[tuple[int, float], ...]
-
-
-def follow(start_s: float, flat: Array, navigator: Navigator, orders: NavigatorOrders) -> Iterator[NavigatorPath]:
-    """Generate the pieces of a navigator from a motion `flat` (DERIVATIVES, 4), without end; yaw is constant."""
+    With each piece come the waypoints completed within it: index and time.
+    """
     steps = round(_PIECE_S / navigator.step_s)
     yaw_rad = flat[0, 3]
     begin_s, begin = start_s, flat.copy()
@@ -283,7 +280,7 @@ def follow(start_s: float, flat: Array, navigator: Navigator, orders: NavigatorO
         if count % steps:
             continue
         end_s, end = start_s + moment.t_s, _flat(moment, yaw_rad)
-        yield NavigatorPath(bridge(begin_s, begin, end_s, end), tuple(completed))
+        yield bridge(begin_s, begin, end_s, end), completed
         begin_s, begin, completed = end_s, end, []
 
 

@@ -269,28 +269,23 @@ def rise(start_s: float, flat: Array, down_m: float, climb_mps: float, limits: M
     return travel(start_s, flat, target, Speeds(math.inf, climb_mps, math.inf), limits)
 
 
-@dataclass(frozen=True)
-class Descent:
-    """How to descend: at `fast_mps`, then below each height of `slower` (down, m; m/s) at its speed."""
-
-    fast_mps: float
-    slower: tuple[tuple[float, float], ...]
-
-
 def braking_m(speed_mps: float, most_mps2: float) -> float:
     """Return how far above its goal ArduPilot brakes from this speed: gain 1/s where that is gentler than the limit."""
     return speed_mps if speed_mps <= most_mps2 else speed_mps**2 / (2.0 * most_mps2) + most_mps2 / 2.0
 
 
-def descend(start_s: float, flat: Array, descent: Descent, limits: MotionLimits) -> list[Piece]:
-    """Return the pieces straight down from rest. A speed without enough height for it is left out.
+def descend(
+    start_s: float, flat: Array, fast_mps: float, slower: Sequence[tuple[float, float]], limits: MotionLimits
+) -> list[Piece]:
+    """Return the pieces straight down from rest: at `fast_mps`, then below each of `slower` (down, m) at its m/s.
 
+    A speed without enough height for it is left out.
     The last piece never ends: only ground contact ends the descent.
     """
-    speeds = [min(descent.fast_mps, limits.vertical_mps), *(mps for _, mps in descent.slower)]
+    speeds = [min(fast_mps, limits.vertical_mps), *(mps for _, mps in slower)]
     pieces: list[Piece] = []
     now_s, place, speed = start_s, flat[0], 0.0
-    for (until_m, after), mps in zip(descent.slower, speeds, strict=False):
+    for (until_m, after), mps in zip(slower, speeds, strict=False):
         room_m = until_m - place[2] - _change_m(speed, mps, limits) - _change_m(mps, after, limits)
         if mps <= after or room_m <= 0.0:
             continue

@@ -9,7 +9,6 @@ from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.frames import Origin
 from gcs.types import Array
 from sim_bridge.autopilot.guidance.motion_primitives import (
-    Descent,
     MotionLimits,
     Speeds,
     brake,
@@ -126,7 +125,7 @@ class PathGenerator:
         ]
         if self.crawl_below_m > 0.0:
             slower.append((self.home_ned_m[2] - self.crawl_below_m, min(self.crawl_mps, self.land_mps)))
-        return descend(t_s, flat, Descent(self.descend_mps, tuple(slower)), self.limits)
+        return descend(t_s, flat, self.descend_mps, slower, self.limits)
 
     def return_point(self, flat: Array) -> Array:
         """The point (2,) that the vehicle returns to: home or the nearest rally point."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,37 +21,27 @@ class GeodeticPositions:
     def __init__(self, airframes: Airframes, origin: Origin) -> None:
         self._airframes = airframes
         self._origin = origin
-        self._estimated = _Places(math.nan, [])
-        self._fixed = _Places(math.nan, [])
+        self._known: dict[str, tuple[float, list[Origin]]] = {}  # when, and where
 
     def of(self, row: int, t_s: float) -> Origin:
         """Return the estimated position of one vehicle at `t_s`, which is now."""
-        if t_s != self._estimated.t_s:
-            self._estimated = self._all(t_s, self._airframes.estimate[:, :3])
-        return self._estimated.places[row]
+        return self._all("estimated", t_s, lambda: self._airframes.estimate[:, :3])[row]
 
     def fixed(self, row: int, t_s: float) -> Origin:
         """Return the last GNSS position of one vehicle at `t_s`, which is now; the origin without a fix."""
-        if t_s != self._fixed.t_s:
-            self._fixed = self._all(t_s, np.nan_to_num(self._airframes.sensors.gnss[:, :3]))
-        return self._fixed.places[row]
+        return self._all("fixed", t_s, lambda: np.nan_to_num(self._airframes.sensors.gnss[:, :3]))[row]
 
-    def _all(self, t_s: float, ned_m: Array) -> _Places:
-        columns = ned_to_geodetic(ned_m, self._origin)
-        return _Places(t_s, [Origin(*place) for place in np.stack(columns, axis=-1).tolist()])
+    def _all(self, which: str, t_s: float, ned_m: Callable[[], Array]) -> list[Origin]:
+        if which not in self._known or self._known[which][0] != t_s:
+            columns = ned_to_geodetic(ned_m(), self._origin)
+            self._known[which] = t_s, [Origin(*place) for place in np.stack(columns, axis=-1).tolist()]
+        return self._known[which][1]
 
 
 def on_earth(place: Origin, *names: str) -> dict[str, int]:
     """Return latitude, longitude and altitude in the units of the wire, under these names."""
     values = to_degE7(place.lat_deg), to_degE7(place.lon_deg), round(place.alt_amsl_m * 1000.0)
     return dict(zip(names, values, strict=True))
-
-
-class _Places(NamedTuple):
-    """The positions of all vehicles at one time."""
-
-    t_s: float
-    places: list[Origin]
 
 
 @dataclass

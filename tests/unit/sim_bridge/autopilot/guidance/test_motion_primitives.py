@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
 from sim_bridge.autopilot.guidance.motion_primitives import (
-    Descent,
     MotionLimits,
     Speeds,
     brake,
@@ -93,7 +92,7 @@ def test_braking_ends_at_rest_and_begins_where_it_was(north_mps, down_mps, pull_
 @pytest.mark.parametrize("height_m", [3.0, 12.0, 60.0])
 def test_descent_is_smooth_and_slow_at_the_end(height_m):
     start = hold(0.0, np.array([0.0, 0.0, -height_m, 0.0])).at(0.0)
-    pieces = descend(0.0, start, Descent(1.5, ((-10.0, 0.5),)), LIMITS)
+    pieces = descend(0.0, start, 1.5, ((-10.0, 0.5),), LIMITS)
     for before, after in itertools.pairwise(pieces):
         np.testing.assert_allclose(before.at(before.end_s)[:3], after.at(after.start_s)[:3], atol=1e-9)
     last = pieces[-1]
@@ -108,7 +107,7 @@ def test_descent_is_smooth_and_slow_at_the_end(height_m):
 def test_a_descent_in_three_speeds_is_smooth_and_as_fast_as_there_is_room_for(down_m):
     start = np.zeros((5, 4))
     start[0, 2] = down_m
-    pieces = descend(0.0, start, Descent(1.5, ((-5.0, 0.7), (-1.0, 0.3))), LIMITS)
+    pieces = descend(0.0, start, 1.5, ((-5.0, 0.7), (-1.0, 0.3)), LIMITS)
     for before, after in itertools.pairwise(pieces):
         assert before.end_s == after.start_s
         np.testing.assert_allclose(before.at(before.end_s)[:2], after.at(after.start_s)[:2], atol=1e-9)
@@ -183,7 +182,7 @@ def test_a_rise_is_smooth_and_no_faster_than_asked(height_m, climb_mps):
 def test_a_descent_on_the_way_takes_both_parts_over_exactly():
     way = transfer(0.0, REST, REST[0] + [3.0, 1.0, 0.0, 0.2], LIMITS)
     from_s = 0.6 * way.end_s
-    down = descend(from_s, hold(from_s, way.at(from_s)).at(from_s), Descent(1.2, ((0.0, 0.4),)), LIMITS)
+    down = descend(from_s, hold(from_s, way.at(from_s)).at(from_s), 1.2, ((0.0, 0.4),), LIMITS)
     pieces = descend_towards(way, down)
     assert pieces[0].start_s == from_s
     assert math.isinf(pieces[-1].end_s)
