@@ -94,7 +94,10 @@ class _Fleet:
     @classmethod
     def of(cls, flights: Sequence[PredictedFlight], instants: Array) -> _Fleet:
         ends = np.array([min(f.ends_s, float(f.t_s[-1])) for f in flights])
-        starts = np.array([_lift_off_s(f) for f in flights])
+        starts = np.full(len(flights), np.inf)  # when vehicles first move
+        for row, flight in enumerate(flights):
+            if len(moved := np.flatnonzero(np.any(flight.ned_m != flight.ned_m[0], axis=1))):
+                starts[row] = flight.t_s[moved[0] - 1]
         airborne = (starts[:, None] < instants[1:]) & (ends[:, None] > instants[:-1])
         places = np.stack([_at(f, instants) for f in flights])
         bent_m = np.stack([_bent_m(f, instants, own) for f, own in zip(flights, places, strict=True)])
@@ -177,9 +180,3 @@ def _instants(flights: Sequence[PredictedFlight]) -> Array:
 def _at(flight: PredictedFlight, t_s: Array) -> Array:
     """Positions (I, 3) at instants."""
     return np.stack([np.interp(t_s, flight.t_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
-
-
-def _lift_off_s(flight: PredictedFlight) -> float:
-    """The time at which the vehicle first moves."""
-    moved = np.flatnonzero(np.any(flight.ned_m != flight.ned_m[0], axis=1))
-    return float(flight.t_s[moved[0] - 1]) if len(moved) else np.inf

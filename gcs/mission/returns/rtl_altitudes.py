@@ -97,8 +97,8 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     returns = StraightReturns(plan, ends, found.speeds, np.array(found.altitudes_m), required_m)
     proof = prove(returns, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
-        first, second = proof.pair
-        worst = WorstReturn(proof.least_m, proof.t_s, (plan.sysids[first], plan.sysids[second]), proof.ends)
+        pair = plan.sysids[proof.pair[0]], plan.sysids[proof.pair[1]]
+        worst = WorstReturn(proof.least_m, proof.t_s, pair, proof.ends)
     return replace(found, worst=replace(worst, proved_m=proof.proved_m), proved_at_s=proof.proved_at_s)
 
 

@@ -46,7 +46,9 @@ def read_csv(data: bytes | str, units: Mapping[str, str]) -> tuple[dict[str, str
             ),
         )
     except pa.ArrowInvalid as error:
-        raise ValueError(_with_line(str(error), len(lines) + 1)) from error
+        row = re.search(r"Row #(\d+): (.*)", str(error), re.S)  # Arrow counts the rows of the table
+        text = f"line {int(row[1]) + len(lines) + 1}: {row[2][:120]}" if row else str(error)[:120]
+        raise ValueError(text) from error
     if comments.get("rows", str(table.num_rows)) != str(table.num_rows):
         raise ValueError(f"{comments['rows'][:20]} rows announced, found {table.num_rows}")
     if comments.get("units", ",".join(units.values())) != ",".join(units.values()):
@@ -69,9 +71,3 @@ def _split(data: bytes, header: str) -> tuple[list[str], bytes]:
 def _named(comment: str) -> tuple[str, str] | None:
     found = re.fullmatch(r"# (\w+)(?: \([^)]*\))?: (.*)", comment)
     return (found[1], found[2]) if found else None
-
-
-def _with_line(message: str, above: int) -> str:
-    """Arrow's message with the line of the file in place of the row of the table."""
-    found = re.search(r"Row #(\d+): (.*)", message, re.S)
-    return f"line {int(found[1]) + above}: {found[2][:120]}" if found else message[:120]
