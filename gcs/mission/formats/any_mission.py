@@ -17,12 +17,12 @@ from gcs.mission.formats.qgc_plan import is_mission_json, read_mission_json
 from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.formats.table_rows import HEADER
-from gcs.mission.formats.vendor_quirks import Oddity, first_line
+from gcs.mission.formats.vendor_quirks import Quirk, first_line
 from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.util.bounded_file import MISSION_FILE, SHEETS, read_file
 
 _BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
-_Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Oddity, ...]]  # a fence or rally points, and their oddities
+_Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Quirk, ...]]  # a fence or rally points, and their quirks
 
 
 def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> tuple[MissionFile, ...]:
@@ -48,7 +48,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
         belongs = same if any(same) else [True] * len(missions)
         missions = [_with(m, extra) if its else m for m, its in zip(missions, belongs, strict=True)]
         first = belongs.index(True)  # one warning for a file, not one for each mission
-        missions[first] = replace(missions[first], oddities=missions[first].oddities + extra[1])
+        missions[first] = replace(missions[first], quirks=missions[first].quirks + extra[1])
     return tuple(missions)
 
 
@@ -89,5 +89,5 @@ def _extra(data: bytes, source: str) -> _Extra | None:
     table = read_waypoints(data, source, home_first=False)
     commands = {item.command for item in table.items}
     if commands & FENCE_COMMANDS:
-        return fence_in(table, source), table.oddities
-    return (rally_in(table, source), table.oddities) if FenceCommand.RALLY_POINT in commands else None
+        return fence_in(table, source), table.quirks
+    return (rally_in(table, source), table.quirks) if FenceCommand.RALLY_POINT in commands else None

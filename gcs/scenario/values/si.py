@@ -116,7 +116,7 @@ def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
 
 
 def ground_step_jerk_peak(scenario: Scenario) -> float:
-    """The peak jerk of the same climb or descent, in units of d / T³."""
+    """The peak jerk of a climb or descent of d in T, in units of d / T³."""
     return 60.0 if steady_wind(scenario).is_still else 52.5
 
 
@@ -232,8 +232,7 @@ def physical_limits(vehicle: Quadrotor, limits: Performance) -> PhysicalLimits:
         upwards_mps2=g * (surplus - 1.0),
         tilt_rate_radps=math.radians(min(limits.rates_degps[:2])),
         tilt_accel_radps2=min(
-            vehicle.arm_m * torque[0] / vehicle.inertia_kgm2[0],
-            vehicle.arm_m * torque[1] / vehicle.inertia_kgm2[1],
+            vehicle.arm_m * torque[0] / vehicle.inertia_kgm2[0], vehicle.arm_m * torque[1] / vehicle.inertia_kgm2[1]
         ),
     )
 
