@@ -28,7 +28,7 @@ from gcs.mission.drawings import xml_drawing
 from gcs.mission.drawings.route_formats import ROUTE_FORMATS
 from gcs.mission.formats.plan_items import ITEMS_MAX
 from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.plan.plan_file import ARRAYS
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.heightmap import PIXELS_MAX
@@ -262,7 +262,7 @@ def formats_reference() -> tuple[str, ...]:
     return (
         table(("name", "files", "what it is for", "content"), map(_format, FORMATS)),
         table(("files", "their route"), routes),
-        "".join(f"- {odd}\n" for odd in Odd),
+        "".join(f"- {kind}\n" for kind in QuirkKind),
         table(("file", "largest size"), sizes) + FILE_LIMITS,
         table(("array", "type", "dimensions", "largest size"), arrays),
         table(("content", "one file for", "type"), contents),

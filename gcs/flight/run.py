@@ -25,14 +25,7 @@ from gcs.flight.monitoring.monitor import Monitor, skew_s
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
-from gcs.flight.monitoring.progress import (
-    FlightHooks,
-    FlightTimes,
-    NearestPair,
-    Step,
-    Watcher,
-    flown_plan_time,
-)
+from gcs.flight.monitoring.progress import FlightHooks, FlightTimes, NearestPair, Step, Watcher, flown_plan_time
 from gcs.flight.recording.flight_folder import (
     BEFORE,
     EVENTS,
@@ -48,7 +41,7 @@ from gcs.flight.recording.flight_folder import (
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
-from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, refusing_unwritable
 from gcs.flight.recording.record_table import write_record
 from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
@@ -126,7 +119,7 @@ def fly(
     watcher: Watcher | None = None,
     also_to: Sequence[str] = (),
 ) -> Flown:
-    """Verify a plan, export it, upload it, read it back, fly it, and judge the flight if true states are known.
+    """Verify a plan, export it, upload it, read it back, fly it, and judge the flight from true states or reports.
 
     Without a `link` the vehicles are emulated. With one, `confirmed` is the operator's permission to arm them. `mode`
     is stream (timed setpoints) or mission (the uploaded waypoints). The flight's folder is made under `to`. What the
@@ -157,7 +150,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     plan = order.plan
     if order.keeping.mode is FlightMode.MISSION:
         refuse_late_starts(plan.scenario)
-    with unwritable_is_told(order.root):
+    with refusing_unwritable(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
         save_plan(plan, order.report, folder / PLAN)
@@ -263,7 +256,7 @@ class _LinkedFlight:
                 await stack.enter_async_context(simulator(self._simulated(fleet)))
             sessions = await fleet.vehicles(plan.sysids, order.options.find_timeout_s, systems=systems)
             flight = await self._flight(fleet, sessions)
-            ctrl_c.again_calls(flight.landing.tell_aloft)
+            ctrl_c.again_calls(flight.landing.report_airborne)
             showing = asyncio.ensure_future(self._show(flight))
             try:
                 times = await flight.run()
@@ -273,7 +266,7 @@ class _LinkedFlight:
                 if flight.held is not None:
                     await insisted(self._before.give_back(sessions))
                 elif flight.step is Step.UPLOAD:
-                    self._before.tell_kept()
+                    self._before.say_how_to_restore()
 
     def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
         folder, port = self.folder, fleet.local_address[1]

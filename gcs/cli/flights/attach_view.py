@@ -140,7 +140,7 @@ async def _take_up(
         hooks = FlightHooks(journal.on_event, journal.on_step)
         flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
         journal.keep_time(flight.time)
-        ctrl_c.again_calls(flight.landing.tell_aloft)
+        ctrl_c.again_calls(flight.landing.report_airborne)
         shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)
         if request.what is not Resume.SHOW:
             await resume_flight(flight, request.what, book.t0_unix_s)

@@ -235,9 +235,9 @@ def narrow_checks_table(checks: tuple[PreflightCheck, ...]) -> Table:
         for c in row:
             vehicles_of.setdefault(_cell(c), []).append(str(c.sysid))
         remarkable = {_cell(c) for c in row if not c.ok or c.warning}
-        told = [f"{', '.join(ids) if len(ids) < len(row) else 'all'}: {cell}" for cell, ids in vehicles_of.items()]
-        apart = [line for line, cell in zip(told, vehicles_of, strict=True) if cell in remarkable]
-        good = "; ".join(line for line in told if line not in apart)
+        lines = [f"{', '.join(ids) if len(ids) < len(row) else 'all'}: {cell}" for cell, ids in vehicles_of.items()]
+        apart = [line for line, cell in zip(lines, vehicles_of, strict=True) if cell in remarkable]
+        good = "; ".join(line for line in lines if line not in apart)
         table.add_row(name, escape("\n".join((*apart, *([good] if good else [])))), escape(row[0].required))
     return table
 

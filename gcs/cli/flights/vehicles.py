@@ -44,7 +44,7 @@ def vehicles(
     screen.say(f"listening at {known} for {listen:g} s")
     reports = Stoppable().run(_ask_all(known, listen, backend))
     _show(screen, reports)
-    _tell_silent(screen, reports, listen)
+    _say_silent(screen, reports, listen)
     screen.result({"vehicles": [_data(report) for report in reports]})
     return 0
 
@@ -95,7 +95,7 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
         screen.say(f"home and address: in a terminal of {_WIDE} columns, or with --json")
 
 
-def _tell_silent(screen: Screen, reports: list[VehicleReport], listen_s: float) -> None:
+def _say_silent(screen: Screen, reports: list[VehicleReport], listen_s: float) -> None:
     from gcs.link.session.status_report import REPEATED_S
 
     silent = [str(r.system) for r in reports if r.prearm_ok is False and not (r.not_ready_texts or r.critical_texts)]
@@ -185,7 +185,7 @@ def tell(
     parts = [part.strip() for part in vehicles.split(",")] if vehicles is not None else []
     if not all(map(shared.is_system, parts)):
         raise UsageError(f"--vehicles {vehicles}: not system ids", hint="give for example --vehicles 1,3")
-    said = Stoppable().run(_tell(known, backend, what, tuple(dict.fromkeys(map(int, parts))), listen))
+    said = Stoppable().run(_command(known, backend, what, tuple(dict.fromkeys(map(int, parts))), listen))
     for sysid, (_, word) in said.items():
         screen.say(f"vehicle {sysid}: {word}")
     if failed := [sysid for sysid, (ok, _) in said.items() if not ok]:
@@ -197,7 +197,7 @@ def tell(
     return 0
 
 
-async def _tell(
+async def _command(
     known: Connection, backend: str, what: str, named: tuple[int, ...], listen_s: float
 ) -> dict[int, tuple[bool, str]]:
     """Whether all is as it should be after the command, and the outcome in words, by system id."""
@@ -208,11 +208,11 @@ async def _tell(
         found.update(await (fleet.vehicles(named, _TIMEOUT_S) if named else fleet.listen(listen_s)))
         if not found:
             raise shared.nobody_heard(known, listen_s)
-        words = await asyncio.gather(*(_tell_one(vehicle, what) for vehicle in found.values()))
+        words = await asyncio.gather(*(_command_one(vehicle, what) for vehicle in found.values()))
         return dict(zip(found, words, strict=True))
 
 
-async def _tell_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> tuple[bool, str]:
+async def _command_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> tuple[bool, str]:
     """The outcome for one vehicle; an error of one does not stop the others."""
     from gcs.flight.execution.single_vehicle import control_of
 

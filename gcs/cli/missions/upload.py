@@ -146,7 +146,7 @@ async def _upload(wanted: _Upload, screen: Screen, watch: Stopwatch) -> tuple[Ho
     from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.flight.setup.timing_check import timing_check
-    from gcs.link.session.load_before import read_before, record_before, told
+    from gcs.link.session.load_before import before_words, read_before, record_before
     from gcs.link.session.upload_fleet import upload_fleet
 
     plan, known = wanted.plan, wanted.known
@@ -159,7 +159,7 @@ async def _upload(wanted: _Upload, screen: Screen, watch: Stopwatch) -> tuple[Ho
         before = await read_before(sessions, loads, screen.say)
         changes = [change for one in before for change in one.changes]
         why = {(c.sysid, c.before.name): reason_for(autopilots[c.sysid], c.before.name) for c in changes}
-        for line in told(before):
+        for line in before_words(before):
             screen.say(f"on board now, {line}")
         _show(screen, changes, why)
         for load in loads if wanted.timed else ():

@@ -140,14 +140,14 @@ def flight_of_survey(
 def _sentences(flight: SurveyFlight) -> list[str]:
     mown, order = flight.mowing, flight.order
     holes = len(order.area.interiors)
-    told = [
+    notes = [
         f"{flight.area_ha:.2f} ha: {counted(mown.count, 'vehicle')} {mown.spacing_m:.2f} m apart, "
         f"{counted(len(mown.passes), 'pass', 'passes')} at {mown.course_deg % 180.0:.1f} degrees, "
         f"about {flight.flight_s:g} s"
     ]
     if holes and not order.avoid_holes:
-        told.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
-    return told
+        notes.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
+    return notes
 
 
 def _in_metres(file: Path, drawn: DrawnArea, at: Origin) -> shapely.Polygon:

@@ -120,24 +120,24 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     found, limits = greatest_motion(made), made.scenario.limits
     north_mps, east_mps, vertical_mps = limits.speed_ned_mps
     sideways = f"{north_mps:g} north, {east_mps:g} east"
-    told = []
+    parts = []
     for way, speeds, times, allowed in (
         ("horizontal speed", found.speed_horizontal_mps, found.speed_horizontal_t_s, sideways),
         ("vertical", found.speed_vertical_mps, found.speed_vertical_t_s, f"{vertical_mps:g}"),
     ):
         row = int(speeds.argmax())
         where = f"vehicle {made.sysids[row]}, t = {times[row]:.1f} s"
-        told.append(f"{way} {speeds[row]:.2f} m/s ({where}; limit {allowed})")
-    screen.say(f"greatest {', '.join(told)}")
-    told = []
+        parts.append(f"{way} {speeds[row]:.2f} m/s ({where}; limit {allowed})")
+    screen.say(f"greatest {', '.join(parts)}")
+    parts = []
     for name, unit, sizes, times, most in (
         ("acceleration", "m/s²", found.accel_mps2, found.accel_t_s, limits.accel_max_mps2),
         ("jerk", "m/s³", found.jerk_mps3, found.jerk_t_s, limits.jerk_max_mps3),
     ):
         row = int(sizes.argmax())
         limit = "no limit" if most is None else f"limit {most:g}"
-        told.append(f"{name} {sizes[row]:.2f} {unit} (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; {limit})")
-    screen.say(f"greatest {', '.join(told)}")
+        parts.append(f"{name} {sizes[row]:.2f} {unit} (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; {limit})")
+    screen.say(f"greatest {', '.join(parts)}")
     _show_verdict(screen, made, report)
     for check in report.failures:
         screen.say(f"  FAILED: {check}")

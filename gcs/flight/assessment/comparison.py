@@ -101,8 +101,8 @@ def landing_errors(plan: Plan, record: pa.Table) -> tuple[LandingError, ...]:
             continue
         above = (t_s >= landing_s) & armed & (beside_m <= _OVER_M) & ~np.isnan(planned_m)
         off_m = np.abs(np.minimum(down_m, point[2]) - planned_m)[above]
-        told = len(off_m) > 0 and beside_m[last] <= _OVER_M
-        vertical_m = float(off_m.max()) if told else np.nan
+        known = len(off_m) > 0 and beside_m[last] <= _OVER_M
+        vertical_m = float(off_m.max()) if known else np.nan
         found.append(LandingError(sysid, float(t_s[last]), float(beside_m[last]), vertical_m))
     return tuple(found)
 

@@ -157,8 +157,8 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     take-off to the order to land, and so does the height; no-fly zones and the fence count from the pads to the last
     stop. The position error counts from T0 to the planned arrival, but for the time in which a
     standstill of this program led the vehicles off the plan. The arrival is the last entry into the circle of
-    `arrival_position_m` around the goal, against the time at which the plan enters it. Every vehicle must come as near
-    to its place at each route point, within 3 s (or `arrival_time_s`) of the planned time.
+    `arrival_position_m` around the goal, against the time at which the plan enters it. At each route point
+    every vehicle must come as near to its place, within 3 s (or `arrival_time_s`) of the planned time.
     """
     states = np.asarray(truth.states[[truth.sysids.index(sysid) for sysid in plan.sysids]])
     first_s, last_s = (s - times.t0_unix_s for s in (times.airborne_unix_s, times.landing_unix_s))
@@ -250,34 +250,20 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     at_end = np.searchsorted(t_s, plan.flight_s)
     missed, within = np.linalg.norm(tracks.ned_m - goal, axis=-1), tracks.within_m
     end = slice(at_end, at_end + 1)
-    there = _extreme(
-        plan,
-        CriterionName.ARRIVAL_POSITION,
-        missed[:, end],
-        within[:, end],
-        np.array([plan.flight_s]),
-        limits.arrival_position_m,
-        at_least=False,
-    )
+    name, when_s, limit_m = CriterionName.ARRIVAL_POSITION, np.array([plan.flight_s]), limits.arrival_position_m
+    there = _extreme(plan, name, missed[:, end], within[:, end], when_s, limit_m, at_least=False)
     due, entered, first, last = (
-        np.array([_last_entry(t_s, d, limits.arrival_position_m) for d in distances])
+        np.array([_last_entry(t_s, d, limit_m) for d in distances])
         for distances in (np.linalg.norm(planned - goal, axis=-1), missed, missed - within, missed + within)
     )
     late = np.abs(entered - due)
     latest = int(np.argmax(late))
     bounds = np.abs(first - due), np.abs(last - due)
     least = np.where((first <= due) & (due <= last), 0.0, np.minimum(*bounds))
-    in_time = Criterion(
-        CriterionName.ARRIVAL_TIME,
-        "s",
-        float(late[latest]),
-        limits.arrival_time_s,
-        False,
-        plan.sysids[latest],
-        lowest=float(least.max()),
-        highest=float(np.maximum(*bounds).max()),
-    )
-    return [there, in_time]
+    name, value_s, limit_s = CriterionName.ARRIVAL_TIME, float(late[latest]), limits.arrival_time_s
+    low_s, high_s = float(least.max()), float(np.maximum(*bounds).max())
+    sysid = plan.sysids[latest]
+    return [there, Criterion(name, "s", value_s, limit_s, False, sysid, lowest=low_s, highest=high_s)]
 
 
 def _last_entry(t_s: Array, distance_m: Array, radius_m: float) -> float:
@@ -366,14 +352,14 @@ def reported_tracks(plan: Plan, record: pa.Table, plan_time: PlanTime) -> Tracks
         mine = mine[np.unique(columns["unix_s"][mine], return_index=True)[1]]
         if len(mine) < 2:
             continue
-        told_s = columns["unix_s"][mine]
+        reported_s = columns["unix_s"][mine]
         at = {form: np.stack([columns[form.format(axis)][mine] for axis in _AXES], axis=1) for form in _FORMS}
-        places[row] = CubicHermiteSpline(told_s, *at.values())(np.clip(unix_s, told_s[0], told_s[-1]))
-        after = np.clip(np.searchsorted(told_s, unix_s), 1, len(mine) - 1)
-        strayed_m = _ACCELERATION_MPS2 * (told_s[after] - told_s[after - 1]) ** 2 / 8.0
-        lost = (unix_s > told_s[-1] + _ENDS_S) & bool(columns["armed"][mine[-1]])
+        places[row] = CubicHermiteSpline(reported_s, *at.values())(np.clip(unix_s, reported_s[0], reported_s[-1]))
+        after = np.clip(np.searchsorted(reported_s, unix_s), 1, len(mine) - 1)
+        strayed_m = _ACCELERATION_MPS2 * (reported_s[after] - reported_s[after - 1]) ** 2 / 8.0
+        lost = (unix_s > reported_s[-1] + _ENDS_S) & bool(columns["armed"][mine[-1]])
         for name, within in (("horizontal_within_m", horizontal_m), ("vertical_within_m", vertical_m)):
-            told_m = columns[name][mine]
-            within[row] = np.maximum(told_m[after - 1], told_m[after]) + strayed_m
+            reported_m = columns[name][mine]
+            within[row] = np.maximum(reported_m[after - 1], reported_m[after]) + strayed_m
             within[row, lost] = np.inf
     return Tracks(plan_time.t_s(unix_s), places, horizontal_m, vertical_m, plan_time.off_plan(unix_s))

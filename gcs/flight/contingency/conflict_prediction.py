@@ -108,8 +108,8 @@ class SeparationWatch:
         seen = {}
         for one, other in found:
             looks, last_s = self._seen.get((one, other), (0, None))
-            told_s = views[one].unix_s, views[other].unix_s
-            seen[one, other] = looks + (told_s != last_s), told_s
+            reported_s = views[one].unix_s, views[other].unix_s
+            seen[one, other] = looks + (reported_s != last_s), reported_s
         self._seen = seen
         return [conflict for pair, conflict in found.items() if seen[pair][0] >= _LOOKS]
 

@@ -13,7 +13,7 @@ from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.flight.contingency.alarm_watch import UNKNOWN_PLACE, AlarmWatch, Place
 from gcs.flight.contingency.conflict_prediction import HORIZON_S
 from gcs.flight.contingency.energy_choice import Outcome
-from gcs.flight.contingency.mode_changes import ModeSigns, Taken
+from gcs.flight.contingency.mode_changes import ModeChanges, Taken
 from gcs.flight.monitoring.predicted_tracks import BAND_S, CONFIRMED_S
 from gcs.link.wire.message import Message, local_motion
 
@@ -68,7 +68,7 @@ class DetectionLimits:
     battery_low_pct: int = 20
     battery_critical_pct: int = 10
     battery_reserve_pct: float = 4.0  # left at touchdown after a choice at the critical level
-    mode_told_s: float = 1.5  # a failsafe's text may come after the HEARTBEAT with its mode
+    text_wait_s: float = 1.5  # a failsafe's text may come after the HEARTBEAT with its mode
     evidence_s: float = 3.0  # a sign of a failsafe, or of a pilot, holds for so long
 
 
@@ -86,7 +86,7 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.BATTERY_CRITICAL: f"the same at {LIMITS.battery_critical_pct} %",
     IncidentKind.FENCE: "FENCE_STATUS, or a STATUSTEXT of the autopilot",
     IncidentKind.FAILSAFE: "HEARTBEAT: a mode that was not ordered, with a failsafe's STATUSTEXT or system_status",
-    IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.mode_told_s:g} s",
+    IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.text_wait_s:g} s",
     IncidentKind.CONFLICT: f"separation below `[judge]` predicted within {HORIZON_S:g} s, three times in a row",
     IncidentKind.OFF_TRACK: f"mission mode: for {CONFIRMED_S:g} s more than {BAND_S:g} s late or early on its "
     "predicted track, or farther from it than the navigation error",
@@ -106,7 +106,7 @@ class VehicleWatch:
         self.sysid = sysid
         self.obeys = obeys
         self.alarms = AlarmWatch(behaviour, limits.battery_low_pct, limits.battery_critical_pct)
-        self._told_pct: int | None = None  # as last reported
+        self._reported_pct: int | None = None  # as last reported
         self._behaviour = behaviour
         self._limits = limits
         self._heard_s = unix_s
@@ -117,15 +117,15 @@ class VehicleWatch:
         self._no_fix_reported = 0
         self._battery_reported_pct = _FULL_PCT
         self._fence, self._fence_reported = False, False
-        self._signs = ModeSigns(behaviour, limits.mode_told_s, limits.evidence_s)
+        self._signs = ModeChanges(behaviour, limits.text_wait_s, limits.evidence_s)
         self._tolerated: int | None = None  # the mode that an order is about to end
 
     @property
     def remaining_pct(self) -> int | None:
         """What is left of the battery: the lower of what it reports and what its alarms say; None: not known."""
-        if self._told_pct is None and self.alarms.most_pct == _FULL_PCT:
+        if self._reported_pct is None and self.alarms.most_pct == _FULL_PCT:
             return None
-        return min(_FULL_PCT if self._told_pct is None else self._told_pct, self.alarms.most_pct)
+        return min(_FULL_PCT if self._reported_pct is None else self._reported_pct, self.alarms.most_pct)
 
     def begin(self, unix_s: float, mode: int | None = None) -> None:
         """Begin to watch: silence counts from now. `mode` is the mode shown last."""
@@ -174,7 +174,7 @@ class VehicleWatch:
                 elif math.isnan(self._no_fix_since_s):
                     self._no_fix_since_s = unix_s
             case "SYS_STATUS" if fields["battery_remaining"] >= 0:
-                self._told_pct = int(fields["battery_remaining"])
+                self._reported_pct = int(fields["battery_remaining"])
             case "FENCE_STATUS":
                 self._fence = bool(fields["breach_status"])
             case "STATUSTEXT" if self._behaviour.failsafe.cause(str(fields["text"])) is FailsafeCause.FENCE:

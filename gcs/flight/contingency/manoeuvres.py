@@ -18,7 +18,7 @@ from gcs.flight.contingency.policy import SPREAD_M, Action, Order
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.return_routes import ReturnRoutes
-from gcs.mission.returns.routed_motion import ACCEL_MPS2, PiecewiseMotion, Stops, routed_motion, stops
+from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.states import ATTITUDE
@@ -58,7 +58,6 @@ class PlanReference:
         return (*end[:3], *_STILL, end[9])
 
 
-BRAKE_MPS2 = ACCEL_MPS2
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
 
 

@@ -23,17 +23,17 @@ class Taken(Enum):
     PILOT = "pilot"
 
 
-class ModeSigns:
+class ModeChanges:
     """The mode of one vehicle, and the signs of its origin. `cause` is that of the last failsafe.
 
-    A sign holds for `evidence_s`. It may come `told_s` after the HEARTBEAT with the mode.
+    A sign holds for `evidence_s`. It may come `text_within_s` after the HEARTBEAT with the mode.
     """
 
-    def __init__(self, behaviour: FlightBehaviour, told_s: float, evidence_s: float) -> None:
+    def __init__(self, behaviour: FlightBehaviour, text_within_s: float, evidence_s: float) -> None:
         self.mode: int | None = None
         self.cause = FailsafeCause.OTHER
         self._signs = behaviour.failsafe
-        self._told_s = told_s
+        self._text_within_s = text_within_s
         self._evidence_s = evidence_s
         self._text_s = self._critical_s = self._pilot_s = self._sticks_s = self._cause_s = -math.inf
         self._critical = False
@@ -79,7 +79,7 @@ class ModeSigns:
         taken = self._judge(unix_s)
         if taken is None and math.isnan(self._unclear_s):
             self._unclear_s = unix_s
-        if taken is None and unix_s - self._unclear_s < self._told_s:
+        if taken is None and unix_s - self._unclear_s < self._text_within_s:
             return None
         self.settle()
         self._reported = self.mode
@@ -92,8 +92,8 @@ class ModeSigns:
         if self._pilot_s >= recent_s:
             return Taken.PILOT
         moved = self._sticks_s >= recent_s
-        told = self._text_s >= recent_s and self.mode in self._signs.modes
-        if told and (self._critical or not self._signs.always_critical):
+        shown = self._text_s >= recent_s and self.mode in self._signs.modes
+        if shown and (self._critical or not self._signs.always_critical):
             return Taken.FAILSAFE
         began = self._signs.always_critical or self._critical_s >= recent_s  # else an earlier failsafe's is still shown
         if self._critical and began and not moved:

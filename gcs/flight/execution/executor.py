@@ -16,14 +16,7 @@ from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatc
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.order_book import StandingOrder
-from gcs.flight.contingency.policy import (
-    AIRBORNE,
-    IN_FORMATION,
-    NOT_OBEYED_AFTER,
-    Action,
-    Order,
-    State,
-)
+from gcs.flight.contingency.policy import AIRBORNE, IN_FORMATION, NOT_OBEYED_AFTER, Action, Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
@@ -84,7 +77,7 @@ class ContingencyExecutor:
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
         self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
-        self._told: set[tuple[int, IncidentKind]] = set()
+        self._reported: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
 
     def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
@@ -125,7 +118,7 @@ class ContingencyExecutor:
                     continue
                 if now_s is not None and now_s - checked_s >= _PERIOD_S and (starting or self._t0_known):
                     checked_s = now_s
-                    self._tell_clocks(now_s)
+                    self._report_clocks(now_s)
                     self._check(now_s, self._plan_time_s(now_s))
                     if starting and self.policy.troubles:
                         raise FlightError(
@@ -233,7 +226,7 @@ class ContingencyExecutor:
         if not formation:
             self.over.set()
 
-    def _tell_clocks(self, now_s: float) -> None:
+    def _report_clocks(self, now_s: float) -> None:
         for change in self._time.changes():
             self._on_event(Event(now_s, self._plan_time_s(now_s), change.sysid, change.what, change.rule))
 
@@ -281,7 +274,7 @@ class ContingencyExecutor:
 
     def _decide(self, incident: Incident, t_s: float) -> None:
         battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)
-        again = battery and (incident.sysid, incident.kind) in self._told
+        again = battery and (incident.sysid, incident.kind) in self._reported
         orders = self.policy.take(incident)
         if orders or not (again or incident.kind is IncidentKind.CONFLICT):
             choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
@@ -290,7 +283,7 @@ class ContingencyExecutor:
             what, rule = incident.kind.value, incident.detail
             self._on_event(Event(incident.unix_s, t_s, incident.sysid, what, rule, data, alarm))
         if battery:
-            self._told.add((incident.sysid, incident.kind))
+            self._reported.add((incident.sysid, incident.kind))
         for order in orders:
             self._carry_out(order, t_s)
 
@@ -340,9 +333,9 @@ class ContingencyExecutor:
         return track
 
     def _start(self, sysid: int, what: str, work: Callable[[], Awaitable[None]]) -> None:
-        self._carrier.start(sysid, what, work, self.tell_failure)
+        self._carrier.start(sysid, what, work, self.report_failure)
 
-    def tell_failure(self, order: StandingOrder) -> None:
+    def report_failure(self, order: StandingOrder) -> None:
         """Tell an order that was refused or not answered; a vehicle that does not return is ordered to land."""
         now_s = self._time.now_s() or self._now_s
         t_s = self._plan_time_s(now_s)

@@ -105,8 +105,8 @@ class FleetLanding:
         self,
         fleet: FlyingFleet,
         states: Callable[[], Mapping[int, State]],
-        tell_failure: Callable[[StandingOrder], None],
-        tell: Callable[[int, str, str], None],
+        report_failure: Callable[[StandingOrder], None],
+        report: Callable[[int, str, str], None],
     ) -> None:
         vehicles = fleet.vehicles
         self.custody = Custody({sysid: vehicle.session for sysid, vehicle in vehicles.items()})
@@ -114,9 +114,9 @@ class FleetLanding:
         self._fleet = fleet
         self._vehicles = vehicles
         self._states = states
-        self._tell_failure = tell_failure
-        self._tell = tell
-        self._told: set[int] = set()
+        self._report_failure = report_failure
+        self._report = report
+        self._reported: set[int] = set()
 
     def is_heard(self, sysid: int) -> bool:
         """Whether a vehicle is within reach."""
@@ -134,7 +134,7 @@ class FleetLanding:
         `planned`: as the plan wants it. Then an order that a repetition carried out did not fail.
         """
         land = partial(self._fleet.land, vehicle.sysid)
-        self.orders.start(vehicle.sysid, "land", land, self._tell_failure, planned=planned)
+        self.orders.start(vehicle.sysid, "land", land, self._report_failure, planned=planned)
 
     def disarm(self, vehicle: FlightVehicle, on_ground: Callable[[], bool], reason: str) -> None:
         """Order a vehicle that failed at its take-off to disarm, as soon as it is on the ground, until it has.
@@ -156,8 +156,8 @@ class FleetLanding:
                     break
             await session.wait_for(lambda _: not session.armed, ATTEMPT_S, "a disarmed HEARTBEAT", or_latest=True)
 
-        self._tell(sysid, "ordered to disarm", f"A vehicle that fails at its take-off stops its motors: it {reason}")
-        self.orders.start(sysid, "disarm", stop, self._tell_failure)
+        self._report(sysid, "ordered to disarm", f"A vehicle that fails at its take-off stops its motors: it {reason}")
+        self.orders.start(sysid, "disarm", stop, self._report_failure)
 
     def send_once(self) -> None:
         """Send every vehicle the order to land once, without waiting for an acknowledgement."""
@@ -183,13 +183,13 @@ class FleetLanding:
                     ordered.add(sysid)
             if not any(self.orders.stands(sysid) for sysid in self._vehicles) and await self._all_down():
                 return
-            self._tell_of_pilots()
+            self._report_pilots()
             await asyncio.sleep(LOOK_S)
 
     async def until_landed(self) -> None:
         """Wait as long as a vehicle is armed and heard."""
         while not await self._all_down():
-            self._tell_of_pilots()
+            self._report_pilots()
             await asyncio.sleep(LOOK_S)
 
     async def _all_down(self) -> bool:
@@ -209,11 +209,11 @@ class FleetLanding:
         aloft, states = self.aloft(), self._states()
         return aloft if all(states.get(sysid) is State.LEFT for sysid in aloft) else []
 
-    def _tell_of_pilots(self) -> None:
+    def _report_pilots(self) -> None:
         """Report once that only vehicles of pilots are still in the air."""
-        for sysid in set(self.of_pilots()) - self._told:
-            self._tell(sysid, "still in the air", PILOT_WORDS)
-            self._told.add(sysid)
+        for sysid in set(self.of_pilots()) - self._reported:
+            self._report(sysid, "still in the air", PILOT_WORDS)
+            self._reported.add(sysid)
 
     def aloft(self) -> list[int]:
         """Return the vehicles of this flight that are armed and heard."""
@@ -228,15 +228,15 @@ class FleetLanding:
             heard = self.is_heard(sysid)
             if self.custody.may_be_up(sysid) and (self._vehicles[sysid].session.armed or not heard):
                 why = "still armed" if heard else SILENT_WORDS
-                self._tell(sysid, HANDED_OVER, f"{why}: {HAND_OVER_WORDS}")
+                self._report(sysid, HANDED_OVER, f"{why}: {HAND_OVER_WORDS}")
 
-    def tell_aloft(self) -> None:
+    def report_airborne(self) -> None:
         """Report the vehicles that are still in the air, and what becomes of them: Ctrl-C came once more."""
         states = self._states()
         for sysid, vehicle in self._vehicles.items():
             if vehicle.session.armed and self.custody.holds(sysid):
                 ours = PILOT_WORDS if states.get(sysid) is State.LEFT else ORDERED_WORDS
-                self._tell(sysid, "still in the air", ours if self.is_heard(sysid) else SILENT_WORDS)
+                self._report(sysid, "still in the air", ours if self.is_heard(sysid) else SILENT_WORDS)
 
     def words(self) -> str:
         """Return which vehicles reported a landing, and which did not."""

@@ -111,11 +111,11 @@ class FlightSequence:
         self.landing = FleetLanding(
             self._fleet,
             lambda: self._contingency.policy.states if self._contingency else {},
-            self._tell_failure,
-            self._tell,
+            self._report_failure,
+            self._report,
         )
-        self._telemetry = TelemetryWatch(self.vehicles, self.landing.custody, self._tell)
-        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._tell)
+        self._telemetry = TelemetryWatch(self.vehicles, self.landing.custody, self._report)
+        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._report)
 
     @property
     def contingency(self) -> ContingencyExecutor:
@@ -218,7 +218,7 @@ class FlightSequence:
             await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
             await self.each(partial(climb_to_hover, landing=self.landing))
             if charge is not None:
-                await check_hover(self._fleet, self.contingency.charge, charge, self._tell)
+                await check_hover(self._fleet, self.contingency.charge, charge, self._report)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
@@ -311,13 +311,13 @@ class FlightSequence:
                 self.enter(self.step)
             await self.time.comes_to(t0_unix_s + begin_s)
 
-    def _tell_failure(self, order: StandingOrder) -> None:
+    def _report_failure(self, order: StandingOrder) -> None:
         if self._contingency is not None:
-            self._contingency.tell_failure(order)
+            self._contingency.report_failure(order)
             return
-        self._tell(order.sysid, f"did not {order.what}", order.reason)
+        self._report(order.sysid, f"did not {order.what}", order.reason)
 
-    def _tell(self, sysid: int, what: str, rule: str) -> None:
+    def _report(self, sysid: int, what: str, rule: str) -> None:
         try:
             now_s = self.time.now_s() or 0.0
         except Exception:  # the reports of a landing must not need the clocks

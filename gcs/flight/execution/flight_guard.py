@@ -29,13 +29,13 @@ class FlightGuard:
         landing: FleetLanding,
         step: Callable[[], Step],
         lost_after_s: float,
-        tell: Callable[[int, str, str], None],
+        report: Callable[[int, str, str], None],
     ) -> None:
         self._sessions = sessions
         self._landing = landing
         self._step = step
         self._lost_after_s = lost_after_s
-        self._tell = tell
+        self._report = report
 
     async def run(self, flying: Coroutine[Any, Any, T]) -> T:
         """Return what `flying` returns. However it fails, and if the links fail, the vehicles land first.
@@ -72,7 +72,7 @@ class FlightGuard:
             try:
                 await insisted(self._end_and_land(watch, work, attempt * _PAUSE_S))
             except BaseException as failure:
-                self._tell(0, "landing interrupted", f"{type(failure).__name__}: {failure}")
+                self._report(0, "landing interrupted", f"{type(failure).__name__}: {failure}")
                 self._landing.send_once()
             else:
                 break
@@ -86,15 +86,15 @@ class FlightGuard:
     async def _watch_links(self) -> None:
         """Raises FlightError as soon as a vehicle has been silent for too long; in flight, as soon as all have.
 
-        `tell` gets each pause of this program once. In one no vehicle becomes silent: the loop's clock stands too.
+        `report` gets each pause of this program once. In one no vehicle becomes silent: the loop's clock stands too.
         """
         stalls = stalls_of(asyncio.get_running_loop())
-        told = stalls.count
+        reported = stalls.count
         while True:
             await asyncio.sleep(LOOK_S)
-            if stalls.count > told:
-                told = stalls.count
-                self._tell(OURSELVES, f"stood still for {stalls.last_s:.1f} s", STOOD_RULE)
+            if stalls.count > reported:
+                reported = stalls.count
+                self._report(OURSELVES, f"stood still for {stalls.last_s:.1f} s", STOOD_RULE)
             silent = {s.sysid: s.silent_s() for s in self._sessions.values()}
             lost = [sysid for sysid, silent_s in silent.items() if silent_s > self._lost_after_s]
             if self._step() in (Step.FLY, Step.LAND) and len(lost) < len(silent):

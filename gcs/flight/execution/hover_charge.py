@@ -15,7 +15,7 @@ _RULE = "The current in the hover replaces that of the plan"
 
 
 async def check_hover(
-    fleet: FlyingFleet, charge: ChargeWatch, rule: ChargeRule, tell: Callable[[int, str, str], None]
+    fleet: FlyingFleet, charge: ChargeWatch, rule: ChargeRule, report: Callable[[int, str, str], None]
 ) -> None:
     """Measure the current of hovering vehicles, and scale their needs by it.
 
@@ -42,7 +42,7 @@ async def check_hover(
         if end < rule.reserve:
             short.append(f"vehicle {sysid} {what}")
     if least[2]:
-        tell(least[1], least[2], _RULE)
+        report(least[1], least[2], _RULE)
     if short:
         raise FlightError(
             f"the start was aborted: {'; '.join(short)}. {rule.reserve:.0%} must be left at the end.",

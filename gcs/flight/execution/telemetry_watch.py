@@ -28,12 +28,12 @@ class TelemetryWatch:
     """The telemetry of all vehicles of a flight. Once `checked`, a reboot before arming ends the flight."""
 
     def __init__(
-        self, vehicles: Mapping[int, FlightVehicle], custody: Custody, tell: Callable[[int, str, str], None]
+        self, vehicles: Mapping[int, FlightVehicle], custody: Custody, report: Callable[[int, str, str], None]
     ) -> None:
         self.checked = False
         self._vehicles = vehicles
         self._custody = custody
-        self._tell = tell
+        self._report = report
         self._restarts = {sysid: vehicle.session.clock.restarts for sysid, vehicle in vehicles.items()}
         self._asking: dict[int, asyncio.Future[None]] = {}
         self._asked = dict.fromkeys(vehicles, 0)  # attempts in this silence
@@ -74,7 +74,7 @@ class TelemetryWatch:
             self._asked[sysid] += 1
             self._ask(sysid, vehicle)
             if self._asked[sysid] == 1:
-                self._tell(sysid, "sends HEARTBEATs only", "Its telemetry is asked for again")
+                self._report(sysid, "sends HEARTBEATs only", "Its telemetry is asked for again")
         if session.clock.restarts == self._restarts[sysid]:
             return
         self._restarts[sysid] = session.clock.restarts
@@ -85,7 +85,7 @@ class TelemetryWatch:
                 f"vehicle {sysid} {what}: what was checked and read back may be gone.",
                 hint="fly again: all is repeated",
             )
-        self._tell(sysid, what, "Its telemetry is asked for again")
+        self._report(sysid, what, "Its telemetry is asked for again")
         if not self._is_asking(sysid):
             self._ask(sysid, vehicle)
 

@@ -34,7 +34,7 @@ class TextWatch:
         self._sessions = sessions
         self._monitor = monitor
         self._on_event = on_event
-        self._told: dict[tuple[int, str], tuple[float, int]] = {}  # when it was an event, times since
+        self._reported: dict[tuple[int, str], tuple[float, int]] = {}  # when it was an event, times since
 
     def start(self) -> Callable[[], None]:
         """Report alarms, those since each vehicle was found included. Return the function that ends this."""
@@ -68,14 +68,14 @@ class TextWatch:
             return
         unix_s = self._sessions[sysid].clock.now_unix_s(at_s)
         now_s = at_s if unix_s is None else unix_s
-        told_s, times = self._told.get((sysid, said.text), (-math.inf, 0))
-        if now_s - told_s < REPEAT_S:
-            self._told[sysid, said.text] = told_s, times + 1
+        reported_s, times = self._reported.get((sysid, said.text), (-math.inf, 0))
+        if now_s - reported_s < REPEAT_S:
+            self._reported[sysid, said.text] = reported_s, times + 1
             return
-        self._told.pop((sysid, said.text), None)
-        self._told[sysid, said.text] = now_s, 0
-        if len(self._told) > _TOLD_MAX:  # a vehicle that says something new each time
-            del self._told[next(iter(self._told))]
+        self._reported.pop((sysid, said.text), None)
+        self._reported[sysid, said.text] = now_s, 0
+        if len(self._reported) > _TOLD_MAX:  # a vehicle that says something new each time
+            del self._reported[next(iter(self._reported))]
         t0_s = self._monitor.t0_unix_s
         t_s = math.nan if unix_s is None or t0_s is None else unix_s - t0_s
         again = f" ({times + 1} times since)" if times else ""

@@ -53,13 +53,13 @@ class FleetTime:
 
     async def until(self, unix_s: float) -> None:
         """Wait until this time. Raises `PeerTimeout` if it stands, because no vehicle reports for `SILENT_S`."""
-        newest_s, told_s = -math.inf, self._loop.time()
+        newest_s, reported_s = -math.inf, self._loop.time()
         while self.sure_s() < unix_s:
             await self.comes_to(unix_s)
             heard_s = max((clock.heard_unix_s for clock in self._clocks().values()), default=-math.inf)
             if heard_s > newest_s:
-                newest_s, told_s = heard_s, self._loop.time()
-            elif self._loop.time() - told_s > SILENT_S:
+                newest_s, reported_s = heard_s, self._loop.time()
+            elif self._loop.time() - reported_s > SILENT_S:
                 raise PeerTimeout(f"no vehicle has reported its time for {SILENT_S:g} s: nothing can be timed by it.")
 
     async def comes_to(self, unix_s: float) -> None:
@@ -156,7 +156,7 @@ class FleetClock:
         self._last_s: float | None = None  # common time, and the local time of it
         self._last_now_s = 0.0
         self._held = False
-        self._told: dict[int, bool] = {}  # vehicles whose GNSS time had jumped when it was last looked at
+        self._reported: dict[int, bool] = {}  # vehicles whose GNSS time had jumped when it was last looked at
         self._restarts: dict[int, int] = {}
 
     def unix_s(self, clocks: Mapping[int, VehicleClock], now_s: float) -> float | None:
@@ -212,8 +212,8 @@ class FleetClock:
                 clock.follow_gnss()
                 what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
                 found.append(ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0))
-            told, self._told[sysid] = self._told.get(sysid, False), clock.jumped
-            if told != clock.jumped:
+            reported, self._reported[sysid] = self._reported.get(sysid, False), clock.jumped
+            if reported != clock.jumped:
                 off_s, bound = clock.gnss_off_s, f"GNSS time {'more than' if clock.jumped else 'within'} {JUMP_S:g} s"
                 what = "has a GNSS time that agrees with its boot clock again"
                 if clock.jumped:

@@ -145,7 +145,7 @@ class TrackWatch:
         self._tracks = tracks
         self._until_s = until_s
         self._since_s: dict[int, float] = {}
-        self._told: set[int] = set()
+        self._reported: set[int] = set()
         self._began_m: dict[int, float] = {}
 
     def look(self, views: Mapping[int, VehicleView], t0_unix_s: float, on_plan: Collection[int]) -> list[OffTrack]:
@@ -163,11 +163,11 @@ class TrackWatch:
                 self._began_m[sysid] = 0.0
             if beyond_m <= began_m:
                 self._since_s.pop(sysid, None)
-                self._told.discard(sysid)
+                self._reported.discard(sysid)
                 continue
             since_s = self._since_s.setdefault(sysid, now_s)
-            if now_s - since_s >= CONFIRMED_S and sysid not in self._told:
-                self._told.add(sysid)
+            if now_s - since_s >= CONFIRMED_S and sysid not in self._reported:
+                self._reported.add(sysid)
                 band_s = float(self._tracks.band_s[rows[n]])
                 found.append(OffTrack(sysid, now_s - float(at_s[n]), float(off_m[n]), band_s, self._tracks.band_m))
         return found

@@ -39,10 +39,7 @@ class PlanTime:
 
     @classmethod
     def of(
-        cls,
-        t0_unix_s: float,
-        known: Iterable[tuple[float, float]] = (),
-        led_back: tuple[tuple[float, float], ...] = (),
+        cls, t0_unix_s: float, known: Iterable[tuple[float, float]] = (), led_back: tuple[tuple[float, float], ...] = ()
     ) -> PlanTime:
         """The plan time of a flight with this last T0. `known`: common and plan times of events, as they were noted."""
         pieces: list[tuple[float, float]] = []
@@ -251,16 +248,16 @@ def _log(text: str) -> None:
 
 def spared(call: Callable[P, object], what: str, say: Callable[[str], None] = _log) -> Callable[P, None]:
     """Return `call` without its failures: a screen that fails does not reach the flight. `say` gets the first."""
-    told = False
+    failed = False
 
     def spare(*arguments: P.args, **named: P.kwargs) -> None:
-        nonlocal told
+        nonlocal failed
         try:
             call(*arguments, **named)
         except Exception as failure:
-            if told:
+            if failed:
                 return
-            told = True
+            failed = True
             with suppress(Exception):
                 say(f"{what} failed, the flight goes on without it: {type(failure).__name__}: {failure}")
 

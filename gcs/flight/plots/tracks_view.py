@@ -209,7 +209,7 @@ def close_ups(
 
 
 def draw_close_up(axes: Axes, scenario: Scenario, chart: FlightMap, what: CloseUp) -> None:
-    """Draw a stretch as a map: hollow where vehicles begin it, filled where they end it, or at its instant."""
+    """Draw a part of the flight as a map: vehicles are hollow where it begins, and filled where it ends."""
     t_s, tracks_ned_m = chart.t_s, chart.tracks_ned_m
     during = np.flatnonzero((t_s >= what.begin_s) & (t_s <= what.end_s))
     tracks = tracks_ned_m[:, during, 1::-1]

@@ -143,7 +143,7 @@ class FlightRecord:
         self.gaps = RecordGaps(folder, self._note)
         self._warn = warn
         self._unix_s = unix_s
-        self._untold: deque[str] = deque()  # by the writing thread
+        self._unsaid: deque[str] = deque()  # by the writing thread
         self._files = {
             name: AppendedFile(folder / name, self.gaps, unit, self._put_back)
             for name, unit in ((telemetry, FRAMES), (EVENTS, LINES))
@@ -182,19 +182,19 @@ class FlightRecord:
         self._frames += 1
         if len(self._piece) >= _PIECE_BYTES or now_s - self._piece_began_s >= _PIECE_S:
             self._flush()
-        self._tell()
+        self._say_all()
 
     def write_event(self, event: Event) -> None:
         """Log one event; times that are not known yet are null."""
         data = asdict(event) | {"unix_s": finite(event.unix_s), "t_s": finite(event.t_s)}
         self._append(EVENTS, (json.dumps(data, default=str) + "\n").encode(), 1)
-        self._tell()
+        self._say_all()
 
     def write_state(self, state: FlightState) -> None:
         """Replace `flight.json`; it holds the gaps too."""
         self._state = state
         self._do(lambda: self._write_state(state), STATE, 1, STEPS)
-        self._tell()
+        self._say_all()
 
     def close(self) -> None:
         """Write what is left, and the gaps of the record once more into `flight.json`."""
@@ -211,7 +211,7 @@ class FlightRecord:
             self.gaps.lose(self._telemetry, _STANDS_STILL, 0, FRAMES)
         self._writer = None
         self.gaps.in_flight = False
-        self._tell()
+        self._say_all()
         if self.gaps:
             self._warn(self.gaps.words())
 
@@ -246,13 +246,13 @@ class FlightRecord:
             self._write_state(self._state)
 
     def _note(self, text: str) -> None:
-        self._untold.append(text)
+        self._unsaid.append(text)
         if self._writer is None and not self.gaps.in_flight:
-            self._tell()
+            self._say_all()
 
-    def _tell(self) -> None:
-        while self._untold:
-            self._warn(self._untold.popleft())
+    def _say_all(self) -> None:
+        while self._unsaid:
+            self._warn(self._unsaid.popleft())
 
 
 class FlightJournal:

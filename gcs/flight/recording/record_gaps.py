@@ -48,10 +48,10 @@ class RecordGap:
 class RecordGaps:
     """The gaps of one flight's folder, by file. Safe to use from two threads."""
 
-    def __init__(self, folder: Path, tell: Callable[[str], None], unix_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, folder: Path, report: Callable[[str], None], unix_s: Callable[[], float] = time.time) -> None:
         self.folder = folder
         self.in_flight = True
-        self._tell = tell
+        self._report = report
         self._unix_s = unix_s
         self._gaps: dict[str, RecordGap] = {}
         self._lock = threading.Lock()
@@ -70,7 +70,7 @@ class RecordGaps:
             self._gaps[file] = replace(known, until_unix_s=None, lost=known.lost + lost)
         if is_new:
             rest = ". The flight goes on; its record is incomplete" if self.in_flight else ""
-            self._tell(f"{self.folder / file} cannot be written: {reason}{rest}")
+            self._report(f"{self.folder / file} cannot be written: {reason}{rest}")
 
     def written(self, file: str) -> None:
         """Note that a file can be written again."""
@@ -79,7 +79,7 @@ class RecordGaps:
             return
         with self._lock:
             self._gaps[file] = known = replace(known, until_unix_s=self._unix_s())
-        self._tell(f"{self.folder / file} is written again; it lacks {known.lost} {known.unit}")
+        self._report(f"{self.folder / file} is written again; it lacks {known.lost} {known.unit}")
 
     @contextmanager
     def kept(self, file: str) -> Iterator[None]:
@@ -144,7 +144,7 @@ def refuse_without_room(folder: Path, needed: float) -> None:
 
 
 @contextmanager
-def unwritable_is_told(folder: Path) -> Iterator[None]:
+def refusing_unwritable(folder: Path) -> Iterator[None]:
     """Within the block, a failure of the file system raises UsageError. For what is written before the flight."""
     try:
         yield

@@ -70,8 +70,8 @@ class ReportedAccuracy:
         horizontal_m, vertical_m = (
             math.inf
             if ratio >= 1.0
-            else (1.0 + ratio) * (_SIGMAS * max(told_m, estimated_m) if told_m or estimated_m else unknown_m)
-            for told_m, estimated_m, unknown_m, ratio in zip(
+            else (1.0 + ratio) * (_SIGMAS * max(reported_m, estimated_m) if reported_m or estimated_m else unknown_m)
+            for reported_m, estimated_m, unknown_m, ratio in zip(
                 self._receiver_m, self._estimator_m, self._unknown, self._ratios, strict=True
             )
         )
@@ -139,7 +139,7 @@ def build_record(
     local NED frame. In the landing the planned columns are the descent that the vehicle's autopilot flies by itself, to
     the ground. `systems` are the MAVLink systems of vehicles with another system id than in the plan.
     """
-    told: list[Message] = []  # of all others only a row is kept: a log may have millions
+    kept: list[Message] = []  # of all others only a row is kept: a log may have millions
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
     clocks = {sysid: VehicleClock() for sysid in plan.sysids}
     modes = dict.fromkeys(plan.sysids, (False, 0))
@@ -152,7 +152,7 @@ def build_record(
         if sysid is None:
             continue
         if message.name in ("HEARTBEAT", "PARAM_VALUE"):
-            told.append(message)
+            kept.append(message)
         clocks[sysid].receive(message, float(n))
         accuracies[sysid].receive(message)
         fields = message.fields
@@ -170,7 +170,7 @@ def build_record(
                 beside_m, above_m = accuracies[sysid].within_m
                 within_m = beside_m + off_s * math.hypot(*motion[3:5]), above_m + off_s * abs(motion[5])
                 rows.append((unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid], *within_m))
-    return _table(ExpectedMotion(plan, reported_profiles(told, vehicle_of)), plan_time, rows)
+    return _table(ExpectedMotion(plan, reported_profiles(kept, vehicle_of)), plan_time, rows)
 
 
 def telemetry_logs(folder: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
-from gcs.link.session.load_before import LoadBefore, give_back, given_words, read_before, record_before, told
+from gcs.link.session.load_before import LoadBefore, before_words, give_back, given_words, read_before, record_before
 from gcs.link.session.upload_fleet import Holdings
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
@@ -28,7 +28,7 @@ class BoardBefore:
     async def read(self, sessions: Mapping[int, VehicleSession], loads: Sequence[VehicleLoad]) -> None:
         """Read what the loads will replace, show and record it. Raises `PeerError`."""
         self._before = await read_before(sessions, loads, self._say)
-        for line in told(self._before):
+        for line in before_words(self._before):
             self._say(f"on board now, given back after the flight: {line}")
         self._record({})
 
@@ -44,11 +44,11 @@ class BoardBefore:
         for sentence in missing:
             self._say(f"WARNING: not everything was restored: {sentence}")
         if missing:
-            self.tell_kept()
+            self.say_how_to_restore()
         elif self._before:
             self._say(given_words(self._before))
 
-    def tell_kept(self) -> None:
+    def say_how_to_restore(self) -> None:
         """Say how to give it back later."""
         if self._before:
             self._say(f"to give back what was on board before: gcs restore {self._path.parent}")

@@ -21,18 +21,12 @@ from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
-from gcs.flight.monitoring.preflight_check import (
-    NOT_REPORTED,
-    CheckName,
-    PreflightCheck,
-    refuse_no_go,
-    waive,
-)
+from gcs.flight.monitoring.preflight_check import NOT_REPORTED, CheckName, PreflightCheck, refuse_no_go, waive
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.setup.timing_check import timing_check
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.link.session.status_report import REPEATED_S, VehicleReport, status_report, until_told_why
+from gcs.link.session.status_report import REPEATED_S, VehicleReport, status_report, until_reason
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
@@ -85,7 +79,7 @@ _ABSENT = _Measured(None, ok=False)
 
 @dataclass(frozen=True)
 class _Kind:
-    """One kind of check: what it requires, which the limits alone say, and how it is measured."""
+    """One kind of check: what it requires by plan and limits, and how a vehicle's report is measured."""
 
     required: Callable[[Plan, PreflightTable], str]
     measure: Callable[[_Situation], _Measured]
@@ -285,11 +279,12 @@ async def go_or_no_go(
     waived: Collection[CheckName] = (),
     timed: Sequence[VehicleLoad] = (),
 ) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
-    """Return the checks of all vehicles, after `show`, and the charge to end with; None if that is waived.
+    """Return the checks of all vehicles and the rule for their charge in flight; None where the battery is waived.
 
-    Failed checks that `waived` names do not stop the flight. `timed` are loads whose missions keep the plan's times.
+    `show` gets the checks first. Failed ones that are `waived` do not stop the flight. `timed` are loads whose missions
+    keep the plan's times.
 
-    Raises `FlightError` for a no-go, `DuplicateSystemId`.
+    Raises `FlightError` for a no-go, and `DuplicateSystemId`.
     """
     requests = ((sysid, preflight_report(s, say, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
     sysids, surveys = zip(*requests, strict=True)
@@ -320,13 +315,13 @@ async def preflight_report(session: VehicleSession, say: Callable[[str], None], 
     report = await status_report(session, where)
     if behaviour.prearm_bit and report.prearm_ok is False and not report.not_ready_texts:
         say(f"vehicle {session.sysid} reports that it cannot be armed; waiting {REPEATED_S:g} s for its reason")
-        await until_told_why(session)
+        await until_reason(session)
         report = await status_report(session, where)
-    told = report.not_ready_texts
+    reasons = report.not_ready_texts
     report = replace(
         report,
-        prearm_ok=report.prearm_ok if behaviour.prearm_bit and {*told} != {cured} else True,
-        not_ready_texts=tuple(text for text in told if text != cured),
+        prearm_ok=report.prearm_ok if behaviour.prearm_bit and {*reasons} != {cured} else True,
+        not_ready_texts=tuple(text for text in reasons if text != cured),
         critical_texts=tuple(text for text in report.critical_texts if text != cured),
     )
     if name is None:

@@ -87,7 +87,7 @@ class LinkedFleet:
         self._only = None if only is None else frozenset(only)
         self._frozen = False
         self._identity_requests = 0
-        self._claims_told: set[int] = set()
+        self._claims_reported: set[int] = set()
         self._handed_out: set[int] = set()  # systems whose sessions are in use
         self._on_frame = on_frame
         self._on_notice = on_notice
@@ -185,8 +185,8 @@ class LinkedFleet:
 
     def _time_to_identify_s(self, systems: Collection[int]) -> float:
         """How long the vehicles of a flight may take to report their ids, which prove a move to another address."""
-        all_told = self._only is None or all(self._routing.is_identified(system) for system in systems)
-        return 0.0 if all_told else IDENTIFY_S
+        all_identified = self._only is None or all(self._routing.is_identified(system) for system in systems)
+        return 0.0 if all_identified else IDENTIFY_S
 
     def _hand_out(self, system_of: Mapping[int, int]) -> dict[int, VehicleSession]:
         found = {sysid: self.sessions[system] for sysid, system in system_of.items()}
@@ -277,7 +277,7 @@ class LinkedFleet:
                 self.sessions.pop(move.sysid, None)
                 session = None
             why = move.proof or "the first one is silent, and neither reports an id"
-            self._tell(move.sysid, f"is at {move.now} now, no longer at {move.before}: {why}")
+            self._report(move.sysid, f"is at {move.now} now, no longer at {move.before}: {why}")
         self._routing.moves.clear()
         return session
 
@@ -315,7 +315,7 @@ class LinkedFleet:
         if self.unknown.logs(len(message.raw), now_s):
             self._log(FrameDirection.IN, message.raw)
 
-    def _tell(self, system: int, text: str) -> None:
+    def _report(self, system: int, text: str) -> None:
         if self._on_notice is not None:
             self._on_notice(LinkNotice(system, text))
 
@@ -323,11 +323,11 @@ class LinkedFleet:
         if self._only is None:
             return
         for text in self.unknown.notices(now_s):
-            self._tell(0, text)
+            self._report(0, text)
         for system, address in self._routing.claims(now_s).items() if self._frozen else ():
-            if system not in self._claims_told:
-                self._claims_told.add(system)
-                self._tell(system, f"is claimed from {address} too: ignored, it does not prove to be this vehicle")
+            if system not in self._claims_reported:
+                self._claims_reported.add(system)
+                self._report(system, f"is claimed from {address} too: ignored, it does not prove to be this vehicle")
 
     async def _send_heartbeats(self) -> None:
         while True:

@@ -88,7 +88,7 @@ def part_words(kind: MissionType, count: int) -> str:
     return text.format(counted(count, one, many)) if count else none
 
 
-def told(before: Iterable[LoadBefore]) -> list[str]:
+def before_words(before: Iterable[LoadBefore]) -> list[str]:
     """Return a line for all vehicles that had the same: "vehicles 1, 2: mission of 12 items, no fence"."""
     by_words: dict[str, list[str]] = {}
     for one in before:

@@ -121,7 +121,7 @@ def not_ready_texts(session: VehicleSession, since_s: float | None) -> tuple[str
     return session.texts.startup(max(now_s - REPEATED_S, now_s if since_s is None else since_s))
 
 
-async def until_told_why(session: VehicleSession) -> None:
+async def until_reason(session: VehicleSession) -> None:
     """Wait until a vehicle that cannot be armed tells a reason, or can be; REPEATED_S at most."""
     with suppress(TimeoutError):
         async with asyncio.timeout(REPEATED_S):

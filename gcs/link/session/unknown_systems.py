@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gcs.link.session.routing_table import LinkAddress
 
-_TELL_AFTER_S = 1.0  # so that the number told is that of a flood, not of its first datagram
+_REPORT_AFTER_S = 1.0  # so that the number reported is that of a flood, not of its first datagram
 _PARSED_BPS, _PARSED_BURST = 200_000, 64_000  # bytes: some hundred vehicles that begin to send
 _LOGGED_BPS, _LOGGED_BURST = 2_000, 64_000
 
@@ -49,7 +49,7 @@ class UnknownSystems:
         self._logged = ByteBudget(_LOGGED_BPS, _LOGGED_BURST)
         self._first: tuple[int, LinkAddress, float] | None = None  # system, its address, when
         self._first_dropped: tuple[LinkAddress, float] | None = None
-        self._systems_told = self._flood_told = False
+        self._systems_reported = self._flood_reported = False
 
     def admits(self, size: int, address: LinkAddress, now_s: float) -> bool:
         """Whether to read `size` bytes of an address where no vehicle is."""
@@ -65,7 +65,7 @@ class UnknownSystems:
         return self._logged.take(size, now_s)
 
     def note(self, system: int, address: LinkAddress, now_s: float) -> None:
-        """Record a vehicle's heartbeat that is not in the flight."""
+        """Record the heartbeat of a vehicle that is not in the flight."""
         self.systems.add(system)
         if self._first is None:
             self._first = system, address, now_s
@@ -73,15 +73,15 @@ class UnknownSystems:
     def notices(self, now_s: float) -> list[str]:
         """Return the texts for the operator that are due, each once."""
         found = []
-        if self._first is not None and now_s - self._first[2] > _TELL_AFTER_S and not self._systems_told:
-            self._systems_told = True
+        if self._first is not None and now_s - self._first[2] > _REPORT_AFTER_S and not self._systems_reported:
+            self._systems_reported = True
             system, address, _ = self._first
             count = len(self.systems)
             heard = f"{count} systems that are" if count > 1 else f"system {system}, which is"
             first = f"first system {system} at {address}" if count > 1 else f"at {address}"
             found.append(f"heard {heard} not in the plan, {first}: ignored")
-        if self._first_dropped is not None and now_s - self._first_dropped[1] > _TELL_AFTER_S and not self._flood_told:
-            self._flood_told = True
+        if self._first_dropped and now_s - self._first_dropped[1] > _REPORT_AFTER_S and not self._flood_reported:
+            self._flood_reported = True
             found.append(
                 f"{self.dropped} datagrams from addresses without a vehicle were dropped unread, the first from "
                 f"{self._first_dropped[0]}: more arrives than vehicles send"

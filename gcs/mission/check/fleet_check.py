@@ -89,7 +89,7 @@ def _columns(flight: PredictedFlight, around: Surroundings) -> Iterator[_Column]
 
 
 def _beside(mission: MissionFile, column: _Column, highest: Highest, limits: FlightLimits) -> Iterator[Finding]:
-    """An error for a part of a vertical way that is too near: those with the highest ground beside them come first."""
+    """An error where the ground beside a climb or descent is too near, for the worst such part."""
     ratio = max((column.top_m - column.foot_m) / PAD_FREE_M, 1.0)
     low_m = np.geomspace(
         PAD_FREE_M, max(column.top_m - column.foot_m, PAD_FREE_M), 2 + int(np.log(ratio) / np.log(_STEP))
@@ -172,7 +172,7 @@ def check_fleet(
     findings: list[Finding] = []
     lowest, zones = [], []
     for (mission, far), flight in zip(placed, flights, strict=True):
-        findings += [Finding(Rule.FORMAT, Level.WARNING, str(o), o.source, o.line) for o in mission.oddities]
+        findings += [Finding(Rule.FORMAT, Level.WARNING, str(o), o.source, o.line) for o in mission.quirks]
         findings += check_items(mission)
         findings += far
         if mission.home is None:
@@ -221,10 +221,10 @@ def _of_ends(
         choices |= {ones, tuple(1 - one for one in ones)}
     for choice in sorted(choices):
         findings += check_separation(missions, [ends[end][row] for row, end in enumerate(choice)], limits)[1]
-    told = set()
+    reported = set()
     for finding in findings:
-        if finding.level is Level.ERROR and (finding.rule, finding.source) not in told:
-            told.add((finding.rule, finding.source))
+        if finding.level is Level.ERROR and (finding.rule, finding.source) not in reported:
+            reported.add((finding.rule, finding.source))
             yield replace(finding, message=f"{finding.message}, by what its autopilot may do")
 
 

@@ -18,11 +18,11 @@ from gcs.mission.formats.qgc_plan import is_mission_json, read_mission_json
 from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.formats.table_rows import HEADER
-from gcs.mission.formats.vendor_quirks import Oddity, first_line
+from gcs.mission.formats.vendor_quirks import Quirk, first_line
 from gcs.util.bounded_file import MISSION_FILE, SHEETS, read_file
 
 _BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
-_Extra = tuple[dict[str, Any], tuple[Oddity, ...]]  # a fence or rally points, as fields of a mission, and oddities
+_Extra = tuple[dict[str, Any], tuple[Quirk, ...]]  # a fence or rally points, as fields of a mission, and quirks
 
 
 def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> tuple[MissionFile, ...]:
@@ -48,7 +48,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
         belongs = same if any(same) else [True] * len(missions)
         missions = [replace(m, **extra[0]) if its else m for m, its in zip(missions, belongs, strict=True)]
         first = belongs.index(True)  # one warning for a file, not one for each mission
-        missions[first] = replace(missions[first], oddities=missions[first].oddities + extra[1])
+        missions[first] = replace(missions[first], quirks=missions[first].quirks + extra[1])
     return tuple(missions)
 
 
@@ -74,15 +74,15 @@ def _extra(data: bytes, source: str) -> _Extra | None:
     """The fence or the rally points in a file that holds nothing else; None for a mission file."""
     start = first_line(data)
     if begins_fence(start):
-        fence, oddities = read_fence_list(data, source)
-        return {"geofence": fence}, oddities
+        fence, quirks = read_fence_list(data, source)
+        return {"geofence": fence}, quirks
     if begins_rally(start):
-        rally, oddities = read_rally_list(data, source)
-        return {"rally": rally}, oddities
+        rally, quirks = read_rally_list(data, source)
+        return {"rally": rally}, quirks
     if not start.startswith(HEADER.split()[0]):
         return None
     table = read_waypoints(data, source, home_first=False)
     commands = {item.command for item in table.items}
     if commands & FENCE_COMMANDS:
-        return {"geofence": fence_in(table, source)}, table.oddities
-    return ({"rally": rally_in(table, source)}, table.oddities) if FenceCommand.RALLY_POINT in commands else None
+        return {"geofence": fence_in(table, source)}, table.quirks
+    return ({"rally": rally_in(table, source)}, table.quirks) if FenceCommand.RALLY_POINT in commands else None

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 
 from gcs.autopilots.mission_commands import has_position
 from gcs.frames import to_degE7
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.mission.model import Frame, MissionItem
 
-Note = Callable[[Odd, str], None]
+Note = Callable[[QuirkKind, str], None]
 
 
 def place_on_wire(command: int, frame: int, place: Sequence[float | None], note: Note) -> tuple[int, int, float]:
@@ -20,7 +20,7 @@ def place_on_wire(command: int, frame: int, place: Sequence[float | None], note:
     if None in given:
         if frame != Frame.MISSION and has_position(command):
             raise ValueError("the position is missing or not a number")
-        note(Odd.NO_PLACE, f"command {command} in frame {frame} has no position, and open coordinates: read as 0")
+        note(QuirkKind.NO_PLACE, f"command {command} in frame {frame} has no position, and open coordinates: read as 0")
     x, y, z = (0.0 if value is None else value for value in given)
     lat, lon = _on_wire(frame, x, y, note)
     return lat, lon, z
@@ -32,7 +32,7 @@ def _on_wire(frame: int, x: float, y: float, note: Note) -> tuple[int, int]:
             raise ValueError(f"parameters 5 and 6 of an item in frame 2 must be below 2^31, got {x:g}, {y:g}")
         if x != int(x) or y != int(y):
             text = f"parameters 5 and 6 of an item in frame 2 are integers on the wire: {x:g}, {y:g} read as"
-            note(Odd.FRACTION, f"{text} {int(x)}, {int(y)}")
+            note(QuirkKind.FRACTION, f"{text} {int(x)}, {int(y)}")
         return int(x), int(y)
     if not (abs(x) <= 90 and abs(y) <= 180):
         raise ValueError(f"latitude {x}, longitude {y} is not on Earth")

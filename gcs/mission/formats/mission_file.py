@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.formats.vendor_quirks import Oddity
+from gcs.mission.formats.vendor_quirks import Quirk
 from gcs.mission.geofence import NO_FENCE, Geofence, RallyPoint
 from gcs.mission.model import Home, MissionItem
 
@@ -33,7 +33,7 @@ class MissionFile:
     items_path: tuple[str, ...] = ("mission", "items")  # of the items in it
     jumps_from: int = 1  # the number DO_JUMP gives the first item: 1 in a `.plan`, its seq on the wire
     parameters: Mapping[str, float] = field(default_factory=dict, compare=False)  # that the vehicle has, if known
-    oddities: tuple[Oddity, ...] = ()  # what was read although it is not as the format has it
+    quirks: tuple[Quirk, ...] = ()  # what was read although it is not as the format has it
 
     def seq(self, index: int) -> int:
         """The number ground stations show for item `index`: home counts where the autopilot counts it."""

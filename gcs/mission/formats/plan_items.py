@@ -11,7 +11,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.formats.item_place import place_on_wire
 from gcs.mission.formats.mission_file import Key, line_of, refused
-from gcs.mission.formats.vendor_quirks import Odd, OddityList, decoded, without_mark
+from gcs.mission.formats.vendor_quirks import QuirkKind, QuirkList, decoded, without_mark
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.util.bounded_file import refuse_crowded_json
 
@@ -77,11 +77,11 @@ AnyItem = Annotated[PlanItem | ComplexItem, Field(discriminator="type")]
 
 
 class PlanText:
-    """The text of a JSON file while it is read: its oddities, and refusals with line and key."""
+    """The text of a JSON file while it is read: its quirks, and refusals with line and key."""
 
     def __init__(self, data: str | bytes, source: str) -> None:
-        self.source, self.oddities = source, OddityList(source)
-        self.text = without_mark(decoded(data, source), self.oddities)
+        self.source, self.quirks = source, QuirkList(source)
+        self.text = without_mark(decoded(data, source), self.quirks)
         try:
             refuse_crowded_json(self.text)
         except ValueError as error:
@@ -101,9 +101,9 @@ class PlanText:
         """The error for the value at `path`."""
         return refused(self.text, self.source, path, reason, hint=hint)
 
-    def note(self, odd: Odd, path: Sequence[Key], text: str) -> None:
-        """Count an oddity of the value at `path`."""
-        self.oddities.add(odd, f"{'.'.join(map(str, path))}: {text}", lambda: line_of(self.text, path))
+    def note(self, kind: QuirkKind, path: Sequence[Key], text: str) -> None:
+        """Count a quirk of the value at `path`."""
+        self.quirks.add(kind, f"{'.'.join(map(str, path))}: {text}", lambda: line_of(self.text, path))
 
     def autopilot(self, number: int, path: Sequence[Key], firmware: Autopilot | None) -> Autopilot:
         """The autopilot that a file names, or `firmware`. Raises `FileFormatError` if there is neither."""
@@ -113,7 +113,7 @@ class PlanText:
         reason = f"{number} is not an autopilot that missions are written for: {known}"
         if firmware is None:
             raise self.refused(path, reason, hint="give --autopilot")
-        self.note(Odd.FIRMWARE, path, f"{reason}; read for {firmware.title}")
+        self.note(QuirkKind.FIRMWARE, path, f"{reason}; read for {firmware.title}")
         return firmware
 
     def mission_items(self, items: Sequence[PlanItem | ComplexItem], path: tuple[Key, ...]) -> tuple[MissionItem, ...]:
@@ -129,7 +129,7 @@ class PlanText:
         wrong = [index for index, number in enumerate(numbers) if number != index + 1]
         for index in wrong:
             text = f"item number {numbers[index]}, but this is item {index + 1}: the order of the items counts"
-            self.note(Odd.SEQ, (*path, index), text)
+            self.note(QuirkKind.SEQ, (*path, index), text)
         if wrong:
             read = [self._jump(item, numbers, (*path, index)) for index, item in enumerate(read)]
         return tuple(read)
@@ -137,9 +137,9 @@ class PlanText:
     def item(self, item: PlanItem, path: tuple[Key, ...]) -> MissionItem:
         """The item at `path`. Raises `FileFormatError` for a place that is missing or not on Earth."""
 
-        def note(odd: Odd, text: str) -> None:
-            if odd is not Odd.NO_PLACE or item.frame != Frame.MISSION:  # QGroundControl itself writes nulls there
-                self.note(odd, path, text)
+        def note(kind: QuirkKind, text: str) -> None:
+            if kind is not QuirkKind.NO_PLACE or item.frame != Frame.MISSION:  # QGroundControl writes nulls there
+                self.note(kind, path, text)
 
         p1, p2, p3, p4 = (math.nan if p is None else p for p in item.params[:4])
         try:
@@ -156,5 +156,5 @@ class PlanText:
         if len(named) != 1:
             raise self.refused(path, f"jumps to item {target:.0f}, and {len(named) or 'no'} items have this number")
         if named[0] + 1 != target:
-            self.note(Odd.JUMP, path, f"jumps to item number {target:.0f}, which is item {named[0] + 1}")
+            self.note(QuirkKind.JUMP, path, f"jumps to item number {target:.0f}, which is item {named[0] + 1}")
         return replace(item, params=(named[0] + 1.0, *item.params[1:]))

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 
 from gcs.errors import FileFormatError
-from gcs.mission.formats.vendor_quirks import Odd, Oddity, OddityList, decoded, significant_lines
+from gcs.mission.formats.vendor_quirks import Quirk, QuirkKind, QuirkList, decoded, significant_lines
 from gcs.mission.geofence import LEAST_VERTICES, FencePolygon, Geofence, GeoPoint, RallyPoint
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
@@ -30,10 +30,10 @@ def begins_rally(line: str) -> bool:
     return _RALLY.fullmatch(line) is not None
 
 
-def read_fence_list(text: str | bytes, source: str) -> tuple[Geofence, tuple[Oddity, ...]]:
+def read_fence_list(text: str | bytes, source: str) -> tuple[Geofence, tuple[Quirk, ...]]:
     """The fence in a list of points. Raises `FileFormatError` with file, line and reason."""
-    oddities = OddityList(source)
-    points = [(number, _point(cells, source, number)) for number, cells in _rows(text, source, oddities, 2)]
+    quirks = QuirkList(source)
+    points = [(number, _point(cells, source, number)) for number, cells in _rows(text, source, quirks, 2)]
     if len(points) < LEAST_VERTICES + 2:
         raise FileFormatError(
             f"{source}: {len(points)} points; a fence has a return point, {LEAST_VERTICES} vertices or more, and the "
@@ -43,16 +43,16 @@ def read_fence_list(text: str | bytes, source: str) -> tuple[Geofence, tuple[Odd
     if end != start:
         message = f"{source}, line {last}: the last point does not repeat the first vertex, line {points[1][0]}."
         raise FileFormatError(message, hint="repeat it: MAVProxy drops the last point")
-    oddities.add(Odd.RETURN, "the return point has no altitude: read as 0 m above home", first)
+    quirks.add(QuirkKind.RETURN, "the return point has no altitude: read as 0 m above home", first)
     polygon = FencePolygon(tuple(point for _, point in points[1:-1]), inclusion=True)
-    return Geofence((polygon,), (), RallyPoint(back, 0.0)), oddities.found()
+    return Geofence((polygon,), (), RallyPoint(back, 0.0)), quirks.found()
 
 
-def read_rally_list(text: str | bytes, source: str) -> tuple[tuple[RallyPoint, ...], tuple[Oddity, ...]]:
+def read_rally_list(text: str | bytes, source: str) -> tuple[tuple[RallyPoint, ...], tuple[Quirk, ...]]:
     """The rally points in a list. Raises `FileFormatError` with file, line and reason."""
-    oddities = OddityList(source)
+    quirks = QuirkList(source)
     points = []
-    for number, cells in _rows(text, source, oddities, _RALLY_COLUMNS):
+    for number, cells in _rows(text, source, quirks, _RALLY_COLUMNS):
         if cells[0].upper() != "RALLY":
             raise FileFormatError(f"{source}, line {number}: expected RALLY, got '{cells[0][:40]}'.")
         place = _point(cells[1:3], source, number)
@@ -67,15 +67,15 @@ def read_rally_list(text: str | bytes, source: str) -> tuple[tuple[RallyPoint, .
             )
         if break_alt_m or direction_deg or flags:
             text_of = f"{break_alt_m:g} m, {direction_deg:g} degrees, {flags:.0f}"
-            oddities.add(Odd.RALLY, f"break altitude, landing direction and flags are ignored: {text_of}", number)
+            quirks.add(QuirkKind.RALLY, f"break altitude, landing direction and flags are ignored: {text_of}", number)
         points.append(RallyPoint(place, alt_m))
     if not points:
         raise FileFormatError(f"{source}: no RALLY line.")
-    return tuple(points), oddities.found()
+    return tuple(points), quirks.found()
 
 
-def _rows(text: str | bytes, source: str, oddities: OddityList, count: int) -> Iterator[tuple[int, list[str]]]:
-    for number, body in significant_lines(decoded(text, source), oddities):
+def _rows(text: str | bytes, source: str, quirks: QuirkList, count: int) -> Iterator[tuple[int, list[str]]]:
+    for number, body in significant_lines(decoded(text, source), quirks):
         cells = body.split()
         if len(cells) != count:
             raise FileFormatError(f"{source}, line {number}: {len(cells)} columns instead of {count}.")

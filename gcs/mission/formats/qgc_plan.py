@@ -25,7 +25,7 @@ from gcs.mission.formats.plan_items import (
     PointAndAltitude,
     Whole,
 )
-from gcs.mission.formats.vendor_quirks import MARK, Odd
+from gcs.mission.formats.vendor_quirks import MARK, QuirkKind
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Frame, Home, MissionItem
 from gcs.util.bounded_file import refuse_crowded_json
@@ -115,14 +115,14 @@ def write_mission(file: MissionFile) -> str:
 def read_mission(data: str | bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
     """The mission in a file, for `firmware` or the autopilot that the file names; `source` names the file in errors.
 
-    What other programs write otherwise is in `oddities`. Raises `FileFormatError` with file, line, key and reason for
+    What other programs write otherwise is in `quirks`. Raises `FileFormatError` with file, line, key and reason for
     anything that cannot be flown as written.
     """
     plan = PlanText(data, source)
     document = plan.parsed(PlanDocument)
     found = _planned(document.mission, ("mission",), plan, firmware)
     fence, rally = fence_in_plan(document.geoFence, plan), rally_in_plan(document.rallyPoints, plan)
-    return replace(found, geofence=fence, rally=rally, oddities=plan.oddities.found())
+    return replace(found, geofence=fence, rally=rally, quirks=plan.quirks.found())
 
 
 def _planned(
@@ -142,7 +142,7 @@ def _planned(
         speed_mps=mission.hoverSpeed if mission.hoverSpeed > 0 else None,
         text=plan.text,
         items_path=(*at, "items"),
-        oddities=plan.oddities.found(),
+        quirks=plan.quirks.found(),
     )
 
 
@@ -183,7 +183,7 @@ def fence_in_plan(fence: _Fence, plan: PlanText) -> Geofence:
         path = ("geoFence", "version")
         if fence.polygon or fence.polygons or fence.circles or fence.breachReturn:
             raise plan.refused(path, f"Input should be 2, got {fence.version}; QGroundControl drops older fences")
-        plan.note(Odd.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
+        plan.note(QuirkKind.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
     return Geofence(
         tuple(FencePolygon(tuple(GeoPoint.at(*point) for point in p.polygon), p.inclusion) for p in fence.polygons),
         tuple(FenceCircle(GeoPoint.at(*c.circle.center), c.circle.radius, c.inclusion) for c in fence.circles),
@@ -195,7 +195,7 @@ def rally_in_plan(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
     """The rally points of a document."""
     if rally.version != 2:
         text = f"{rally.version} instead of 2, with {len(rally.points)} points; QGroundControl drops them"
-        plan.note(Odd.RALLY_1, ("rallyPoints", "version"), text)
+        plan.note(QuirkKind.RALLY_1, ("rallyPoints", "version"), text)
     return tuple(map(_read_point, rally.points))
 
 
@@ -239,7 +239,7 @@ def read_mission_json(data: bytes, source: str, firmware: Autopilot | None = Non
     """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
     file = PlanText(data, source)
     version = file.parsed(_Kind).version
-    file.note(Odd.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
+    file.note(QuirkKind.VERSION, ("version",), f"{version}: a .mission file, as QGroundControl wrote it before .plan")
     if version == 2:
         return _planned(file.parsed(PlannedMission), (), file, firmware)
     older = file.parsed(_Version1)

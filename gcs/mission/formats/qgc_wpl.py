@@ -17,7 +17,7 @@ from gcs.mission import geofence
 from gcs.mission.formats.item_place import place_in_file
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.table_rows import HEADER, WITHOUT_HOME, TableRow, read_rows
-from gcs.mission.formats.vendor_quirks import Odd, Oddity, OddityList, decoded
+from gcs.mission.formats.vendor_quirks import Quirk, QuirkKind, QuirkList, decoded
 from gcs.mission.geofence import BadItem, Geofence, RallyPoint
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
@@ -33,7 +33,7 @@ class WaypointFile:
     home: Home | None
     items: tuple[MissionItem, ...]
     lines: tuple[int, ...] = field(default=(), compare=False)  # where each item was read
-    oddities: tuple[Oddity, ...] = field(default=(), compare=False)
+    quirks: tuple[Quirk, ...] = field(default=(), compare=False)
 
 
 def write_waypoints(file: WaypointFile) -> str:
@@ -54,19 +54,19 @@ def read_waypoints(text: str | bytes, source: str, *, home_first: bool | None = 
     """Contents of a table. `source` names it in errors; `home_first` says whether row 0 is home (ArduPilot) or an item.
 
     None: a first row that could be home is home. A table of version 120 has no home row. What other programs write
-    otherwise is in `oddities`. Raises `FileFormatError` with file, line and reason for what cannot be flown as written.
+    otherwise is in `quirks`. Raises `FileFormatError` with file, line and reason for what cannot be flown as written.
     """
-    oddities = OddityList(source)
-    version, rows = read_rows(decoded(text, source), source, oddities)
+    quirks = QuirkList(source)
+    version, rows = read_rows(decoded(text, source), source, quirks)
     if version == WITHOUT_HOME:
         home_first = False
     elif home_first is None:
         home_first = bool(rows) and rows[0].item.frame == Frame.GLOBAL and rows[0].item.command in _HOME_COMMANDS
     elif home_first and not rows:
         raise FileFormatError(f"{source}: no row 0, the home position.")
-    home = _home(rows[0], source, oddities) if home_first else None
+    home = _home(rows[0], source, quirks) if home_first else None
     items = rows[1:] if home_first else rows
-    return WaypointFile(home, tuple(r.item for r in items), tuple(r.line for r in items), oddities.found())
+    return WaypointFile(home, tuple(r.item for r in items), tuple(r.line for r in items), quirks.found())
 
 
 def write_mission(file: MissionFile) -> str:
@@ -85,13 +85,7 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
     if firmware is None:
         firmware = next(known for known in Autopilot if known.home_is_item_0 == home_first)
     return MissionFile(
-        source,
-        firmware,
-        table.home,
-        table.items,
-        lines=table.lines,
-        jumps_from=int(home_first),
-        oddities=table.oddities,
+        source, firmware, table.home, table.items, lines=table.lines, jumps_from=int(home_first), quirks=table.quirks
     )
 
 
@@ -135,7 +129,7 @@ def _converted(table: WaypointFile, source: str, convert: Callable[[Sequence[Mis
         raise FileFormatError(f"{source}, line {table.lines[error.index + skipped]}: {error}.") from error
 
 
-def _home(row: TableRow, source: str, oddities: OddityList) -> Home:
+def _home(row: TableRow, source: str, quirks: QuirkList) -> Home:
     """The home position in row 0. Raises `FileFormatError` for another row."""
     frame = row.item.frame
     if row.item.command not in _HOME_COMMANDS or frame == Frame.MISSION or frame not in tuple(Frame):
@@ -143,7 +137,7 @@ def _home(row: TableRow, source: str, oddities: OddityList) -> Home:
         raise FileFormatError(message, hint="files for PX4 have no home row: give --autopilot px4 for them")
     if frame != Frame.GLOBAL:
         text = f"home is in frame {frame}, not 0; its altitude, {row.place[2]:g} m, counts as AMSL"
-        oddities.add(Odd.HOME, text, row.line)
+        quirks.add(QuirkKind.HOME, text, row.line)
     return Home(*row.place)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from gcs.errors import FileFormatError
 from gcs.mavlink import MavCommand
 from gcs.mission.formats.item_place import Note, place_on_wire
-from gcs.mission.formats.vendor_quirks import Odd, OddityList, significant_lines
+from gcs.mission.formats.vendor_quirks import QuirkKind, QuirkList, significant_lines
 from gcs.mission.model import MissionItem
 
 HEADER, HEADER_100 = "QGC WPL 110", "QGC WPL 100"
@@ -39,31 +39,31 @@ class TableRow:
     place: tuple[float, float, float]
 
 
-def read_rows(text: str, source: str, oddities: OddityList) -> tuple[str, list[TableRow]]:
+def read_rows(text: str, source: str, quirks: QuirkList) -> tuple[str, list[TableRow]]:
     """The version of a table, and its rows. Raises `FileFormatError` with file, line and reason."""
-    bodies = list(significant_lines(text, oddities))
+    bodies = list(significant_lines(text, quirks))
     first, header = bodies[0] if bodies else (1, "")
     version = re.fullmatch(r"QGC\s+WPL\s+([0-9]+)\s*", header)
     if version is None or version[1] not in _VERSIONS:
         message = f"{source}, line {first}: expected '{HEADER}'."
         raise FileFormatError(message, hint="give a file in the QGC WPL 110, 120 or 100 format")
     if header.strip() != HEADER:
-        oddities.add(Odd.VERSION, f"'{header.strip()}' instead of '{HEADER}'", first)
+        quirks.add(QuirkKind.VERSION, f"'{header.strip()}' instead of '{HEADER}'", first)
     rows: list[TableRow] = []
     for number, body in bodies[1:]:
         try:
-            rows.append(_row(body, number, version[1], oddities))
+            rows.append(_row(body, number, version[1], quirks))
         except ValueError as error:
             raise FileFormatError(f"{source}, line {number}: {error}.") from error
-    _check_numbers(rows, source, oddities)
+    _check_numbers(rows, source, quirks)
     return version[1], rows
 
 
-def _row(body: str, number: int, version: str, oddities: OddityList) -> TableRow:
+def _row(body: str, number: int, version: str, quirks: QuirkList) -> TableRow:
     """The row in one line. Raises ValueError."""
 
-    def note(odd: Odd, text: str) -> None:
-        oddities.add(odd, text, number)
+    def note(kind: QuirkKind, text: str) -> None:
+        quirks.add(kind, text, number)
 
     columns = _VERSIONS[version]
     cell = dict(zip(columns, _cells(body, len(columns), note), strict=True))
@@ -75,14 +75,14 @@ def _row(body: str, number: int, version: str, oddities: OddityList) -> TableRow
             )
         command = _COMMANDS_100[command]
         if cell["yaw"] and _float(cell, "yaw"):
-            note(Odd.YAW, f"yaw {cell['yaw']} of {HEADER_100} is ignored, as MAVProxy does")
+            note(QuirkKind.YAW, f"yaw {cell['yaw']} of {HEADER_100} is ignored, as MAVProxy does")
     if cell["current"] and _integer(cell, "current", 0xFF) > 1:
-        note(Odd.CURRENT, f"column current is {cell['current']}: ignored")
+        note(QuirkKind.CURRENT, f"column current is {cell['current']}: ignored")
     if cell["seq"] and not _SEQ.fullmatch(cell["seq"]):
         raise ValueError(f"seq must be an integer, got '{cell['seq'][:40]}'")
     for name in _PARAMS:
         if not cell[name]:
-            note(Odd.EMPTY, f"{name} is empty: read as 0, as QGroundControl does")
+            note(QuirkKind.EMPTY, f"{name} is empty: read as 0, as QGroundControl does")
     p1, p2, p3, p4 = (_float(cell, name) if cell[name] else 0.0 for name in _PARAMS)
     place = [_float(cell, name) if cell[name] else None for name in ("x", "y", "z")]
     lat, lon, alt_m = place_on_wire(command, frame, place, note)
@@ -101,17 +101,17 @@ def _cells(body: str, count: int, note: Note) -> list[str]:
         return stripped
     if len(by_blanks) != count:
         raise ValueError(f"{len(by_blanks)} columns instead of {count}")
-    note(Odd.SEPARATOR, "columns separated or surrounded by blanks; QGroundControl reads only tabs")
+    note(QuirkKind.SEPARATOR, "columns separated or surrounded by blanks; QGroundControl reads only tabs")
     return by_blanks
 
 
-def _check_numbers(rows: Sequence[TableRow], source: str, oddities: OddityList) -> None:
+def _check_numbers(rows: Sequence[TableRow], source: str, quirks: QuirkList) -> None:
     """Count wrong numbers. Refuse a jump to a number that is not exactly one item, and that in its place."""
     wrong = [(place, row) for place, row in enumerate(rows) if row.seq != place]
     for place, row in wrong:
         number = "empty" if row.seq is None else row.seq
         text = f"seq is {number}, but this is item {place}: the order of the rows counts"
-        oddities.add(Odd.SEQ, text, row.line)
+        quirks.add(QuirkKind.SEQ, text, row.line)
     if not wrong:
         return
     for row in rows:

@@ -14,8 +14,8 @@ MARK = "\ufeff"
 _REMARK = re.compile(r"#|//")
 
 
-class Odd(StrEnum):
-    """A kind of oddity; the value says what readers do with it."""
+class QuirkKind(StrEnum):
+    """A kind of quirk; the value says what readers do with it."""
 
     VERSION = "An older version of a format (QGC WPL 100 and 120, `.mission`) is read as its program wrote it."
     MARK = "A byte order mark is skipped."
@@ -38,10 +38,10 @@ class Odd(StrEnum):
 
 
 @dataclass(frozen=True)
-class Oddity:
-    """One kind of oddity in a file: the line and text of the first, and how many there are."""
+class Quirk:
+    """One kind of quirk in a file: the line and text of the first, and how many there are."""
 
-    odd: Odd
+    kind: QuirkKind
     source: str
     line: int
     text: str
@@ -51,24 +51,24 @@ class Oddity:
         return self.text if self.count == 1 else f"{self.text} ({self.count} times in this file; this is the first)"
 
 
-class OddityList:
-    """The oddities of one file while it is read, one for each kind."""
+class QuirkList:
+    """The quirks of one file while it is read, one for each kind."""
 
     def __init__(self, source: str) -> None:
         self._source = source
-        self._first: dict[Odd, tuple[int, str]] = {}
-        self._counts: dict[Odd, int] = {}
+        self._first: dict[QuirkKind, tuple[int, str]] = {}
+        self._counts: dict[QuirkKind, int] = {}
 
-    def add(self, odd: Odd, text: str, line: int | Callable[[], int]) -> None:
+    def add(self, kind: QuirkKind, text: str, line: int | Callable[[], int]) -> None:
         """Count one. Its line is asked for only if it is the first of its kind."""
-        if odd not in self._first:
-            self._first[odd] = (line() if callable(line) else line, text)
-        self._counts[odd] = self._counts.get(odd, 0) + 1
+        if kind not in self._first:
+            self._first[kind] = (line() if callable(line) else line, text)
+        self._counts[kind] = self._counts.get(kind, 0) + 1
 
-    def found(self) -> tuple[Oddity, ...]:
+    def found(self) -> tuple[Quirk, ...]:
         """All of them, by line."""
-        every = [Oddity(odd, self._source, *self._first[odd], count) for odd, count in self._counts.items()]
-        return tuple(sorted(every, key=lambda oddity: oddity.line))
+        every = [Quirk(kind, self._source, *self._first[kind], count) for kind, count in self._counts.items()]
+        return tuple(sorted(every, key=lambda quirk: quirk.line))
 
 
 def decoded(text: str | bytes, source: str) -> str:
@@ -81,10 +81,10 @@ def decoded(text: str | bytes, source: str) -> str:
         raise FileFormatError(f"{source}: not a text file (byte {error.start}).") from error
 
 
-def without_mark(text: str, oddities: OddityList) -> str:
+def without_mark(text: str, quirks: QuirkList) -> str:
     """A text without its byte order mark."""
     if text.startswith(MARK):
-        oddities.add(Odd.MARK, "the file begins with a byte order mark", 1)
+        quirks.add(QuirkKind.MARK, "the file begins with a byte order mark", 1)
     return text.removeprefix(MARK)
 
 
@@ -94,16 +94,16 @@ def first_line(data: bytes) -> str:
     return next((body for line in lines if (body := _REMARK.split(line, maxsplit=1)[0].strip())), "")
 
 
-def significant_lines(text: str, oddities: OddityList) -> Iterator[tuple[int, str]]:
+def significant_lines(text: str, quirks: QuirkList) -> Iterator[tuple[int, str]]:
     """The numbered lines that hold something besides comments, without these; blank lines at the end do not count."""
-    lines = without_mark(text, oddities).splitlines()
+    lines = without_mark(text, quirks).splitlines()
     while lines and not lines[-1].strip():
         lines.pop()
     for number, line in enumerate(lines, start=1):
         body, *remark = _REMARK.split(line, maxsplit=1)
         if remark:
-            oddities.add(Odd.REMARK, "a comment, skipped; QGroundControl does not read the file with it", number)
+            quirks.add(QuirkKind.REMARK, "a comment, skipped; QGroundControl does not read the file with it", number)
         elif not line.strip():
-            oddities.add(Odd.BLANK, "a blank line, skipped; QGroundControl does not read the file with it", number)
+            quirks.add(QuirkKind.BLANK, "a blank line, skipped; QGroundControl does not read the file with it", number)
         if body.strip():
             yield number, body.rstrip() if remark else body

@@ -107,7 +107,7 @@ def _alike(one: NavigatorOrders, other: NavigatorOrders) -> bool:
 
 
 def _apart_m(one: NavigatorOrders, other: NavigatorOrders) -> float:
-    """The largest distance between waypoints of two vehicles, each seen from its own start."""
+    """The largest distance between waypoints of two vehicles, each relative to the vehicle's start."""
     first, second = (np.array(orders.waypoints_ned_m) - np.array(orders.start_ned_m) for orders in (one, other))
     return float(np.max(np.linalg.norm(second - first, axis=1)))
 

@@ -154,7 +154,7 @@ class ReturnEnds:
 
 
 def return_ends(plan: Plan, firmware: FleetFirmware, rally_ned_m: Array | None = None) -> ReturnEnds:
-    """The ends of a fleet's returns; the rally points (V, R, 3) are the landing points if they are not given."""
+    """Where a fleet's returns end: at home or at rally points (V, R, 3), by default the landing points."""
     rows = [known.traits.returns for known in one_each(firmware, len(plan.sysids))]
     rally = plan.landing_points_ned_m[:, None] if rally_ned_m is None else rally_ned_m
     ends = np.concatenate([plan.pads_ned_m[:, None], rally], axis=1)

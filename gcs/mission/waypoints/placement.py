@@ -173,7 +173,7 @@ def clear_legs(scenario: Scenario, t_s: Array, position_ned_m: Array) -> Allowed
 
 
 def short_of_m(terrain: Terrain, places_ned_m: Array, clearance_m: float) -> Array:
-    """How much nearer (...) to the ground than the clearance places (..., 3) are; 0 or less where they are clear."""
+    """By how much (...) places (..., 3) are nearer to the ground than the clearance; 0 or less where they are not."""
     above_m = -places_ned_m[..., 2] - ground_height_m(terrain, places_ned_m[..., 0], places_ned_m[..., 1])
     short_m = clearance_m - above_m
     # Where the ground is steep, that beside a place is nearer than that below it.

@@ -125,8 +125,8 @@ def leg_profile(
     """The profile through samples (M, 3) at t_s (M,), and for each leg its number among pairs of `waypoints`.
 
     If the samples rest from one waypoint to the next, there is a hold instead of a leg. The autopilot's delay begins
-    so far from the waypoint, or in rest there (0), and ends when the samples leave. No component of a speed exceeds
-    `speed_ned_mps` (3,), and no speed `fastest_mps`. Points and due times are on `ORDER_GRID`.
+    `delay_begins_m` from the waypoint, or with 0 once it rests there, and ends when the samples leave. No component of
+    a speed exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`. Points and due times are on `ORDER_GRID`.
     """
     ends_ned_m = on_grid(position_ned_m[waypoints], ORDER_GRID)
     legs: list[int] = []
@@ -326,10 +326,7 @@ class _Problem:
         matrix = np.vstack([slopes * steeper[:, None], fairer, _PULL * unit, damping * unit])
         pulled = _PULL * (self.planned - now.x)
         target = np.concatenate([-counts * late * stretch, -self.bet * now.faster[bets], pulled, np.zeros(len(now.x))])
-        bounds = (
-            np.maximum(self._low - now.x, -_STEP_MAX) - 1e-9,
-            np.minimum(self._high - now.x, _STEP_MAX) + 1e-9,
-        )
+        bounds = (np.maximum(self._low - now.x, -_STEP_MAX) - 1e-9, np.minimum(self._high - now.x, _STEP_MAX) + 1e-9)
         step = lsq_linear(matrix, target, bounds).x
         try:
             trial = self.at(self.inside(on_grid(now.x + step, _LOGARITHM_GRID)))

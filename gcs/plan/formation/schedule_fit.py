@@ -177,13 +177,13 @@ def _closer(scenario: Scenario, end_s: float) -> Iterator[str]:
     divisor = next((1.0 + 0.05 * step for step in range(1, 41) if fits(1.0 + 0.05 * step)), None)
     if divisor is None:
         return
-    told = []
+    remedies = []
     for index, (shape, smaller) in enumerate(zip(shapes, shrunk(1.0 / divisor).formation.shape, strict=True)):
         if shape.spacing_m is not None:
-            told.append(f"formation.shape[{index}].spacing_m to {smaller.spacing_m:g}")
+            remedies.append(f"formation.shape[{index}].spacing_m to {smaller.spacing_m:g}")
         else:
-            told.append(f"formation.shape[{index}].offsets_m to {1.0 / divisor:.2f} of what they are")
-    yield " and ".join(told)
+            remedies.append(f"formation.shape[{index}].offsets_m to {1.0 / divisor:.2f} of what they are")
+    yield " and ".join(remedies)
 
 
 def _least(fits: Callable[[float], bool], low: float, high: float) -> float | None:

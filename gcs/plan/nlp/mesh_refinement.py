@@ -160,7 +160,7 @@ def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:
 
 
 def clearance_reserve_m(problem: Problem, most_m: float = CLEARANCE_RESERVE_M) -> float:
-    """`most_m`, or less where a vehicle starts or ends closer to the least clearance than that."""
+    """The extra clearance in the program: `most_m`, or less where a vehicle starts or ends too low for that."""
     scenario = problem.scenario
     leader = np.stack([problem.start_state, problem.end_state])[:, None, :3]
     ends = leader + np.stack([problem.shape.at(problem.start_s), problem.shape.at(problem.end_s)])

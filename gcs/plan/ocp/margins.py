@@ -147,7 +147,7 @@ def course(scenario: Scenario, velocities: Array, headings_rad: Array) -> Margin
 
 
 def no_fly(scenario: Scenario, states: Array, t_s: Array) -> list[Margin]:
-    """Distance outside every zone (Eqs. 21, 24), which is where it is at plan times t_s (N,)."""
+    """Distance from every zone (Eqs. 21, 24), negative inside. Zones may move: t_s (N,) are the plan times."""
     return [
         Margin(ConstraintId(Kind.ZONE, of=name), "m", outside_m(zone, t_s, states[..., 0], states[..., 1]), 1.0)
         for name, zone in zip(zone_names(scenario), zones(scenario), strict=True)

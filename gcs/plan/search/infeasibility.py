@@ -78,26 +78,26 @@ def _check_turn(problem: Problem) -> None:
     needed_s = next(
         (s for s in range(math.ceil(problem.duration_s), FLIGHT_MAX_S) if fits(scenario, away_rad, float(s))), None
     )
-    told = []
+    remedies = []
     if not any(scenario.start.velocity_mps) and fits(scenario, 0.0, problem.duration_s):
-        told.append(
+        remedies.append(
             f"start.roll_pitch_yaw_deg[2] to {np.degrees(np.arctan2(way[1], way[0])):.0f}, the direction of the end"
         )
     faster = _least_factor(lambda k: fits(_with_faster_changes(scenario, k), away_rad, problem.duration_s))
     if faster is not None:
         quick = _with_faster_changes(scenario, faster).formation
-        told.append(
+        remedies.append(
             f"formation.change_speed_mps to {quick.change_speed_mps:g} and formation.change_accel_mps2 to "
             f"{quick.change_accel_mps2:g} or more"
         )
     if needed_s is not None:
-        told.append(f"time.flight_s to {needed_s} or more")
+        remedies.append(f"time.flight_s to {needed_s} or more")
     rate_degps = float(np.degrees(_heading_rate_radps(scenario)))
     raise Infeasible(
         f'no plan in {problem.duration_s:g} s: with frame = "course" the formation faces '
         f"{np.degrees(problem.course_at_start_rad):.0f} degrees at the start, the end is {np.degrees(away_rad):.0f} "
         f"degrees beside that, and it turns at most {rate_degps:.2g} degrees/s",
-        hint=f"set {', or '.join(told)}" if told else 'remove formation.frame = "course"',
+        hint=f"set {', or '.join(remedies)}" if remedies else 'remove formation.frame = "course"',
     )
 
 

@@ -207,7 +207,7 @@ def _rounded(metres: Array) -> Any:
 
 
 def _keys(form: type[DegreeKeys], metres: str, **degrees: tuple[Any, str]) -> DegreeKeys:
-    """The keys in degrees, each with its type and what it says instead of the one in metres."""
+    """The keys in degrees that may replace those in metres, each with its type and description."""
     names = tuple(metres.split())
     said = zip(names, degrees.items(), strict=True)
     types = {key: _said(kind, f"instead of {name}: {text}") for name, (key, (kind, text)) in said}

@@ -173,7 +173,7 @@ def terms_of(north: Array, east: Array) -> Array:
 
 
 def packed(heights_m: Array) -> str:
-    """A table of heights as a scenario carries it."""
+    """A table of heights as text for a scenario: float32, compressed, base64."""
     return base64.b64encode(zlib.compress(np.ascontiguousarray(heights_m, dtype="<f4").tobytes(), 9)).decode()
 
 

@@ -23,7 +23,7 @@ from gcs.types import Array
 from gcs.util.bounded_file import POSITION_SHEET, read_file
 
 _TYPE = "quad500"  # of the template
-_TOLD_PAIRS = 8
+_LISTED_PAIRS = 8
 NUMBER, EAST, NORTH, HEIGHT, LATITUDE, LONGITUDE = "number", "x", "y", "z", "latitude", "longitude"
 _NAMES = {
     NUMBER: ("number", "no", "nr", "id", "sysid", "vehicle", "drone", "uav"),
@@ -36,7 +36,7 @@ _NAMES = {
 _COLUMN_OF = {name: column for column, names in _NAMES.items() for name in names}
 _UNIT = re.compile(r"[\s_]*[\[(]?(?:m|deg|degrees|metres|°)?[\])]?\.?$")
 _WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # .xlsx and .ods; .xls
-_ROWS_MAX, _TOLD_MAX = 254, 12
+_ROWS_MAX, _LISTED_MAX = 254, 12
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _BOUNDS = {LATITUDE: 85.0, LONGITUDE: 180.0, NUMBER: 254.0}
 _FARTHEST_M = 20_000.0
@@ -102,10 +102,10 @@ def refuse(file: Path, mistakes: list[str]) -> None:
     """Raise UsageError for the mistakes of a sheet, if there are any."""
     if not mistakes:
         return
-    told = mistakes[:_TOLD_MAX]
-    if len(mistakes) > _TOLD_MAX:
-        told.append(f"and {len(mistakes) - _TOLD_MAX} more")
-    text = f"{file} has {counted(len(mistakes), 'mistake')}; nothing is written\n" + "\n".join(told)
+    listed = mistakes[:_LISTED_MAX]
+    if len(mistakes) > _LISTED_MAX:
+        listed.append(f"and {len(mistakes) - _LISTED_MAX} more")
+    text = f"{file} has {counted(len(mistakes), 'mistake')}; nothing is written\n" + "\n".join(listed)
     raise UsageError(text, hint="correct the sheet, and save it as CSV again")
 
 
@@ -253,12 +253,12 @@ def _sheet(file: Path, rows: list[SheetRow], origin: Origin | None, least_m: flo
         refuse(file, [f"{text}; are latitude and longitude swapped, or is --at another place?"])
     pairs = close_pairs(places_m * [1.0, 1.0, 0.0] if pads else places_m, least_m)
     what = "on the ground" if pads else "apart"
-    told = [
+    listed = [
         f"rows {rows[p.first].row} and {rows[p.second].row}: vehicles {rows[p.first].number} and "
         f"{rows[p.second].number} are {p.distance_m:.2f} m {what}; at least {least_m:.2f} m is needed"
-        for p in pairs[:_TOLD_PAIRS]
+        for p in pairs[:_LISTED_PAIRS]
     ]
-    refuse(file, told + ["and more pairs"] * (len(pairs) > _TOLD_PAIRS))
+    refuse(file, listed + ["and more pairs"] * (len(pairs) > _LISTED_PAIRS))
     return Sheet(file, tuple(row.number for row in rows), places_m)
 
 

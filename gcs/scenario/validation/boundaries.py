@@ -176,7 +176,7 @@ def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
 
 
 def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
-    """The mistake of the vehicle that is lowest above the ground; at the start, of one too low by its own position."""
+    """The mistake of the lowest vehicle above the ground; what is already wrong at the start counts there alone."""
     missing = _missing_m(scenario, stop.places_up_m)
     rows = _own_mistakes(scenario, _missing_m(scenario, _at_start(scenario).places_up_m) > SLACK)
     if stop.key != _START:

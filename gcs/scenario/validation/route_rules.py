@@ -72,11 +72,11 @@ def _times_are_in_one_round(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "route", "loops", "end")
 def _legs_have_a_length(scenario: Scenario) -> Mistakes:
-    told: set[Key] = set()
+    reported: set[Key] = set()
     for (before, first), (key, second) in itertools.pairwise(_places(scenario)):
         own = before if key == ("end",) else key
-        if np.linalg.norm(np.subtract(second, first)) <= _SHORTEST_M and scenario.route and own not in told:
-            told.add(own)
+        if np.linalg.norm(np.subtract(second, first)) <= _SHORTEST_M and scenario.route and own not in reported:
+            reported.add(own)
             other = dotted(key if own == before else before)
             text = f"is the place of {other} too; a leg is longer than {_SHORTEST_M:g} m"
             yield Mistake((*own, "position_m"), text, scenario.route[int(own[1])].position_m, "remove the point")

@@ -116,7 +116,7 @@ def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
 
 
 def ground_step_jerk_peak(scenario: Scenario) -> float:
-    """The peak jerk of the same climb or descent, in units of d / T³."""
+    """The peak jerk of a climb or descent of d in T, in units of d / T³."""
     return 60.0 if steady_wind(scenario).is_still else 52.5
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.mission.formats.qgc_wpl import WaypointFile, read_waypoints, write_waypoints
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.mission.model import Home, MissionItem
 
 numbers = st.floats(-1e6, 1e6)
@@ -46,5 +46,5 @@ def test_a_scrambled_table_is_the_same_mission(
     read = read_waypoints(text.encode(), "x", home_first=home is not None)
     assert repr((read.home, read.items)) == repr((written.home, written.items))  # NaN differs from itself
     assert [lines[n - 1].split()[2:4] for n in read.lines] == [[str(i.frame), str(i.command)] for i in mission]
-    assert sum(o.count for o in read.oddities if o.odd is Odd.SEQ) == wrong
-    assert read.oddities or lines == [header, *rows]
+    assert sum(o.count for o in read.quirks if o.kind is QuirkKind.SEQ) == wrong
+    assert read.quirks or lines == [header, *rows]

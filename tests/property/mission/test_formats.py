@@ -80,7 +80,7 @@ def test_waypoints_survive(home: Home | None, items: tuple[MissionItem, ...]) ->
     text = write_waypoints(WaypointFile(home, items))
     back = read_waypoints(text, "x", home_first=home is not None)
     assert back.home == home
-    assert back.oddities == ()
+    assert back.quirks == ()
     assert list(map(comparable, back.items)) == list(map(comparable, items))
 
 

@@ -13,7 +13,7 @@ from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import check_fleet
 from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.any_mission import load_missions
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.mission.model import Home
 from gcs.mission.predicted.planned_flight import surroundings
 
@@ -37,30 +37,30 @@ READ = {
     "renumbered.plan": (ARDUPILOT, ROUNDED, [22, 16, 206, 177, 20]),
 }
 ODD = {  # kind, line of the first, how many
-    "by_hand.waypoints": [(Odd.SEPARATOR, 2, 4), (Odd.REMARK, 4, 1)],
-    "mavproxy.waypoints": [(Odd.REMARK, 2, 3), (Odd.BLANK, 7, 1)],
-    "gap.waypoints": [(Odd.SEQ, 3, 3)],
-    "version_100.waypoints": [(Odd.VERSION, 1, 1), (Odd.YAW, 4, 1)],
-    "version_120.waypoints": [(Odd.VERSION, 1, 1)],
+    "by_hand.waypoints": [(QuirkKind.SEPARATOR, 2, 4), (QuirkKind.REMARK, 4, 1)],
+    "mavproxy.waypoints": [(QuirkKind.REMARK, 2, 3), (QuirkKind.BLANK, 7, 1)],
+    "gap.waypoints": [(QuirkKind.SEQ, 3, 3)],
+    "version_100.waypoints": [(QuirkKind.VERSION, 1, 1), (QuirkKind.YAW, 4, 1)],
+    "version_120.waypoints": [(QuirkKind.VERSION, 1, 1)],
     "remarks.waypoints": [
-        (Odd.MARK, 1, 1),
-        (Odd.REMARK, 1, 3),
-        (Odd.SEPARATOR, 5, 1),
-        (Odd.BLANK, 6, 1),
-        (Odd.CURRENT, 7, 1),
-        (Odd.EMPTY, 7, 2),
-        (Odd.NO_PLACE, 7, 2),
+        (QuirkKind.MARK, 1, 1),
+        (QuirkKind.REMARK, 1, 3),
+        (QuirkKind.SEPARATOR, 5, 1),
+        (QuirkKind.BLANK, 6, 1),
+        (QuirkKind.CURRENT, 7, 1),
+        (QuirkKind.EMPTY, 7, 2),
+        (QuirkKind.NO_PLACE, 7, 2),
     ],
-    "version_1.mission": [(Odd.VERSION, 71, 1)],
-    "version_2.mission": [(Odd.NO_PLACE, 40, 1), (Odd.VERSION, 63, 1)],
+    "version_1.mission": [(QuirkKind.VERSION, 71, 1)],
+    "version_2.mission": [(QuirkKind.NO_PLACE, 40, 1), (QuirkKind.VERSION, 63, 1)],
     "renumbered.plan": [
-        (Odd.MARK, 1, 1),
-        (Odd.FENCE_1, 5, 1),
-        (Odd.SEQ, 26, 4),
-        (Odd.FRACTION, 42, 1),
-        (Odd.JUMP, 58, 1),
-        (Odd.NO_PLACE, 74, 1),
-        (Odd.RALLY_1, 106, 1),
+        (QuirkKind.MARK, 1, 1),
+        (QuirkKind.FENCE_1, 5, 1),
+        (QuirkKind.SEQ, 26, 4),
+        (QuirkKind.FRACTION, 42, 1),
+        (QuirkKind.JUMP, 58, 1),
+        (QuirkKind.NO_PLACE, 74, 1),
+        (QuirkKind.RALLY_1, 106, 1),
     ],
 }
 REFUSED = {
@@ -94,7 +94,7 @@ def test_files_that_are_read(name: str) -> None:
     assert [i.command for i in mission.items] == commands
     report = check_fleet([mission], surroundings([mission]), FlightLimits())
     assert report.errors == ()
-    assert [(o.odd, o.line, o.count) for o in mission.oddities] == ODD.get(name, [])
+    assert [(o.kind, o.line, o.count) for o in mission.quirks] == ODD.get(name, [])
     told = [(f.level, f.source, f.line) for f in report.findings if f.rule is Rule.FORMAT]
     assert told == [(Level.WARNING, str(FOLDER / name), line) for _, line, _ in ODD.get(name, [])]
     for index in range(len(mission.items)):
@@ -112,7 +112,7 @@ def test_files_that_are_refused_with_line_and_reason(name: str) -> None:
 def test_an_autopilot_without_a_row_yields_to_the_one_that_is_asked_for() -> None:
     (mission,) = load_missions([FOLDER / "generic_autopilot.plan"], PX4)
     assert mission.firmware is PX4
-    assert [(o.odd, o.line) for o in mission.oddities] == [(Odd.FIRMWARE, 42)]
+    assert [(o.kind, o.line) for o in mission.quirks] == [(QuirkKind.FIRMWARE, 42)]
 
 
 def test_what_a_ground_station_leaves_open_stays_open() -> None:

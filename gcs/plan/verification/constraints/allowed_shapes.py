@@ -57,7 +57,7 @@ class AllowedShapes:
         sizes = [[np.einsum("vni,vni->n", s, t) for t in shapes] for s in shapes]
 
         def fitted(blend: Array) -> tuple[Array, Array, Array]:
-            """Scale and rotation for each blend (B, N), and what they gain."""
+            """The best scale and rotation for each blend (B, N), and by how much they lessen the squared distance."""
             shares = (1.0 - blend, blend)
             across = sum(share * part for share, part in zip(shares, flat, strict=True))
             up = sum(share * part for share, part in zip(shares, tall, strict=True))

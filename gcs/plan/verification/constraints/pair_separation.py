@@ -22,14 +22,14 @@ from gcs.types import Array
 
 @dataclass(frozen=True)
 class PairSeparation:
-    """The family of pairs of groups (a, b) of one tree."""
+    """The separation of all vehicles, bounded for pairs (a, b) of groups of one tree."""
 
     plan: Plan
     tree: VehicleTree
 
     @cached_property
     def constraints(self) -> tuple[NamedConstraint, ...]:
-        """One."""
+        """The separation alone."""
         return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.SEPARATION), "m"),)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.flight.contingency.manoeuvres import (
-    BRAKE_MPS2,
     SPREAD_MPS2,
     MotionReference,
     MotionStart,
@@ -23,6 +22,7 @@ from gcs.flight.contingency.manoeuvres import (
     spread_reference,
 )
 from gcs.mission.returns.return_routes import ReturnRoutes
+from gcs.mission.returns.routed_motion import ACCEL_MPS2
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone
@@ -51,7 +51,7 @@ def sampled(course: ReferenceTrajectory, begin_s: float, end_s: float) -> tuple[
     return values[:, :3], values[:, 3:6], values[:, 6:9]
 
 
-def consistent(course: MotionReference, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
+def consistent(course: MotionReference, accel_mps2: float = ACCEL_MPS2) -> tuple[Array, Array, Array]:
     """Velocity is position's rate; nothing jumps; it ends at rest."""
     place, velocity, acceleration = sampled(course, course.begin_s, course.end_s + 1.0)
     np.testing.assert_allclose(np.diff(place, axis=0) / STEP_S, (velocity[1:] + velocity[:-1]) / 2, atol=0.02)
@@ -77,14 +77,14 @@ def test_holding_brakes_straight_on(open_routes: ReturnRoutes, place: Array, vel
     np.testing.assert_allclose(path[0], place, atol=1e-9)
     np.testing.assert_allclose(rate[0], velocity, atol=1e-9)
     speed = float(np.linalg.norm(velocity))
-    np.testing.assert_allclose(path[-1], place + velocity * speed / (2 * BRAKE_MPS2), atol=1e-6)
+    np.testing.assert_allclose(path[-1], place + velocity * speed / (2 * ACCEL_MPS2), atol=1e-6)
 
 
 @settings(max_examples=40, deadline=None)
 @given(middle, speeds)
 def test_spreading_ends_above(open_routes: ReturnRoutes, place: Array, velocity: Array) -> None:
     path, _, _ = consistent(
-        spread_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes, 2.0), BRAKE_MPS2 + SPREAD_MPS2
+        spread_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes, 2.0), ACCEL_MPS2 + SPREAD_MPS2
     )
     stop = consistent(hold_reference(MotionStart(place, velocity, 0.0, 5.0), open_routes))[0][-1]
     np.testing.assert_allclose(path[-1], stop - [0.0, 0.0, 2.0], atol=1e-6)
@@ -97,7 +97,7 @@ def test_holding_and_spreading_stop_before_a_no_fly_zone(
 ) -> None:
     """The zone begins where braking straight on at 1.5 m/s2 would still move: all brake sideways or harder."""
     out = np.array([math.cos(bearing_rad), math.sin(bearing_rad), 0.0])
-    zone, brakes_m = np.array([300.0, 0.0, 0.0]), speed_mps**2 / (2 * BRAKE_MPS2)
+    zone, brakes_m = np.array([300.0, 0.0, 0.0]), speed_mps**2 / (2 * ACCEL_MPS2)
     place = zone + (20.0 + max(share * brakes_m, brakes_m / 2 + 0.1)) * out - [0.0, 0.0, 12.0]
     across = np.array([-out[1], out[0], 0.0])
     velocity = -speed_mps * math.cos(aside) * out + speed_mps * math.sin(aside) * across

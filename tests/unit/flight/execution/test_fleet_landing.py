@@ -180,7 +180,7 @@ def test_a_vehicle_that_others_armed_gets_no_order_and_is_not_waited_for(simulat
             landing.custody.take_to_arm(crew.sysid)
         landing.send_once()
         await landing.land_all()
-        landing.tell_aloft()
+        landing.report_airborne()
         landing.hand_over()
 
     took_s, told = land(vehicle, simulation1_plan, end, taken=False)

@@ -19,7 +19,7 @@ from gcs.flight.recording import flight_record
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, TELEMETRY, new_folder, read_events
 from gcs.flight.recording.flight_record import FlightRecord
 from gcs.flight.recording.flight_state import FlightState, newest_unfinished, read_flight_state
-from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, refusing_unwritable
 from gcs.flight.recording.tlog import LoggedFrame, load_tlog, scan
 from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.wire.codec import Codec
@@ -222,5 +222,5 @@ def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path: Path, root: str) -
     (tmp_path / "file").write_text("")
     (tmp_path / "nowhere").symlink_to(tmp_path / "not" / "there")
     words = r"no-go: the flight's folder cannot be written: .* Nothing was uploaded"
-    with pytest.raises(UsageError, match=words), unwritable_is_told(tmp_path / root):
+    with pytest.raises(UsageError, match=words), refusing_unwritable(tmp_path / root):
         new_folder(tmp_path / root, "hop", datetime.now())

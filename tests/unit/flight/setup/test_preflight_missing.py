@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from gcs.cli.flights.fly_view import checks_table, show_checks
-from gcs.cli.flights.vehicles import _data, _show, _tell_silent
+from gcs.cli.flights.vehicles import _data, _say_silent, _show
 from gcs.cli.shared.console import Screen, to_json
 from gcs.errors import FlightError
 from gcs.flight.monitoring.preflight_check import NOT_REPORTED, CheckName, checks_data, complete, refuse_no_go, waive
@@ -214,8 +214,8 @@ def test_no_word_of_the_table_of_vehicles_is_broken(field: Plan, columns: int) -
 
 def test_a_vehicle_that_told_no_reason_is_named(field: Plan, capsys: pytest.CaptureFixture[str]) -> None:
     silent = [replace(full(field, row), prearm_ok=False) for row in (0, 1)]
-    _tell_silent(Screen(), silent, 3.0)
+    _say_silent(Screen(), silent, 3.0)
     assert capsys.readouterr().out.startswith("vehicles 1, 2 told no reason; some autopilots repeat theirs every 30 s")
-    _tell_silent(Screen(), silent, 40.0)
-    _tell_silent(Screen(), [full(field, 0), replace(silent[1], not_ready_texts=("PreArm: x",))], 3.0)
+    _say_silent(Screen(), silent, 40.0)
+    _say_silent(Screen(), [full(field, 0), replace(silent[1], not_ready_texts=("PreArm: x",))], 3.0)
     assert capsys.readouterr().out == ""

@@ -18,12 +18,12 @@ from gcs.link.protocols.parameter_transfer import Parameter
 from gcs.link.session.load_before import (
     LoadBefore,
     ParameterChange,
+    before_words,
     give_back,
     part_words,
     read_before,
     record_before,
     recorded_before,
-    told,
 )
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mavlink import MissionType, ParameterType
@@ -127,10 +127,10 @@ def test_what_the_upload_replaced_comes_back_and_the_rest_is_left_alone() -> Non
 def test_vehicles_with_the_same_on_board_are_one_line() -> None:
     every = [LoadBefore(1, 12, items={MISSION: OLD}), LoadBefore(2, 12, items={MISSION: ()}),
              LoadBefore(3, 12, items={MISSION: OLD})]  # fmt: skip
-    assert told(every) == ["vehicles 1, 3: mission of 2 items", "vehicle 2: no mission"]
+    assert before_words(every) == ["vehicles 1, 3: mission of 2 items", "vehicle 2: no mission"]
     assert part_words(RALLY, 1) == "1 rally point"
     fenced = LoadBefore(1, 3, items={FENCE: AREA}, fence=Parameter("FENCE_ENABLE", 1, INT))
-    assert told([fenced]) == ["vehicle 1: fence of 3 items, FENCE_ENABLE 1"]
+    assert before_words([fenced]) == ["vehicle 1: fence of 3 items, FENCE_ENABLE 1"]
 
 
 @pytest.mark.parametrize(

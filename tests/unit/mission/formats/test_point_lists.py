@@ -10,7 +10,7 @@ from gcs.errors import FileFormatError
 from gcs.mission.formats.any_mission import load_missions
 from gcs.mission.formats.point_lists import read_fence_list, read_rally_list
 from gcs.mission.formats.qgc_wpl import WaypointFile, write_waypoints
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.mission.geofence import fence_items, rally_items
 from tests.unit.mission.fleets import mission, out_and_land
 
@@ -41,11 +41,11 @@ def test_lists_belong_to_the_mission_beside_them(tmp_path: Path) -> None:
     assert one.geofence.return_point is not None
     assert one.geofence.return_point.place.lat_degE7 == -353637200
     assert [(p.place.lon_degE7, p.alt_m) for p in one.rally] == [(1491641010, 60.5), (1491600000, 20.0)]
-    assert [(Path(o.source).name, o.odd, o.line, o.count) for o in one.oddities] == [
-        ("fence.txt", Odd.REMARK, 1, 2),
-        ("fence.txt", Odd.RETURN, 2, 1),
-        ("fence.txt", Odd.BLANK, 4, 1),
-        ("rally.txt", Odd.RALLY, 1, 1),
+    assert [(Path(o.source).name, o.kind, o.line, o.count) for o in one.quirks] == [
+        ("fence.txt", QuirkKind.REMARK, 1, 2),
+        ("fence.txt", QuirkKind.RETURN, 2, 1),
+        ("fence.txt", QuirkKind.BLANK, 4, 1),
+        ("rally.txt", QuirkKind.RALLY, 1, 1),
     ]
 
 
@@ -56,7 +56,7 @@ def test_an_oddity_of_a_file_for_all_is_told_once(tmp_path: Path) -> None:
     (tmp_path / "rally.txt").write_text(RALLY)
     missions = load_missions([tmp_path / name for name in ("a.waypoints", "b.waypoints", "rally.txt")])
     assert [len(m.rally) for m in missions] == [2, 2]
-    assert [len(m.oddities) for m in missions] == [1, 0]
+    assert [len(m.quirks) for m in missions] == [1, 0]
 
 
 def test_pymavlink_reads_the_same_items(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,5 +117,5 @@ def test_rally_points_that_are_refused(text: str, reason: str) -> None:
 
 
 def test_an_altitude_above_home_may_be_said() -> None:
-    points, oddities = read_rally_list("RALLY 1 1 20 0 0 12\n", "x")
-    assert (points[0].alt_m, [o.odd for o in oddities]) == (20.0, [Odd.RALLY])
+    points, quirks = read_rally_list("RALLY 1 1 20 0 0 12\n", "x")
+    assert (points[0].alt_m, [o.kind for o in quirks]) == (20.0, [QuirkKind.RALLY])

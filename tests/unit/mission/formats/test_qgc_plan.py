@@ -13,7 +13,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_plan import read_mission, write_mission
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.mission.geofence import NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 
@@ -49,7 +49,7 @@ FILE = MissionFile(
 
 def read(text: str) -> MissionFile:
     """The contents alone: not where they were read."""
-    return replace(read_mission(text, "x"), text="", oddities=())
+    return replace(read_mission(text, "x"), text="", quirks=())
 
 
 def document(**changes: Any) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def test_item_numbers_only_matter_where_a_mission_jumps() -> None:
     plan["mission"]["items"][1] |= {"command": 177, "params": [7, 2, 0, 0, 0, 0, 0]}
     file = read_mission(json.dumps(plan), "x")
     assert file.items[1].params[:2] == (1.0, 2.0)
-    assert [(o.odd, o.line, o.count) for o in file.oddities] == [(Odd.SEQ, 1, 1), (Odd.JUMP, 1, 1)]
+    assert [(o.kind, o.line, o.count) for o in file.quirks] == [(QuirkKind.SEQ, 1, 1), (QuirkKind.JUMP, 1, 1)]
     for number, found in ((1, "no"), (3, "2")):
         plan["mission"]["items"][1]["params"][0] = number
         plan["mission"]["items"][3]["doJumpId"] = 3

@@ -13,7 +13,7 @@ from gcs.mission.flight_limits import FlightLimits
 from gcs.mission.formats.item_place import place_in_file
 from gcs.mission.formats.qgc_wpl import read_mission, read_waypoints
 from gcs.mission.formats.table_rows import HEADER
-from gcs.mission.formats.vendor_quirks import Odd
+from gcs.mission.formats.vendor_quirks import QuirkKind
 from gcs.mission.model import Home
 from gcs.mission.predicted.planned_flight import surroundings
 
@@ -45,21 +45,21 @@ def test_many_equal_oddities_are_one_warning_with_the_first_line() -> None:
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        (row(""), [(Odd.SEQ, 3)]),
-        (row(-1), [(Odd.SEQ, 3)]),
+        (row(""), [(QuirkKind.SEQ, 3)]),
+        (row(-1), [(QuirkKind.SEQ, 3)]),
         (row("01"), []),
-        (row(1) + " ", [(Odd.SEPARATOR, 3)]),
-        (row(1) + "\t", [(Odd.SEPARATOR, 3)]),
-        (row(1).replace("\t", "  "), [(Odd.SEPARATOR, 3)]),
-        (row(1, params="\t\t\t\t47.1\t8.1\t10"), [(Odd.EMPTY, 3)]),
-        (row(1, 20, params="0\t0\t0\t0\t\t\t"), [(Odd.NO_PLACE, 3)]),
-        (row(1, 178, frame=2, params="0\t5\t0\t0\t0.5\t0\t0"), [(Odd.FRACTION, 3)]),
+        (row(1) + " ", [(QuirkKind.SEPARATOR, 3)]),
+        (row(1) + "\t", [(QuirkKind.SEPARATOR, 3)]),
+        (row(1).replace("\t", "  "), [(QuirkKind.SEPARATOR, 3)]),
+        (row(1, params="\t\t\t\t47.1\t8.1\t10"), [(QuirkKind.EMPTY, 3)]),
+        (row(1, 20, params="0\t0\t0\t0\t\t\t"), [(QuirkKind.NO_PLACE, 3)]),
+        (row(1, 178, frame=2, params="0\t5\t0\t0\t0.5\t0\t0"), [(QuirkKind.FRACTION, 3)]),
     ],
 )
-def test_what_is_read_is_told(line: str, told: list[tuple[Odd, int]]) -> None:
+def test_what_is_read_is_told(line: str, told: list[tuple[QuirkKind, int]]) -> None:
     file = read_waypoints(table(line), "x")
     assert len(file.items) == 1
-    assert [(o.odd, o.line) for o in file.oddities] == told
+    assert [(o.kind, o.line) for o in file.quirks] == told
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,7 @@ def test_pymavlink_reads_the_same(name: str) -> None:
 )
 def test_jumps_are_read_where_both_numbers_agree(rows: tuple[str, ...], clear: bool) -> None:
     if clear:
-        assert Odd.SEQ in {o.odd for o in read_waypoints(table(*rows), "x").oddities}
+        assert QuirkKind.SEQ in {o.kind for o in read_waypoints(table(*rows), "x").quirks}
         return
     with pytest.raises(
         FileFormatError, match=r"x, line \d: jumps to item \d+, and the items are not numbered in order"
@@ -124,7 +124,7 @@ def test_jumps_are_read_where_both_numbers_agree(rows: tuple[str, ...], clear: b
 def test_a_home_row_in_another_frame() -> None:
     text = table(row(1)).replace(HOME, HOME.replace("\t0\t16", "\t3\t16"))
     file = read_waypoints(text, "x")
-    assert (file.home, [(o.odd, o.line) for o in file.oddities]) == (Home(47.1, 8.1, 488.0), [(Odd.HOME, 2)])
+    assert (file.home, [(o.kind, o.line) for o in file.quirks]) == (Home(47.1, 8.1, 488.0), [(QuirkKind.HOME, 2)])
     assert read_mission(text.encode(), "x").firmware is Autopilot.PX4
     for frame in (2, 77):
         with pytest.raises(FileFormatError, match="line 2: row 0 is not a home position"):
