@@ -135,7 +135,10 @@ def composed(base: Shape, target: Array, names: Sequence[CoordinateName], values
     Three tables for every table of the base: the cosine part, the sine part, and the vertical part.
     """
     blending = CoordinateName.BLEND in names
-    joints = _fine(np.union1d(values.x, base.joints_s))
+    joints = np.union1d(values.x, base.joints_s)
+    counts = np.ceil(np.diff(joints) / _PIECE_S).astype(int)  # long pieces are cut into equal parts
+    parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(joints[:-1], joints[1:], counts, strict=True)]
+    joints = np.concatenate([*parts, joints[-1:]])
     flat = np.array([1.0, 1.0, 0.0])
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
     tables = np.concatenate([base.basis_ned_m, target[None]]) if blending else base.basis_ned_m
@@ -182,13 +185,6 @@ def _extent_m(scenario: Scenario) -> float:
     shapes = [offsets_ned_m(scenario), *(shape_offsets_ned_m(scenario, s.name) for s in scenario.formation.shape)]
     grown = [c.scale for c in scenario.formation.change if c.scale is not None and c.scale > 1.0]
     return float(np.linalg.norm(np.stack(shapes), axis=2).max() * np.prod(grown))
-
-
-def _fine(joints: Array) -> Array:
-    """The same joints, with long pieces cut into equal parts."""
-    counts = np.ceil(np.diff(joints) / _PIECE_S).astype(int)
-    parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(joints[:-1], joints[1:], counts, strict=True)]
-    return np.concatenate([*parts, joints[-1:]])
 
 
 def _taylor(functions: PPoly, t_s: Array) -> Array:

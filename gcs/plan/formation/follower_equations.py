@@ -39,9 +39,12 @@ def follower_state_and_control(
             )
         )
     if q.wind.has_shear:
+        here = _wind_share(-x[2], -x[5], -angular[5], q, xp)
+        there = _wind_share(-(x[2] + place[2]), -(x[5] + speed[2]), -(angular[5] + acceleration[2]), q, xp)
         for axis, toward in enumerate((q.wind.north_mps, q.wind.east_mps)):
-            more = _more_wind(x[2], x[5], angular[5], offsets, q, xp)
-            moved[axis] = _added(moved[axis], more, q.drag_Nspm[axis] * toward)
+            factor = q.drag_Nspm[axis] * toward
+            f0, f1, f2 = (f + factor * (b - a) for f, a, b in zip(moved[axis], here, there, strict=True))
+            moved[axis] = f0, f1, f2
     ahead, left = _turned(moved[0], moved[1], x[8], x[11], angular[11], xp)
     down = moved[2]
     pitch = _angle(ahead, down, xp)
@@ -74,20 +77,8 @@ def jerk(x: Sequence[Any], u: Sequence[Any], thrust_rate: Any, q: Quadrotor, xp:
     return north, east, down
 
 
-def _added(force: Jet, more: Jet, factor: float) -> Jet:
-    f0, f1, f2 = force
-    return f0 + factor * more[0], f1 + factor * more[1], f2 + factor * more[2]
-
-
-def _more_wind(down: Any, sinking: Any, down_acceleration: Any, offsets: Any, q: Quadrotor, xp: Any) -> Jet:
-    """The share of the wind at the vehicle minus that at the leader, with two derivatives."""
-    place, speed, acceleration = offsets[:3]
-    here = _wind_share(-down, -sinking, -down_acceleration, q, xp)
-    there = _wind_share(-(down + place[2]), -(sinking + speed[2]), -(down_acceleration + acceleration[2]), q, xp)
-    return there[0] - here[0], there[1] - here[1], there[2] - here[2]
-
-
 def _wind_share(height: Any, climb: Any, climb_rate: Any, q: Quadrotor, xp: Any) -> Jet:
+    """The share of the wind at a height, with two derivatives."""
     share, slope, bend = q.wind.shares(height, xp)
     return share, slope * climb, bend * (climb * climb) + slope * climb_rate
 

@@ -33,14 +33,6 @@ class Reshaped:
     least_distance_m: float  # between any two vehicles on any leg
 
 
-@dataclass(frozen=True)
-class _Try:
-    """An assignment, and its description when it is flown straight."""
-
-    places: Places
-    words: str
-
-
 def reshape(
     offsets_ned_m: Array,
     targets_ned_m: Array,
@@ -59,40 +51,48 @@ def reshape(
     if np.any(targets_ned_m[leader] != 0.0) or np.any(offsets_ned_m[leader] != 0.0):
         raise ValueError("offsets are from the leader: its own must be zero, before and after")
     names = list(range(1, len(offsets_ned_m) + 1)) if sysids is None else list(sysids)
-    for places, when in ((offsets_ned_m, "before"), (targets_ned_m, "after")):
-        gap_m, i, j = least_gap(places)
+    for stand_ned_m, when in ((offsets_ned_m, "before"), (targets_ned_m, "after")):
+        gap_m, i, j = least_gap(stand_ned_m)
         if gap_m < separation_m - SLACK_M:
             raise Infeasible(
                 f"{when} the change vehicles {names[i]} and {names[j]} stand {gap_m:.2f} m apart; "
                 f"separation_min_m is {separation_m:g} m",
                 hint="give the shape a larger spacing",
             )
-    tries: list[_Try] = []
-    for attempt in _tries(offsets_ned_m, targets_ned_m, leader, separation_m, fixed):
-        tries.append(attempt)
-        made = _flown([offsets_ned_m, targets_ned_m[attempt.places]], attempt.places, attempt.words)
+    tries: list[Places] = []
+    for places, words in _tries(offsets_ned_m, targets_ned_m, leader, separation_m, fixed):
+        tries.append(places)
+        made = _flown([offsets_ned_m, targets_ned_m[places]], places, words)
         if made.least_distance_m >= separation_m - SLACK_M:
             return made
-    laned = [_in_lanes(offsets_ned_m, targets_ned_m, attempt.places, leader, separation_m) for attempt in tries]
+    laned = [_in_lanes(offsets_ned_m, targets_ned_m, places, leader, separation_m) for places in tries]
     found = [made for made in laned if made is not None]
     if found:
         return min(found, key=lambda made: made[0])[1]
     nearest, roomiest = max(
-        ((least_distance(offsets_ned_m, targets_ned_m[attempt.places]), attempt) for attempt in tries),
+        ((least_distance(offsets_ned_m, targets_ned_m[places]), places) for places in tries),
         key=lambda pair: pair[0][0],
     )
     if nearest[0] * _MOST_SPREAD >= separation_m * _ROOM:
         factor = separation_m * _ROOM / nearest[0]
-        end = targets_ned_m[roomiest.places]
+        end = targets_ned_m[roomiest]
         words = f"spread out to {factor:.2f} times the size, across, together again"
-        return _flown([offsets_ned_m, factor * offsets_ned_m, factor * end, end], roomiest.places, words)
-    raise _refusal(nearest, separation_m, names, fixed)
+        return _flown([offsets_ned_m, factor * offsets_ned_m, factor * end, end], roomiest, words)
+    distance_m, i, j = nearest
+    free = 'leave out assignment = "fixed", ' if fixed else ""
+    raise Infeasible(
+        f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and no altitude lane "
+        f"above the others exists; separation_min_m is {separation_m:g} m",
+        hint=f"give the shapes a larger spacing, {free}or add an intermediate shape",
+    )
 
 
-def _tries(offsets: Array, targets: Array, leader: int, separation_m: float, fixed: bool) -> Iterator[_Try]:
-    """Assignments in the order in which they are tried."""
+def _tries(
+    offsets: Array, targets: Array, leader: int, separation_m: float, fixed: bool
+) -> Iterator[tuple[Places, str]]:
+    """Assignments in the order in which they are tried, with their descriptions when they are flown straight."""
     if fixed:
-        yield _Try(np.arange(len(offsets), dtype=np.intp), "straight, each vehicle to its own place")
+        yield np.arange(len(offsets), dtype=np.intp), "straight, each vehicle to its own place"
         return
     distance = np.asarray(cdist(offsets, targets))
     distance[leader], distance[:, leader] = np.inf, np.inf
@@ -106,10 +106,10 @@ def _tries(offsets: Array, targets: Array, leader: int, separation_m: float, fix
         fastest = bottleneck(table)
         if fastest is None:
             continue
-        yield _Try(fastest, "straight, shortest longest path")
+        yield fastest, "straight, shortest longest path"
         least = least_squares(table)
         assert least is not None
-        yield _Try(least, "straight, least sum of squared paths")
+        yield least, "straight, least sum of squared paths"
         return
 
 
@@ -135,14 +135,4 @@ def _flown(stops: list[Array], places: Places, way: str) -> Reshaped:
         places=places,
         way=way,
         least_distance_m=min(least_distance(start, end)[0] for start, end in legs),
-    )
-
-
-def _refusal(nearest: tuple[float, int, int], separation_m: float, names: Sequence[int], fixed: bool) -> Infeasible:
-    distance_m, i, j = nearest
-    free = 'leave out assignment = "fixed", ' if fixed else ""
-    return Infeasible(
-        f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and no altitude lane "
-        f"above the others exists; separation_min_m is {separation_m:g} m",
-        hint=f"give the shapes a larger spacing, {free}or add an intermediate shape",
     )

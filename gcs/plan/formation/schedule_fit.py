@@ -13,7 +13,7 @@ from gcs.errors import Infeasible
 from gcs.plan.formation.coordinates import budget_of_each
 from gcs.plan.formation.time_scaling import least_duration
 from gcs.plan.formation.timeline import MadeChange, made_changes, trigger_words
-from gcs.scenario.schema.scenario import ChangeTable, Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 _SLACK_S = 1e-9
 _HALVINGS = 40
@@ -46,7 +46,11 @@ def check_schedule(scenario: Scenario, end_s: float) -> None:
     late = _first_late(scenario, made, end_s)
     if late is None:
         return
-    raise ScheduleMisfit.because(_what(scenario, made, late, end_s), hint=_advice(scenario, made, late, end_s))
+    found = [*_times(scenario, made, late, end_s), *_faster(scenario, made, end_s), *_closer(scenario, end_s)]
+    hint = "remove a [[formation.change]], or give the flight more time ([time] flight_s) and begin changes earlier"
+    raise ScheduleMisfit.because(
+        _what(scenario, made, late, end_s), hint=f"set {', or '.join(found)}" if found else hint
+    )
 
 
 def _first_late(scenario: Scenario, made: tuple[MadeChange, ...], end_s: float) -> _Late | None:
@@ -82,13 +86,6 @@ def _what(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s: 
     return text
 
 
-def _advice(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s: float) -> str:
-    found = [*_times(scenario, made, late, end_s), *_faster(scenario, made, end_s), *_closer(scenario, end_s)]
-    if not found:
-        return "remove a [[formation.change]], or give the flight more time ([time] flight_s) and begin changes earlier"
-    return f"set {', or '.join(found)}"
-
-
 def _times(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s: float) -> Iterator[str]:
     """Another time for the change, or for the flight."""
     change = made[late.number].change
@@ -97,9 +94,9 @@ def _times(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s:
         earliest_s = math.ceil(100.0 * late.ready_s - _SLACK_S) / 100.0
         latest_s = math.floor(100.0 * (end_s - late.duration_s)) / 100.0
         at_s, more = (earliest_s, "or more") if late.overlaps else (latest_s, "or less")
-        moved = _with_change(scenario, index, change.model_copy(update={"at_s": at_s}))
-        others = _retimed(made, late.number, moved.formation.change[index])
-        if at_s >= late.ready_s - _SLACK_S and _first_late(moved, others, end_s) is None:
+        moved = replace(made[late.number], change=change.model_copy(update={"at_s": at_s}))
+        others = (*made[: late.number], moved, *made[late.number + 1 :])
+        if at_s >= late.ready_s - _SLACK_S and _first_late(scenario, others, end_s) is None:
             yield f"formation.change[{index}].at_s to {at_s:g} {more}"
     if not late.overlaps and not scenario.time.free:
         longer_s = end_s
@@ -196,18 +193,6 @@ def _least(fits: Callable[[float], bool], low: float, high: float) -> float | No
         if high - low < 1e-3 * low:
             break
     return high
-
-
-def _with_change(scenario: Scenario, index: int, change: ChangeTable) -> Scenario:
-    changes = list(scenario.formation.change)
-    changes[index] = change
-    formation = scenario.formation.model_copy(update={"change": tuple(changes)})
-    return scenario.model_copy(update={"formation": formation})
-
-
-def _retimed(made: tuple[MadeChange, ...], number: int, change: ChangeTable) -> tuple[MadeChange, ...]:
-    """The same changes, of which one has another time."""
-    return (*made[:number], replace(made[number], change=change), *made[number + 1 :])
 
 
 def _up(value: float) -> float:

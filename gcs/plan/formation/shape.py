@@ -113,11 +113,17 @@ def rigid(offsets_ned_m: Array, start_s: float, end_s: float) -> Shape:
 
 def stretched(shape: Shape, start_s: float, end_s: float) -> Shape:
     """The same shape over another span of time."""
-    factor = (end_s - start_s) / (shape.end_s - shape.start_s)
-    joints = start_s + (shape.joints_s - shape.start_s) * factor
+    return Shape(stretched_polynomials(shape.functions, start_s, end_s), shape.basis_ned_m)
+
+
+def stretched_polynomials(polynomials: PPoly, start_s: float, end_s: float) -> PPoly:
+    """The same polynomials over another span of time."""
+    first, last = float(polynomials.x[0]), float(polynomials.x[-1])
+    factor = (end_s - start_s) / (last - first)
+    joints = start_s + (polynomials.x - first) * factor
     joints[-1] = end_s
-    powers = np.arange(shape.functions.c.shape[0] - 1, -1, -1)
-    return Shape(PPoly(shape.functions.c / factor ** powers[:, None, None], joints), shape.basis_ned_m)
+    powers = np.arange(len(polynomials.c) - 1.0, -1.0, -1.0)
+    return PPoly(polynomials.c / factor ** powers[:, None, None], joints)
 
 
 def joined(parts: list[Shape]) -> Shape:

@@ -6,6 +6,7 @@ Changes must neither overlap nor violate the separation. The instants at which g
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -61,12 +62,12 @@ class MadeChange:
     """One change without its start time: from one rigid shape to the next."""
 
     change: ChangeTable
-    name: str
     before_ned_m: Array  # (V, 3)
     after_ned_m: Array  # (V, 3)
     legs: tuple[tuple[Shape, float], ...]  # on [0, 1], and the seconds each takes
-    paper_time_s: float
     limited_by: str
+    name: str
+    paper_time_s: float
     way: str
     least_gap_m: float
 
@@ -129,7 +130,13 @@ def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: 
     now_s = start_s
     for made, wanted_s in zip(made_changes(scenario), starts_s, strict=True):
         begin_s = _begin(made, wanted_s, now_s, moves[-1].name if moves else "")
-        _check_end(made, begin_s, end_s)
+        if (over_s := begin_s + made.duration_s - end_s) > _SLACK_S:
+            latest_s = math.floor(100.0 * (end_s - made.duration_s)) / 100.0
+            raise Infeasible(
+                f'the change "{made.name}" ({trigger_words(made.change)}) begins at {begin_s:.2f} s and takes '
+                f"{made.duration_s:.2f} s: it would end {over_s:.2f} s after the flight does",
+                hint=f"start it at {latest_s:.2f} s or earlier, or increase [time] flight_s, or {_KEYS}",
+            )
         if begin_s > now_s:
             parts.append(rigid(made.before_ned_m, now_s, begin_s))
         now_s = begin_s
@@ -196,14 +203,12 @@ def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeCha
     # NEU and NED name the same axis; a right-handed rotation about it is the same.
     axis = _DOWN if change.axis is None else np.array(change.axis) * NED_FROM_UP
     about = "" if change.axis is None else " about ({:g}, {:g}, {:g})".format(*change.axis)
-    legs, limited_by = _timed(scenario, (rotation(offsets, axis, angle_rad),))
-    return MadeChange(
+    return _made(
+        scenario,
         change,
+        (rotation(offsets, axis, angle_rad),),
+        (offsets, rotated(offsets, axis, angle_rad)),
         name=f"rotate {change.angle_deg:g} deg{about}",
-        before_ned_m=offsets,
-        after_ned_m=rotated(offsets, axis, angle_rad),
-        legs=legs,
-        limited_by=limited_by,
         paper_time_s=paper_rotation_time_s(offsets, axis, angle_rad, scenario.formation.change_speed_mps),
         way="as one rigid body",
         least_gap_m=least_gap(offsets)[0],
@@ -223,14 +228,12 @@ def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeChan
             f"separation_min_m is {least_m:g} m",
             hint=f"set scale to {smallest:g} or more, or start with a larger spacing",
         )
-    legs, limited_by = _timed(scenario, (shrinking(offsets, change.scale),))
-    return MadeChange(
+    return _made(
+        scenario,
         change,
+        (shrinking(offsets, change.scale),),
+        (offsets, change.scale * offsets),
         name=name,
-        before_ned_m=offsets,
-        after_ned_m=change.scale * offsets,
-        legs=legs,
-        limited_by=limited_by,
         paper_time_s=paper_shrink_time_s(offsets, change.scale, scenario.formation.change_speed_mps),
         way="in proportion",
         least_gap_m=gap_m * min(1.0, change.scale),
@@ -252,26 +255,27 @@ def _reshaped(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeCh
     except Infeasible as error:
         raise Infeasible(f"{name}: {error.message}", hint=error.hint) from error
     after = made.offsets_after_ned_m
-    legs, limited_by = _timed(scenario, made.legs)
-    return MadeChange(
+    return _made(
+        scenario,
         change,
+        made.legs,
+        (offsets, after),
         name=name,
-        before_ned_m=offsets,
-        after_ned_m=after,
-        legs=legs,
-        limited_by=limited_by,
         paper_time_s=paper_reshape_time_s(offsets, after, scenario.formation.change_speed_mps),
         way=made.way,
         least_gap_m=made.least_distance_m,
     )
 
 
-def _timed(scenario: Scenario, legs: tuple[Shape, ...]) -> tuple[tuple[tuple[Shape, float], ...], str]:
-    """The legs with their shortest durations, without those of no length; what limits the longest."""
+def _made(
+    scenario: Scenario, change: ChangeTable, legs: tuple[Shape, ...], ends_ned_m: tuple[Array, Array], **told: Any
+) -> MadeChange:
+    """The change with the shortest durations of its legs, without those of no length; what limits the longest."""
     limit = budget_of_each(scenario)
     durations = [least_duration(leg, limit) for leg in legs]
     _, limited_by = max(durations, default=(0.0, NOTHING))
-    return tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0), limited_by
+    timed = tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0)
+    return MadeChange(change, *ends_ned_m, timed, limited_by, **told)
 
 
 def trigger_words(change: ChangeTable) -> str:
@@ -294,16 +298,4 @@ def _begin(made: MadeChange, wanted_s: float, now_s: float, before: str) -> floa
         f'the change "{made.name}" ({trigger_words(made.change)}) would begin at {wanted_s:.2f} s, '
         f"{now_s - wanted_s:.2f} s before {then}",
         hint=f"start it at {earliest_s:.2f} s or later; a larger {_KEYS} makes changes shorter",
-    )
-
-
-def _check_end(made: MadeChange, begin_s: float, end_s: float) -> None:
-    over_s = begin_s + made.duration_s - end_s
-    if over_s <= _SLACK_S:
-        return
-    latest_s = math.floor(100.0 * (end_s - made.duration_s)) / 100.0
-    raise Infeasible(
-        f'the change "{made.name}" ({trigger_words(made.change)}) begins at {begin_s:.2f} s and takes '
-        f"{made.duration_s:.2f} s: it would end {over_s:.2f} s after the flight does",
-        hint=f"start it at {latest_s:.2f} s or earlier, or increase [time] flight_s, or {_KEYS}",
     )

@@ -52,17 +52,6 @@ def rotated(offsets_ned_m: Array, axis_ned: Array, angle_rad: float) -> Array:
     return along + math.cos(angle_rad) * across + math.sin(angle_rad) * ahead
 
 
-def rotation_paths_m(offsets_ned_m: Array, axis_ned: Array, angle_rad: float) -> Array:
-    """Eq. 5: length of each vehicle's arc (V,), by its distance to the axis; the printed one is to a point."""
-    _, across, _ = _parts(offsets_ned_m, axis_ned)
-    return np.asarray(abs(angle_rad) * np.linalg.norm(across, axis=1))
-
-
-def shrink_paths_m(offsets_ned_m: Array, scale: float) -> Array:
-    """Eq. 9: length of each vehicle's path (V,): (1 - scale) of the distance that the paper counts whole."""
-    return np.asarray(abs(1.0 - scale) * np.linalg.norm(offsets_ned_m, axis=1))
-
-
 def reshape_paths_m(offsets_ned_m: Array, targets_ned_m: Array) -> Array:
     """Length of each vehicle's straight path (V,)."""
     return np.asarray(np.linalg.norm(targets_ned_m - offsets_ned_m, axis=1))
@@ -74,13 +63,14 @@ def paper_time_s(paths_m: Array, v_max_mps: float) -> float:
 
 
 def paper_rotation_time_s(offsets_ned_m: Array, axis_ned: Array, angle_rad: float, v_max_mps: float) -> float:
-    """Eqs. 5-8: the paper's least time of a rotation, s."""
-    return paper_time_s(rotation_paths_m(offsets_ned_m, axis_ned, angle_rad), v_max_mps)
+    """Eqs. 5-8: the paper's least time of a rotation, s; by distances to the axis, printed are those to a point."""
+    _, across, _ = _parts(offsets_ned_m, axis_ned)
+    return paper_time_s(abs(angle_rad) * np.linalg.norm(across, axis=1), v_max_mps)
 
 
 def paper_shrink_time_s(offsets_ned_m: Array, scale: float, v_max_mps: float) -> float:
-    """Eqs. 9-12: the paper's least time of a shrink, s."""
-    return paper_time_s(shrink_paths_m(offsets_ned_m, scale), v_max_mps)
+    """Eqs. 9-12: the paper's least time of a shrink, s: (1 - scale) of the distance that the paper counts whole."""
+    return paper_time_s(abs(1.0 - scale) * np.linalg.norm(offsets_ned_m, axis=1), v_max_mps)
 
 
 def paper_reshape_time_s(offsets_ned_m: Array, targets_ned_m: Array, v_max_mps: float) -> float:

@@ -113,9 +113,12 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         ca.mtimes(box, y) + box_shift,
     )
     steps, spans = _thrust_steps(k, stretch)
-    around = _Around.of(k, y)
+    around, around_jacobian = ca.MX(0, 1), ca.MX(0, sampling.size2())
+    if k.points is not None:
+        states = ca.mtimes(k.points.pick, y) + k.points.offset
+        around, around_jacobian = k.points.values(states), ca.mtimes(k.points.jacobian(states), k.points.pick)
     linear = ca.DM(0, 0) if k.legs is None else ca.DM(k.legs.times)
-    g = ca.vertcat(g, around.values, ca.mtimes(linear, stretch) if k.legs else ca.MX(0, 1))
+    g = ca.vertcat(g, around, ca.mtimes(linear, stretch) if k.legs else ca.MX(0, 1))
     g = ca.vertcat(g, ca.mtimes(steps, y) - spans, -ca.mtimes(steps, y) - spans)
 
     # IPOPT's interface copies only stored entries: a sparse gradient would leave the others unset.
@@ -125,7 +128,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=lengths), s_nodes]),
         ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots)[path_rows, :], sampling),
         ca.MX(box),
-        around.jacobian,
+        around_jacobian,
         ca.MX(linear.size1(), sampling.size2()),
         ca.MX(steps),
         ca.MX(-steps),
@@ -141,7 +144,10 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
-    hessian += around.hessian(lam[a.size1() + path_size + box.size1() :])
+    if k.points is not None:
+        first = a.size1() + path_size + box.size1()
+        bent = k.points.hessian(states, lam[first : first + k.points.count])
+        hessian += ca.mtimes([k.points.pick.T, bent, k.points.pick])
     if k.legs is not None:
         # The program is linear in the stretch of each leg, in the mean cost and in the motion.
         over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes), fixed_shares[2:, :])
@@ -191,33 +197,6 @@ def _grown(k: Constants, legs: LegConstants) -> ca.DM:
     moving = np.flatnonzero(legs.of_interval != HOLD)
     shape = len(k.interval_s), legs.count
     return dm(sparse.csc_matrix((-k.interval_s[moving], (moving, legs.of_interval[moving])), shape=shape))
-
-
-@dataclass(frozen=True)
-class _Around:
-    """The rows about the states at some joints, in the unknowns of the whole program."""
-
-    functions: PointFunctions | None
-    states: ca.MX
-    values: ca.MX
-    jacobian: ca.MX
-    size: int
-
-    @classmethod
-    def of(cls, k: Constants, y: ca.MX) -> _Around:
-        size = k.sampling.size2()
-        if k.points is None:
-            return cls(None, y, ca.MX(0, 1), ca.MX(0, size), size)
-        states = ca.mtimes(k.points.pick, y) + k.points.offset
-        jacobian = ca.mtimes(k.points.jacobian(states), k.points.pick)
-        return cls(k.points, states, k.points.values(states), jacobian, size)
-
-    def hessian(self, multipliers: ca.MX) -> ca.MX:
-        """The share (n, n) of these rows in the Hessian; theirs are the first `multipliers`."""
-        if self.functions is None:
-            return ca.MX(self.size, self.size)
-        pick = self.functions.pick
-        return ca.mtimes([pick.T, self.functions.hessian(self.states, multipliers[: self.functions.count]), pick])
 
 
 def _times_lengths(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:

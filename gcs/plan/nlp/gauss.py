@@ -38,7 +38,13 @@ def gauss_rule(degree: int) -> GaussRule:
     nodes, weights = np.polynomial.legendre.leggauss(degree)
     support = np.concatenate([[-1.0], nodes])
     barycentric = barycentric_weights(support)
-    return GaussRule(degree, nodes, weights, support, _differentiation(support, barycentric)[1:], barycentric)
+    gaps = support[:, None] - support[None, :]
+    np.fill_diagonal(gaps, 1.0)
+    # The diagonal of the differentiation follows from rows summing to zero, which keeps it accurate.
+    matrix = barycentric[None, :] / barycentric[:, None] / gaps
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, -matrix.sum(axis=1))
+    return GaussRule(degree, nodes, weights, support, matrix[1:], barycentric)
 
 
 def barycentric_weights(support: Array) -> Array:
@@ -58,13 +64,3 @@ def lagrange_matrix(support: Array, barycentric: Array, points: Array) -> Array:
     on_node = hit.any(axis=1)
     terms[on_node] = hit[on_node]
     return np.asarray(terms / terms.sum(axis=1, keepdims=True))
-
-
-def _differentiation(support: Array, barycentric: Array) -> Array:
-    """Square differentiation matrix; the diagonal follows from rows summing to zero, which keeps it accurate."""
-    gaps = support[:, None] - support[None, :]
-    np.fill_diagonal(gaps, 1.0)
-    matrix = barycentric[None, :] / barycentric[:, None] / gaps
-    np.fill_diagonal(matrix, 0.0)
-    np.fill_diagonal(matrix, -matrix.sum(axis=1))
-    return np.asarray(matrix)

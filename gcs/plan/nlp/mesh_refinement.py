@@ -213,7 +213,8 @@ def drifting_intervals(
     if error_m.max() <= WINDOW_TOLERANCE_M:
         return set(), ()
     bad = starts_s[error_m > WINDOW_TOLERANCE_M]
-    intervals = {i for start in bad for i in _overlapping(joints, start, start + WINDOW_S)}
+    overlap = (joints[1:] > bad[:, None]) & (joints[:-1] < bad[:, None] + WINDOW_S)
+    intervals = set(np.flatnonzero(overlap.any(axis=0)).tolist())
     longest = max(np.diff(joints)[list(intervals)])
     # The long intervals cause the drift; halving the short ones beside them would only cost time.
     intervals = {i for i in intervals if joints[i + 1] - joints[i] > 0.5 * longest}
@@ -223,10 +224,6 @@ def drifting_intervals(
 
 def _motion(trajectory: Trajectory, shape: Shape, problem: Problem, t_s: Array, rows: Rows) -> tuple[Array, Array]:
     return formation_motion(trajectory.state, trajectory.control, shape, problem.quadrotor, t_s, rows)
-
-
-def _overlapping(joints: Array, start: float, end: float) -> list[int]:
-    return list(np.flatnonzero((joints[1:] > start) & (joints[:-1] < end)))
 
 
 def moved(solution: Solution, before: Mesh, after: Mesh) -> Solution:

@@ -9,7 +9,6 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from gcs.physics.states import NU, NX
@@ -19,6 +18,7 @@ from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.trajectory.constraint_id import CONTROLS, STATES, ConstraintId, Form, Kind
 from gcs.types import Array
 
+_Block = tuple[int, int, int, float]  # an identity in a sparse matrix: first row, first column, size, factor
 _CHAIN = 4  # integrators of each coordinate; its control is the next derivative
 
 
@@ -130,7 +130,7 @@ class VariableLayout:
 
     def sampling(self, times_s: Array) -> sparse.csc_matrix:
         """S (nz T, size): unknowns -> state and control at the given instants."""
-        rows, cols, values = [], [], []
+        blocks: list[_Block] = []
         intervals = np.clip(np.searchsorted(self.mesh.joints_s, times_s, side="right") - 1, 0, self.mesh.intervals - 1)
         for point, (t, i) in enumerate(zip(times_s, intervals, strict=True)):
             low, high = self.mesh.joints_s[i], self.mesh.joints_s[i + 1]
@@ -140,17 +140,13 @@ class VariableLayout:
             starts = [self.joint(i), *(self.node(i, k) for k in range(rule.degree))]
             for start, weight in zip(starts, weights, strict=True):
                 if abs(weight) > 1e-14:
-                    rows.append(self.nz * point + np.arange(self.nx))
-                    cols.append(start + np.arange(self.nx))
-                    values.append(np.full(self.nx, weight))
+                    blocks.append((self.nz * point, start, self.nx, weight))
             points, support = self.control_support(i)
             weights = lagrange_matrix(support, barycentric_weights(support), tau)[0]
             for control, weight in zip(points, weights, strict=True):
                 if abs(weight) > 1e-14:
-                    rows.append(self.nz * point + self.nx + np.arange(self.nu))
-                    cols.append(self.control(control) + np.arange(self.nu))
-                    values.append(np.full(self.nu, weight))
-        return _matrix(rows, cols, values, (self.nz * len(times_s), self.size))
+                    blocks.append((self.nz * point + self.nx, self.control(control), self.nu, weight))
+        return _matrix(blocks, (self.nz * len(times_s), self.size))
 
     def point_times_s(self) -> Array:
         """Instants of all state points: joints, then nodes."""
@@ -158,8 +154,9 @@ class VariableLayout:
 
     def collocation(self) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
         """A, B of g = A w - B f: D times the states minus half the interval times f (44), and the joints (46)."""
-        a, b = _Triplets(self.nx), _Triplets(self.nx)
-        row = 0
+        a: list[_Block] = []
+        b: list[_Block] = []
+        row, nx = 0, self.nx
         for i, degree in enumerate(self.mesh.degrees):
             rule = gauss_rule(degree)
             half = 0.5 * (self.mesh.joints_s[i + 1] - self.mesh.joints_s[i])
@@ -167,15 +164,13 @@ class VariableLayout:
             starts = [self.joint(i), *(self.node(i, k) for k in range(degree))]
             for k in range(degree):
                 for start, d in zip(starts, rule.differentiation[k], strict=True):
-                    a.add(row, start, d)
-                b.add(row, first + self.nx * k, half)
-                row += self.nx
-            a.add(row, self.joint(i + 1), 1.0)
-            a.add(row, self.joint(i), -1.0)
-            for k in range(degree):
-                b.add(row, first + self.nx * k, half * rule.weights[k])
-            row += self.nx
-        return a.matrix((row, self.size)), b.matrix((row, self.nx * self.nodes))
+                    a.append((row, start, nx, d))
+                b.append((row, first + nx * k, nx, half))
+                row += nx
+            a += [(row, self.joint(i + 1), nx, 1.0), (row, self.joint(i), nx, -1.0)]
+            b += [(row, first + nx * k, nx, half * rule.weights[k]) for k in range(degree)]
+            row += nx
+        return _matrix(a, (row, self.size)), _matrix(b, (row, nx * self.nodes))
 
     def collocation_times_s(self) -> Array:
         """Instants (N + M,) of the rows of A and B, one for each state component: an interval's nodes, then its end."""
@@ -190,26 +185,11 @@ class VariableLayout:
         )
 
 
-class _Triplets:
-    """Collects identity blocks of a sparse matrix."""
-
-    def __init__(self, width: int) -> None:
-        self.width = width
-        self.rows: list[NDArray[np.intp]] = []
-        self.cols: list[NDArray[np.intp]] = []
-        self.values: list[Array] = []
-
-    def add(self, row: int, col: int, value: float) -> None:
-        self.rows.append(row + np.arange(self.width))
-        self.cols.append(col + np.arange(self.width))
-        self.values.append(np.full(self.width, value))
-
-    def matrix(self, shape: tuple[int, int]) -> sparse.csc_matrix:
-        return _matrix(self.rows, self.cols, self.values, shape)
-
-
-def _matrix(
-    rows: list[NDArray[np.intp]], cols: list[NDArray[np.intp]], values: list[Array], shape: tuple[int, int]
-) -> sparse.csc_matrix:
-    triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
-    return sparse.csc_matrix(triplets, shape=shape)
+def _matrix(blocks: list[_Block], shape: tuple[int, int]) -> sparse.csc_matrix:
+    """The sparse matrix that is made of these blocks."""
+    if not blocks:
+        return sparse.csc_matrix(shape)
+    rows = np.concatenate([row + np.arange(size) for row, _, size, _ in blocks])
+    columns = np.concatenate([column + np.arange(size) for _, column, size, _ in blocks])
+    values = np.concatenate([np.full(size, value) for *_, size, value in blocks])
+    return sparse.csc_matrix((values, (rows, columns)), shape=shape)

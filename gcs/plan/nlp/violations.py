@@ -86,13 +86,10 @@ def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> t
             for a, b in _periods(lowest < 0.0):
                 at = a + int(np.argmin(lowest[a:b]))
                 by = float(-lowest[at])
-                known = Violation(
-                    margin.constraint, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance
-                )
-                leader_by = max(float(-margin.value[0, at]), 0.0)
-                found.append(
-                    replace(known, period_s=(float(times[a]), float(times[b - 1])), beyond_leader=by - leader_by)
-                )
+                sizes = by, by / margin.scale, by / tolerance
+                period_s, leader_by = (float(times[a]), float(times[b - 1])), max(float(-margin.value[0, at]), 0.0)
+                constraint, unit, t_s = margin.constraint, margin.unit, float(times[at])
+                found.append(Violation(constraint, unit, t_s, *sizes, period_s, by - leader_by))
     return tuple(found)
 
 
@@ -192,7 +189,9 @@ def _checks(problem: Problem, trajectory: Trajectory, shape: Shape) -> Iterator[
 def _facing(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:
     """How well the formation faces along its course."""
     velocities = trajectory.state(times)[:, VELOCITY]
-    faced = margins.course(problem.scenario, velocities, _heading(problem, trajectory, times))
+    number = [c.free_end for c in problem.coordinates].index(True)
+    heading_rad = trajectory.coordinates(times)[:, number] + problem.course_at_start_rad
+    faced = margins.course(problem.scenario, velocities, heading_rad)
     return [(faced, COURSE_TOLERANCE * faced.scale)]
 
 
@@ -205,12 +204,6 @@ def _ranges(problem: Problem, trajectory: Trajectory, times: Array) -> list[tupl
         constraint = ConstraintId(Kind.COORDINATE, of=coordinate.name)
         found.append((Margin(constraint, "of its range", inside[None], size), LIMIT_TOLERANCE * size))
     return found
-
-
-def _heading(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
-    """Direction (N,) in which the formation faces, rad."""
-    number = [c.free_end for c in problem.coordinates].index(True)
-    return np.asarray(trajectory.coordinates(times)[:, number] + problem.course_at_start_rad)
 
 
 def _positions(

@@ -77,16 +77,11 @@ def zone_pieces(problem: Problem) -> list[tuple[ConstraintId, Zone, Piece]]:
     for name, zone in zip(zone_names(problem.scenario), zones(problem.scenario), strict=True):
         every = pieces(zone)
         for part, piece in enumerate(every, start=1):
-            if _is_reached(piece, places):
+            # A half-plane may have no place in the region; other pieces count as reached.
+            bounded = isinstance(piece, Disk) or piece.corners_m
+            if bounded or piece.outside_m(places[:, 0], places[:, 1]).min() < 0.0:
                 found.append((ConstraintId(Kind.ZONE, of=name, part=part if len(every) > 1 else 0), zone, piece))
     return found
-
-
-def _is_reached(piece: Piece, corners_m: Array) -> bool:
-    """Whether a half-plane has places in a region with these corners (4, 2); other pieces count as reached."""
-    if isinstance(piece, Disk) or piece.corners_m:
-        return True
-    return bool(piece.outside_m(corners_m[:, 0], corners_m[:, 1]).min() < 0.0)
 
 
 def offsets_at(problem: Problem, base: Array, states: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from gcs.errors import Infeasible
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.trajectory.constraint_id import ANGLES, CONTROLS, STATES, Kind
+from gcs.plan.trajectory.constraint_id import ANGLES, COLUMNS, CONTROLS, STATES, Kind
 from gcs.types import Array
 
 _TILT = slice(6, 8)
@@ -37,13 +37,11 @@ def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]
         taken = _LIGHT / gravity * _push(problem, times_s, order)[:, None]
         low[:, part] += taken
         high[:, part] -= taken
-    _tighten(problem, times_s, low, high, low_column=0)
-    _refuse_crossed(times_s, low, high, STATES)
-    chains = [_chain(problem, c) for c in range(len(problem.coordinates))]
-    return (
-        np.hstack([low, *(np.tile(a, (len(times_s), 1)) for a, _ in chains)]),
-        np.hstack([high, *(np.tile(b, (len(times_s), 1)) for _, b in chains)]),
-    )
+    _tighten(problem, times_s, low, high, STATES)
+    for c in problem.coordinates:
+        low = np.hstack([low, np.tile([c.low, *np.negative(c.most[:3])], (len(times_s), 1))])
+        high = np.hstack([high, np.tile([c.high, *c.most[:3]], (len(times_s), 1))])
+    return low, high
 
 
 def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]:
@@ -57,43 +55,33 @@ def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Arra
     snaps = np.array([c.most[3] for c in problem.coordinates])
     if problem.coordinates or problem.shape.moving_s:
         _leave_room(problem, times_s, low, high)
-    _tighten(problem, times_s, low, high, low_column=12)
-    _refuse_crossed(times_s, low, high, CONTROLS)
+    _tighten(problem, times_s, low, high, CONTROLS)
     return (np.hstack([low, np.tile(-snaps, (len(times_s), 1))]), np.hstack([high, np.tile(snaps, (len(times_s), 1))]))
 
 
-def _tighten(problem: Problem, times_s: Array, low: Array, high: Array, low_column: int) -> None:
-    """Tighten bounds (T, n), the first of which is `low_column`, as earlier rounds require."""
+def _tighten(problem: Problem, times_s: Array, low: Array, high: Array, kinds: tuple[Kind, ...]) -> None:
+    """Tighten bounds (T, n) of these kinds as earlier rounds require; raises Infeasible where they cross."""
     for tighter in problem.tightenings:
-        column = tighter.column - low_column
+        column = tighter.column - COLUMNS[kinds[0]]
         if 0 <= column < low.shape[1]:
             during = (times_s >= tighter.start_s) & (times_s <= tighter.end_s)
             low[during, column] += tighter.by
             high[during, column] -= tighter.by
-
-
-def _refuse_crossed(times_s: Array, low: Array, high: Array, kinds: tuple[Kind, ...]) -> None:
-    """Raises Infeasible where a lower bound (T, n) is above its upper bound."""
     crossed = np.argwhere(low > high)
     if not len(crossed):
         return
     t, number = crossed[0]
-    kind, apart = kinds[number], kinds[number] in STATES[POSITION]
+    kind, apart, by, excess = kinds[number], kinds[number] in STATES[POSITION], low[t, number] - high[t, number], ""
+    if kind in STATES:
+        unit = ("m", "m/s", "deg", "deg/s")[STATES.index(kind) // 3]
+        excess = f", by {np.degrees(by) if kind in ANGLES else by:.3g} {unit}"
     raise Infeasible.because(
         f"at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
-        f"of {kind.value} allows{_excess(low[t, number] - high[t, number], kind)}",
+        f"of {kind.value} allows{excess}",
         hint="widen [limits] height_m, north_m or east_m, or give the shapes less spacing"
         if apart
         else "make [formation] change_speed_mps or change_accel_mps2 smaller, or widen [limits]",
     )
-
-
-def _excess(by: float, kind: Kind) -> str:
-    """By how much a state's bounds cross, in words; nothing for a control."""
-    if kind not in STATES:
-        return ""
-    unit = ("m", "m/s", "deg", "deg/s")[STATES.index(kind) // 3]
-    return f", by {np.degrees(by) if kind in ANGLES else by:.3g} {unit}"
 
 
 def _leave_room(problem: Problem, times_s: Array, low: Array, high: Array) -> None:
@@ -124,12 +112,6 @@ def boundary_values(problem: Problem) -> tuple[Array, Array, Array]:
         low.append(np.array([c.low, 0.0, 0.0, 0.0]) if c.free_end else rest)
         high.append(np.array([c.high, 0.0, 0.0, 0.0]) if c.free_end else rest)
     return np.concatenate(start), np.concatenate(low), np.concatenate(high)
-
-
-def _chain(problem: Problem, number: int) -> tuple[Array, Array]:
-    coordinate = problem.coordinates[number]
-    most = np.array(coordinate.most[:3])
-    return np.concatenate([[coordinate.low], -most]), np.concatenate([[coordinate.high], most])
 
 
 def _offset_range(problem: Problem, times_s: Array, order: int) -> tuple[Array, Array]:

@@ -90,7 +90,8 @@ def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNl
     """The program for as many intervals as `mesh` has, all of one degree."""
     (degree,) = set(mesh.degrees)
     layout = VariableLayout(Mesh(np.arange(mesh.intervals + 1.0), mesh.degrees))
-    unused = (_far_away(whole.scenario),) * spare_disks
+    (_, north_m), (_, east_m) = whole.scenario.limits.north_m, whole.scenario.limits.east_m
+    unused = (NoFlyZone(north_m=north_m + 1000.0, east_m=east_m + 1000.0, radius_m=100.0),) * spare_disks
     zones = (*whole.scenario.no_fly, *unused)
     problem = replace(whole, scenario=with_zones(whole.scenario, zones), spare_disks=spare_disks)
     real = VariableLayout(mesh)
@@ -135,11 +136,6 @@ def with_zones(scenario: Scenario, zones: tuple[NoFlyZone, ...]) -> Scenario:
 
 def _weight(whole: Problem, times_s: Array) -> Array:
     return TERMINAL_WEIGHTS[whole.objective.terminal_weight](times_s, whole.end_s)
-
-
-def _far_away(scenario: Scenario) -> NoFlyZone:
-    limits = scenario.limits
-    return NoFlyZone(north_m=limits.north_m[1] + 1000.0, east_m=limits.east_m[1] + 1000.0, radius_m=100.0)
 
 
 def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violation, ...]) -> Program:

@@ -36,7 +36,7 @@ from gcs.plan.replanning.warm_start import Multipliers, multipliers
 from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
-from gcs.plan.search.routes import Route, find_routes, survey
+from gcs.plan.search.routes import find_routes, survey
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -94,19 +94,16 @@ class Replanner:
             return
         most = end_refined(mission.start_s, mission.end_s, LONGEST_S, SHORTEST_S, DEGREE).intervals
         counts = sorted({max(2 * int(np.ceil(0.5 * share * most)), _FEWEST) for share in _MESHES})
-        self._programs = {count: self._built(count) for count in counts}
-        self._old, self._multipliers = self._solved_once(self._programs[counts[-1]])
-
-    def _built(self, count: int) -> ParametricNlp:
-        mesh = counted(self._whole.start_s, self._whole.end_s, count, SHORTEST_S, DEGREE)
-        return parametric_nlp(self._whole, mesh, self.spare_disks)
-
-    def _solved_once(self, first: ParametricNlp) -> tuple[Trajectory, Multipliers]:
-        planned = trajectory_part(self.plan.leader_trajectory, self._whole.start_s, self._whole.end_s)
-        mesh = counted(self._whole.start_s, self._whole.end_s, first.intervals, SHORTEST_S, DEGREE)
-        program = first.program(self._whole, mesh, planned)
-        solution = run(first.afresh, program, {"x0": program.scaled(planned)})
-        return program.trajectory(solution.y), multipliers(program, solution)
+        whole = self._whole
+        meshes = [counted(whole.start_s, whole.end_s, count, SHORTEST_S, DEGREE) for count in counts]
+        self._programs = {n: parametric_nlp(whole, mesh, spare_disks) for n, mesh in zip(counts, meshes, strict=True)}
+        finest, planned = (
+            self._programs[counts[-1]],
+            trajectory_part(plan.leader_trajectory, whole.start_s, whole.end_s),
+        )
+        program = finest.program(whole, meshes[-1], planned)
+        solution = run(finest.afresh, program, {"x0": program.scaled(planned)})
+        self._old, self._multipliers = program.trajectory(solution.y), multipliers(program, solution)
 
     def replan(
         self,
@@ -123,12 +120,11 @@ class Replanner:
         began = time.perf_counter()
         leader = self._leader(state)
         self._check(t_s, zones)
-        if self.plan.scenario.route:
-            return self._along_route(leader, t_s, tuple(zones), on_round, began)
+        scenario = self.plan.scenario
         try:
             return self._replanned(leader, t_s, tuple(zones), on_round, began)
         except PlanningError:
-            if not self._keeps_room or not (zones or self.plan.scenario.no_fly or self.plan.scenario.keep_in):
+            if scenario.route or not self._keeps_room or not (zones or scenario.no_fly or scenario.keep_in):
                 raise
         self._second = self._second or Replanner(
             self.plan, spare_disks=self.spare_disks, extra_objectives=self._extra_objectives, keeps_room=False
@@ -143,9 +139,17 @@ class Replanner:
         on_round: Callable[[MeshRound], None],
         began: float,
     ) -> Plan:
-        problem = self._problem(leader, t_s, zones)
+        """The plan; along a route, through the points that are still ahead, and a hold that has begun ends now."""
+        problem, route = self._problem(leader, t_s, zones), bool(self.plan.scenario.route)
+        problem = still_ahead(problem, t_s) if route else problem
         avoided = problem.scenario.no_fly[len(problem.scenario.no_fly) - len(zones) :]
         _check_start(problem)
+        if route:
+            try:
+                found = flown_through(problem, self._old, avoided, on_round)
+            except PlanningError as failure:
+                raise _in_words(problem, failure) from failure
+            return self._made(problem, zones, began, found.trajectory, found.objective, found.history, found.point_s)
         check_time(problem)
         failures: list[PlanningError] = []
         for guess, known in self._guesses(problem, avoided):
@@ -156,24 +160,6 @@ class Replanner:
                 continue
             return self._made(problem, zones, began, flown, objective, tuple(history))
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
-
-    def _along_route(
-        self,
-        leader: Array,
-        t_s: float,
-        zones: tuple[NoFlyZone, ...],
-        on_round: Callable[[MeshRound], None],
-        began: float,
-    ) -> Plan:
-        """The plan through the points that are still ahead; a hold that has begun ends now."""
-        problem = still_ahead(self._problem(leader, t_s, zones), t_s)
-        avoided = problem.scenario.no_fly[len(problem.scenario.no_fly) - len(zones) :]
-        _check_start(problem)
-        try:
-            found = flown_through(problem, self._old, avoided, on_round)
-        except PlanningError as failure:
-            raise _in_words(problem, failure) from failure
-        return self._made(problem, zones, began, found.trajectory, found.objective, found.history, found.point_s)
 
     def _made(
         self,
@@ -197,12 +183,18 @@ class Replanner:
     ) -> Iterator[tuple[Trajectory, Multipliers | None]]:
         """Guesses: the old trajectory with a detour on each side of new disks; then routes through the whole map.
 
-        Raises Infeasible where the map has none.
+        Raises Infeasible where the map has none, or the shortest is longer than the speed limits allow.
         """
         for guess in detours(problem, self._old, zones):
             yield guess, self._multipliers
         routes = find_routes(problem, survey(problem))
-        _check_length(problem, routes[0])
+        speed_mps = float(np.hypot(*problem.state_high[3:5]))
+        if routes[0].length_m > GRID_EXCESS * (reach_m := speed_mps * problem.duration_s):
+            raise Infeasible(
+                f"no plan from t = {problem.start_s:g} s: the shortest route is {routes[0].length_m:.0f} m long, "
+                f"and at {speed_mps:.1f} m/s at most the remaining {problem.duration_s:.0f} s allow {reach_m:.0f} m",
+                hint="land, return or hold (`gcs attach`); the old plan has not changed",
+            )
         for route in routes:
             yield along(problem, route), None
 
@@ -288,18 +280,6 @@ class Replanner:
         finest = self._programs[meshes[-1][0].intervals]
         finer = finest, counted(start_s, end_s, finest.intervals, 0.5 * SHORTEST_S, DEGREE)
         return [*enough[:1], finer]
-
-
-def _check_length(problem: Problem, route: Route) -> None:
-    """Raises Infeasible where the shortest route is longer than the speed limits allow."""
-    speed_mps = float(np.hypot(*problem.state_high[3:5]))
-    reach_m = speed_mps * problem.duration_s
-    if route.length_m > GRID_EXCESS * reach_m:
-        raise Infeasible(
-            f"no plan from t = {problem.start_s:g} s: the shortest route is {route.length_m:.0f} m long, "
-            f"and at {speed_mps:.1f} m/s at most the remaining {problem.duration_s:.0f} s allow {reach_m:.0f} m",
-            hint="land, return or hold (`gcs attach`); the old plan has not changed",
-        )
 
 
 def _in_words(problem: Problem, failure: PlanningError) -> PlanningError:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from gcs.errors import PlanningError
+from gcs.plan.formation.shape import stretched_polynomials
 from gcs.plan.nlp.mesh_refinement import Optimum, with_end, with_times
 from gcs.plan.ocp.problem import FreeTime, Problem
 from gcs.plan.search.homotopy_classes import best_class
@@ -74,11 +74,5 @@ def _rounded(problem: Problem, best: Optimum, on_round: Callable[[MeshRound], No
 
 def _stretched(trajectory: Trajectory, end_s: float) -> Trajectory:
     """The same states, stretched to another time: an initial guess."""
-    factor = (end_s - trajectory.start_s) / (trajectory.end_s - trajectory.start_s)
-    joints = trajectory.start_s + factor * (trajectory.joints_s - trajectory.start_s)
-    joints[-1] = end_s
-    parts = []
-    for polynomials in (trajectory.state, trajectory.control):
-        powers = np.arange(len(polynomials.c) - 1.0, -1.0, -1.0)
-        parts.append(PPoly(polynomials.c / factor ** powers[:, None, None], joints))
-    return Trajectory(*parts)
+    state, control = trajectory.state, trajectory.control
+    return Trajectory(*(stretched_polynomials(part, trajectory.start_s, end_s) for part in (state, control)))

@@ -26,6 +26,7 @@ GRID_EXCESS = 1.02
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 START_S = 2.5  # time for a worker to load the optimiser
+_CTRL_C_IS_FOR_THE_PARENT = signal.SIGINT, signal.SIG_IGN
 
 
 def best_class(
@@ -77,7 +78,11 @@ def best_class(
         if best is None or found.objective < best.objective:
             best = found
     if all_routes and problem.coordinates and not problem.follows_course:
-        tried += [replace(route, verdict=f"rigid: {route.verdict}") for route in _rigid(problem, on_round)]
+        try:
+            rigid = best_class(replace(problem, coordinates=()), on_round)[1]
+        except PlanningError as failure:
+            rigid = (Alternative(0.0, None, failure.message),)
+        tried += [replace(route, verdict=f"rigid: {route.verdict}") for route in rigid]
     if best is None:
         # The map is coarse: the optimiser may find a passage that its cells do not show.
         straight = straight_route(problem)
@@ -124,14 +129,6 @@ def _result(found: Optimum | PlanningError, on_round: Callable[[MeshRound], None
     return found
 
 
-def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alternative, ...]:
-    """The routes of the rigid formation, for comparison."""
-    try:
-        return best_class(replace(problem, coordinates=()), on_round)[1]
-    except PlanningError as failure:
-        return (Alternative(0.0, None, failure.message),)
-
-
 def least_objective(problem: Problem, route: Route) -> float:
     """The lower bound of the objective for all flights along a route, or on the straight line where that is longer."""
     straight_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())
@@ -145,13 +142,9 @@ def is_faster(tasks: int, workers: int, expected_s: float) -> bool:
 
 def run_all(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
     """Results of `work` in the order of the tasks. The first failure in that order ends all tasks and is raised."""
-    pool = multiprocessing.get_context("spawn").Pool(min(workers, len(tasks)), _leave_ctrl_c_to_the_parent)
+    pool = multiprocessing.get_context("spawn").Pool(min(workers, len(tasks)), signal.signal, _CTRL_C_IS_FOR_THE_PARENT)
     try:
         return list(pool.imap(work, tasks))
     finally:
         pool.terminate()
         pool.join()
-
-
-def _leave_ctrl_c_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

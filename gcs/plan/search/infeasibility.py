@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +42,7 @@ def check_time(problem: Problem) -> None:
 
 
 def _check_speed(problem: Problem) -> None:
-    times = _least_times_s(problem)
+    times = np.abs((problem.end_state - problem.start_state)[POSITION]) / problem.state_high[VELOCITY]
     latest_s = problem.duration_s if problem.free_time is None else problem.free_time.latest_s
     axis = int(np.argmax(times))
     if times[axis] <= latest_s:
@@ -71,7 +70,14 @@ def _check_turn(problem: Problem) -> None:
     away_rad = abs(float(np.angle(np.exp(1j * away_rad))))
 
     def fits(scenario: Scenario, away_rad: float, duration_s: float) -> bool:
-        return _course_reach_m(scenario, way / max(length_m, 1e-9), away_rad, duration_s) >= length_m
+        """Whether the most that it flies towards the end, which it has to turn to first, is enough."""
+        fastest_mps = float(np.abs(way / max(length_m, 1e-9)) @ np.array(scenario.limits.speed_ned_mps[:2]))
+        t_s = np.linspace(0.0, duration_s, 2001)
+        turned_rad = next(c.most[0] for c in coordinates(scenario) if c.free_end) * t_s
+        off_rad = np.maximum(away_rad - math.radians(scenario.formation.course_tolerance_deg) - turned_rad, 0.0)
+        speed_mps = np.maximum(fastest_mps * np.cos(off_rad), COURSE_SPEED_MPS)
+        reach_m = float(speed_mps[:-1].sum() * (t_s[1] - t_s[0])) * (1.0 + 1e-3) + fastest_mps * float(t_s[1])
+        return reach_m >= length_m
 
     if fits(scenario, away_rad, problem.duration_s):
         return
@@ -83,36 +89,22 @@ def _check_turn(problem: Problem) -> None:
         remedies.append(
             f"start.roll_pitch_yaw_deg[2] to {np.degrees(np.arctan2(way[1], way[0])):.0f}, the direction of the end"
         )
-    faster = _least_factor(lambda k: fits(_with_faster_changes(scenario, k), away_rad, problem.duration_s))
-    if faster is not None:
-        quick = _with_faster_changes(scenario, faster).formation
+    faster = (_with_faster_changes(scenario, k) for k in np.geomspace(1.05, _FASTER, 60).tolist())
+    if (least := next((one for one in faster if fits(one, away_rad, problem.duration_s)), None)) is not None:
+        quick = least.formation
         remedies.append(
             f"formation.change_speed_mps to {quick.change_speed_mps:g} and formation.change_accel_mps2 to "
             f"{quick.change_accel_mps2:g} or more"
         )
     if needed_s is not None:
         remedies.append(f"time.flight_s to {needed_s} or more")
-    rate_degps = float(np.degrees(_heading_rate_radps(scenario)))
+    rate_degps = float(np.degrees(next(c.most[0] for c in problem.coordinates if c.free_end)))
     raise Infeasible(
         f'no plan in {problem.duration_s:g} s: with frame = "course" the formation faces '
         f"{np.degrees(problem.course_at_start_rad):.0f} degrees at the start, the end is {np.degrees(away_rad):.0f} "
         f"degrees beside that, and it turns at most {rate_degps:.2g} degrees/s",
         hint=f"set {', or '.join(remedies)}" if remedies else 'remove formation.frame = "course"',
     )
-
-
-def _course_reach_m(scenario: Scenario, way: np.ndarray, away_rad: float, duration_s: float) -> float:
-    """At least the way towards the end that a formation can fly that has to turn to it first."""
-    fastest_mps = float(np.abs(way) @ np.array(scenario.limits.speed_ned_mps[:2]))
-    tolerated_rad = math.radians(scenario.formation.course_tolerance_deg)
-    t_s = np.linspace(0.0, duration_s, 2001)
-    off_rad = np.maximum(away_rad - tolerated_rad - _heading_rate_radps(scenario) * t_s, 0.0)
-    speed_mps = np.maximum(fastest_mps * np.cos(off_rad), COURSE_SPEED_MPS)
-    return float(speed_mps[:-1].sum() * (t_s[1] - t_s[0])) * (1.0 + 1e-3) + fastest_mps * float(t_s[1])
-
-
-def _heading_rate_radps(scenario: Scenario) -> float:
-    return next(c.most[0] for c in coordinates(scenario) if c.free_end)
 
 
 def _with_faster_changes(scenario: Scenario, factor: float) -> Scenario:
@@ -122,11 +114,6 @@ def _with_faster_changes(scenario: Scenario, factor: float) -> Scenario:
         "change_accel_mps2": math.ceil(10.0 * factor**2 * formation.change_accel_mps2) / 10.0,
     }
     return scenario.model_copy(update={"formation": formation.model_copy(update=update)})
-
-
-def _least_factor(fits: Callable[[float], bool]) -> float | None:
-    """The least of some factors by which changes have to be faster; None where none is enough."""
-    return next((k for k in np.geomspace(1.05, _FASTER, 60).tolist() if fits(k)), None)
 
 
 def explain_infeasible(problem: Problem, route: Route, failures: list[PlanningError]) -> PlanningError:
@@ -174,9 +161,3 @@ def with_duration(problem: Problem, duration_s: float) -> Problem:
         shape=rigid(problem.shape.at(problem.start_s), problem.start_s, end_s),
         objective=replace(problem.objective, speed_ref_mps=speed),
     )
-
-
-def _least_times_s(problem: Problem) -> np.ndarray:
-    """The time (3,) that each axis needs at its speed limit."""
-    distance_m = np.abs((problem.end_state - problem.start_state)[POSITION])
-    return np.asarray(distance_m / problem.state_high[VELOCITY])

@@ -1,7 +1,7 @@
 """First guesses of the legs of a drawn route: the times at its points with their bounds, and routes through them."""
 
 import heapq
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +18,6 @@ _SLACK_S = 1e-6
 _AXES = ("north", "east", "vertically")
 
 
-@dataclass(frozen=True)
-class _Times:
-    """What is known of the legs' durations: the least (K,), those wanted (K,), and the holds (P,) between them."""
-
-    least_s: Array
-    wanted_s: Array
-    hold_s: Array
-    earliest_s: Array  # (K,) arrival after so long, holds included; -inf where it is free
-    latest_s: Array  # (K,)
-
-
 def on_time(problem: Problem, route: Route) -> Problem:
     """The problem with a guess of its times at points, for the lengths of a route's legs. Raises as `check_legs`."""
     return replace(problem, point_s=first_times(problem, np.array([max(leg.length_m, 1.0) for leg in route.legs])))
@@ -42,15 +31,21 @@ def first_times(problem: Problem, lengths_m: Array) -> tuple[float, ...]:
     if not problem.points:
         return ()
     check_legs(problem)
-    times = _times(problem, lengths_m)
-    total_s = problem.duration_s - times.hold_s.sum()
-    durations = times.wanted_s * total_s / times.wanted_s.sum()
-    if np.isfinite(times.earliest_s[:-1]).any() or np.isfinite(times.latest_s[:-1]).any():
-        durations = _nearest(times, durations)
-    elif np.any(durations < times.least_s):
-        spare_s = total_s - times.least_s.sum()
-        durations = times.least_s + spare_s * times.wanted_s / times.wanted_s.sum()
-    ends_s = problem.start_s + np.cumsum(durations) + np.append(0.0, np.cumsum(times.hold_s))
+    rests, least_s = _at_rest(problem), _least_s(problem).max(axis=1)
+    hold_s = np.array([point.hold_s for point in problem.points])
+    total_s = problem.duration_s - hold_s.sum()
+    wanted_s = np.maximum(lengths_m / (lengths_m.sum() / max(total_s, _STOP_S)), least_s)
+    wanted_s += _STOP_S * (rests[:-1].astype(float) + rests[1:])
+    earliest_s, latest_s, _ = zip(*_windows(problem), strict=True)
+    durations = wanted_s * total_s / wanted_s.sum()
+    if np.isfinite(earliest_s[:-1]).any() or np.isfinite(latest_s[:-1]).any():
+        if problem.free_time is None:
+            earliest_s = (*earliest_s[:-1], problem.end_s)
+        held_s = problem.start_s + np.append(0.0, np.cumsum(hold_s))
+        durations = _nearest(durations, least_s, np.array(earliest_s) - held_s, np.array(latest_s) - held_s)
+    elif np.any(durations < least_s):
+        durations = least_s + (total_s - least_s.sum()) * wanted_s / wanted_s.sum()
+    ends_s = problem.start_s + np.cumsum(durations) + np.append(0.0, np.cumsum(hold_s))
     return tuple(ends_s[:-1].tolist())
 
 
@@ -104,57 +99,39 @@ def _least_s(problem: Problem) -> Array:
 def _at_rest(problem: Problem) -> NDArray[np.bool_]:
     """Whether the leader rests (K + 1,) at the start, at each point and at the end."""
     stops = [point.hold_s > 0.0 for point in problem.points]
-    return np.array([_rests(problem.start_state), *stops, _rests(problem.end_state)])
+    start, end = (not state[VELOCITY].any() for state in (problem.start_state, problem.end_state))
+    return np.array([start, *stops, end])
 
 
 def _windows(problem: Problem) -> list[tuple[float, float, str]]:
     """The earliest and the latest arrival of each leg, plan time, and the key that sets the latest."""
     time = problem.free_time
+    flight_key = "[time] flight_s" if time is None else "[time] latest_s"
+    last_s = problem.end_s if time is None else problem.start_s + time.latest_s
     found = []
     for point in problem.points:
         key = "at_s" if point.earliest_s == point.latest_s else "by_s"
-        latest_s, key = min((point.latest_s, f"{key} of {point.name}"), (_last_s(problem), _flight_key(problem)))
+        latest_s, key = min((point.latest_s, f"{key} of {point.name}"), (last_s, flight_key))
         found.append((point.earliest_s, latest_s, key))
     end_s = -np.inf if time is None else problem.start_s + time.earliest_s
-    return [*found, (end_s, _last_s(problem), _flight_key(problem))]
+    return [*found, (end_s, last_s, flight_key)]
 
 
-def _last_s(problem: Problem) -> float:
-    return problem.end_s if problem.free_time is None else problem.start_s + problem.free_time.latest_s
+def _nearest(durations: Array, least_s: Array, earliest_s: Array, latest_s: Array) -> Array:
+    """Durations (K,) that keep all times at points, with the least sum of changes, each over its wanted one.
 
-
-def _flight_key(problem: Problem) -> str:
-    return "[time] flight_s" if problem.free_time is None else "[time] latest_s"
-
-
-def _times(problem: Problem, lengths_m: Array) -> _Times:
-    rests = _at_rest(problem)
-    least_s = _least_s(problem).max(axis=1)
-    hold_s = np.array([point.hold_s for point in problem.points])
-    speed_mps = lengths_m.sum() / max(problem.duration_s - hold_s.sum(), _STOP_S)
-    wanted_s = np.maximum(lengths_m / speed_mps, least_s) + _STOP_S * (rests[:-1].astype(float) + rests[1:])
-    earliest_s, latest_s, _ = zip(*_windows(problem), strict=True)
-    if problem.free_time is None:
-        earliest_s = (*earliest_s[:-1], problem.end_s)
-    held_s = problem.start_s + np.append(0.0, np.cumsum(hold_s))
-    return _Times(least_s, wanted_s, hold_s, np.array(earliest_s) - held_s, np.array(latest_s) - held_s)
-
-
-def _rests(state: Array) -> bool:
-    return not state[VELOCITY].any()
-
-
-def _nearest(times: _Times, durations: Array) -> Array:
-    """Durations (K,) that keep all times at points, with the least sum of changes, each over its wanted one."""
+    Each lasts at least `least_s` (K,); it arrives between `earliest_s` and `latest_s` (K,) after the start, without
+    holds.
+    """
     count = len(durations)
     before = np.tril(np.ones((count, count)))
     zero, eye = np.zeros((count, count)), np.eye(count)
-    low, high = np.isfinite(times.earliest_s), np.isfinite(times.latest_s)
+    low, high = np.isfinite(earliest_s), np.isfinite(latest_s)
     found = linprog(
         np.concatenate([np.zeros(count), 1.0 / durations]),
         A_ub=np.block([[before[high], zero[high]], [-before[low], zero[low]], [eye, -eye], [-eye, -eye]]),
-        b_ub=np.concatenate([times.latest_s[high], -times.earliest_s[low], durations, -durations]),
-        bounds=[(float(least), None) for least in np.maximum(times.least_s, 0.1)] + [(0.0, None)] * count,
+        b_ub=np.concatenate([latest_s[high], -earliest_s[low], durations, -durations]),
+        bounds=[(float(least), None) for least in np.maximum(least_s, 0.1)] + [(0.0, None)] * count,
     )
     return np.asarray(found.x[:count]) if found.success else durations
 

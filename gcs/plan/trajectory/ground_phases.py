@@ -66,7 +66,8 @@ def _leaning(
     air[..., 2] += speed
     push = np.stack([0.0 * t_s, 0.0 * t_s, acceleration], axis=-1)
     thrust, roll, pitch = thrust_and_tilt(push, air, np.full_like(t_s, yaw_ned_rad), q)
-    basis = _powers(lobatto) / length ** np.arange(_DEGREE, -1.0, -1.0)[:, None]
+    # From values at the nodes to the coefficients of their polynomial, highest power first.
+    basis = np.linalg.inv(np.vander(lobatto)) / length ** np.arange(_DEGREE, -1.0, -1.0)[:, None]
     tilt = PPoly(np.stack([basis @ roll.T, basis @ pitch.T], axis=-1), joints)
     state = np.zeros((_DEGREE + 1, _PIECES, 12))
     state[-1, :, :2] = position_ned_m[:2]
@@ -88,11 +89,6 @@ def _leaning(
     values = np.concatenate([thrust[..., None], moments], axis=-1)
     control = np.einsum("kn,pnc->kpc", basis, values)
     return Trajectory(PPoly(state, joints), PPoly(control, joints))
-
-
-def _powers(nodes: Array) -> Array:
-    """Values at nodes on [0, 1] -> coefficients of their polynomial, highest power first."""
-    return np.asarray(np.linalg.inv(np.vander(nodes)), dtype=np.float64)
 
 
 def _moved(polynomial: PPoly, joints: Array) -> Array:

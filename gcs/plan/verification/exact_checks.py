@@ -139,31 +139,15 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
             boundary_state(scenario, scenario.end),
         ),
     ):
-        position, velocity, attitude = kinds
         error = plan.states(np.array([t_s]))[leader, 0] - boundary
-        off = float(np.linalg.norm(error[POSITION]))
-        terminal = off
-        checks += [
-            _exact(position, PhaseKind.MISSION, "m", -off, LENGTH_TOLERANCE_M, sysid, float(t_s)),
-            _exact(
-                velocity,
-                PhaseKind.MISSION,
-                "m/s",
-                -float(np.abs(error[VELOCITY]).max()),
-                SPEED_TOLERANCE_MPS,
-                sysid,
-                float(t_s),
-            ),
-            _exact(
-                attitude,
-                PhaseKind.MISSION,
-                "deg",
-                -float(np.degrees(np.abs(error[ATTITUDE]).max())),
-                ANGLE_TOLERANCE_DEG,
-                sysid,
-                float(t_s),
-            ),
-        ]
+        terminal = float(np.linalg.norm(error[POSITION]))
+        limits = (
+            ("m", terminal, LENGTH_TOLERANCE_M),
+            ("m/s", float(np.abs(error[VELOCITY]).max()), SPEED_TOLERANCE_MPS),
+            ("deg", float(np.degrees(np.abs(error[ATTITUDE]).max())), ANGLE_TOLERANCE_DEG),
+        )
+        for kind, (unit, off, tolerance) in zip(kinds, limits, strict=True):
+            checks.append(_exact(kind, PhaseKind.MISSION, unit, -off, tolerance, sysid, float(t_s)))
     grounds = [(Kind.LANDING_POINT, plan.t_end_s, landing_points(plan))]
     if plan.begin_state is None:
         grounds.insert(0, (Kind.TAKEOFF_POINT, plan.t_start_s, plan.pads_ned_m))

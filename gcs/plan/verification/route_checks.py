@@ -4,7 +4,6 @@ Checks at instants are exact. A hold is bounded at every instant, from the leade
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -28,18 +27,8 @@ TIME_TOLERANCE_S = 1e-3
 _PARTS = 16  # of a hold's polynomials, each bounded on its own
 _ORDER = 3
 _YAW = 2  # among the angles
-
-
-@dataclass(frozen=True)
-class _Margin:
-    """What is left at one point, and the bound of it: `proved` is no more than `worst`."""
-
-    kind: Kind
-    unit: str
-    worst: float
-    tolerance: float
-    t_s: float
-    proved: float
+# Kind, unit, what is left at one point, its tolerance, when, and the bound of it, which is no more.
+_Margin = tuple[Kind, str, float, float, float, float]
 
 
 def route_checks(plan: Plan) -> list[Check]:
@@ -53,31 +42,24 @@ def route_checks(plan: Plan) -> list[Check]:
         end_s = plan.phase(PhaseKind.MISSION).end_s
         passed = ConstraintId(Kind.POINTS_PASSED)
         return [Check(passed, PhaseKind.MISSION, "points", -missing, 0.0, None, end_s, -missing)]
-    worst: dict[Kind, tuple[float, Passage, _Margin]] = {}
-    for passage in plan.passages:
-        for margin in (*_order(plan, passage), *_at(plan, passage), *_hold(plan, passage)):
-            left = min(margin.worst, margin.proved)
-            left = -np.inf if np.isnan(left) else left
-            if margin.kind not in worst or left < worst[margin.kind][0]:
-                worst[margin.kind] = left, passage, margin
     sysid = plan.sysids[plan.leader]
-    return [
-        Check(
-            ConstraintId(margin.kind, of=passage.title),
-            PhaseKind.MISSION,
-            margin.unit,
-            margin.worst,
-            margin.tolerance,
-            sysid,
-            margin.t_s,
-            margin.proved,
-        )
-        for _, passage, margin in worst.values()
-    ]
+    worst: dict[Kind, tuple[float, Check]] = {}
+    for passage in plan.passages:
+        for kind, unit, margin, tolerance, t_s, proved in (
+            *_order(plan, passage),
+            *_at(plan, passage),
+            *_hold(plan, passage),
+        ):
+            left = min(margin, proved)
+            left = -np.inf if np.isnan(left) else left
+            if kind not in worst or left < worst[kind][0]:
+                name = ConstraintId(kind, of=passage.title)
+                worst[kind] = left, Check(name, PhaseKind.MISSION, unit, margin, tolerance, sysid, t_s, proved)
+    return [check for _, check in worst.values()]
 
 
 def _exact(kind: Kind, unit: str, margin: float, tolerance: float, t_s: float) -> _Margin:
-    return _Margin(kind, unit, margin, tolerance, t_s, margin)
+    return kind, unit, margin, tolerance, t_s, margin
 
 
 def _order(plan: Plan, passage: Passage) -> Iterator[_Margin]:
@@ -127,7 +109,7 @@ def _hold(plan: Plan, passage: Passage) -> Iterator[_Margin]:
         (Kind.HOLD_SPEED, "m/s", VELOCITY, np.zeros(3), SPEED_TOLERANCE_MPS),
     ):
         seen, bound, t_s = _farthest(plan, columns, at_rest, (start_s, end_s))
-        yield _Margin(kind, unit, -seen, tolerance, t_s, -bound)
+        yield kind, unit, -seen, tolerance, t_s, -bound
 
 
 def _farthest(plan: Plan, columns: slice, from_here: Array, span_s: tuple[float, float]) -> tuple[float, float, float]:

@@ -175,10 +175,9 @@ class _Proofs:
         law: FormationLaw | BentFormation
         if allowed is None:
             law = FormationLaw(self.plan, spans(self.plan))
-            ends = [t for span in law.spans for t in (span.start_s, span.end_s)]
         else:
             law = BentFormation(self.plan, stretches(self.plan), allowed, self._number(PhaseKind.MISSION))
-            ends = [t for stretch in law.stretches for t in (stretch.start_s, stretch.end_s)]
+        ends = [t for part in law.parts for t in (part.start_s, part.end_s)]
         start_s, end_s = self._interval(np.array(ends))
         phase = self._phase(0.5 * (start_s + end_s))
         flies = np.isin(phase, [i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE])

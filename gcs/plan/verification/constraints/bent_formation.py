@@ -17,12 +17,12 @@ import numpy as np
 
 from gcs.physics.states import VELOCITY
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
-from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.allowed_shapes import AllowedShapes
+from gcs.plan.verification.constraints.formation_law import InParts
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M
 from gcs.plan.verification.constraints.scheduled_shape import Stretch
 from gcs.plan.verification.proof.polynomials import combined, enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved
+from gcs.plan.verification.proof.subdivision import Cells
 from gcs.plan.verification.proof.taylor import Taylor, arctan2, constant, stacked, total
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.types import Array
@@ -49,11 +49,9 @@ class _Witness:
 
 
 @dataclass(frozen=True)
-class BentFormation:
-    """How far (negative) vehicles are from an allowed shape. The cell's group is the number of a stretch."""
+class BentFormation(InParts[Stretch]):
+    """How far (negative) vehicles are from an allowed shape."""
 
-    plan: Plan
-    stretches: list[Stretch]
     allowed: AllowedShapes
     mission: int  # the number of the phase in which the heading is checked
 
@@ -66,14 +64,6 @@ class BentFormation:
         tolerance = COURSE_TOLERANCE * self.plan.scenario.formation.course_tolerance_deg
         return place, NamedConstraint(tolerance, 0.2 * tolerance, ConstraintId(Kind.COURSE), "deg")
 
-    def cells(self, start_s: Array, end_s: Array, phase: Rows) -> Cells:
-        """One cell for each interval (N,); intervals do not reach over the ends of stretches."""
-        middle = 0.5 * (start_s + end_s)
-        number = np.zeros(len(middle), dtype=np.intp)
-        for index, stretch in enumerate(self.stretches):
-            number[(middle >= stretch.start_s) & (middle <= stretch.end_s)] = index
-        return Cells(number[:, None], start_s, end_s, phase, np.zeros((len(middle), 0)))
-
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         """See `Family`."""
         shape = len(self.constraints), len(cells)
@@ -83,21 +73,12 @@ class BentFormation:
             whole = np.flatnonzero(cells.who[:, 0] == index)
             for chosen in np.split(whole, range(many, len(whole), many)):
                 part = cells[chosen]
-                witness = self._witness(self.stretches[index], part)
+                witness = self._witness(self.parts[index], part)
                 low[0, chosen] = -witness.off_m
                 seen[0, chosen] = -witness.off_middle_m.max(axis=0)
                 if len(self.constraints) > 1:
                     low[1, chosen], seen[1, chosen] = self._heading_deg(part, witness)
         return low, seen
-
-    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
-        """See `Family`."""
-        long = np.flatnonzero(chosen & (cells.end_s - cells.start_s > SHORTEST_S))
-        return halved(cells[long]), np.concatenate([long, long])
-
-    def row(self, who: Rows) -> int:
-        """See `Family`: which vehicle it is must be looked up at the instant."""
-        return -1
 
     def farthest_row(self, constraint: ConstraintId, t_s: float) -> int:
         """The row of the vehicle that is farthest from its place; the leader of the heading."""
@@ -105,7 +86,7 @@ class BentFormation:
             return self.plan.leader
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))
-        off = self._witness(self.stretches[cells.who[0, 0]], cells).off_middle_m[:, 0]
+        off = self._witness(self.parts[cells.who[0, 0]], cells).off_middle_m[:, 0]
         return int(np.nan_to_num(off, nan=np.inf).argmax())
 
     def _witness(self, stretch: Stretch, cells: Cells) -> _Witness:

@@ -123,7 +123,9 @@ def assignments_m(plan: Plan) -> list[tuple[float, float]]:
         others = np.arange(len(ways)) != plan.leader
         ways[plan.leader, others], ways[others, plan.leader] = np.inf, np.inf
         flown_m = float(np.diagonal(ways).max())
-        if not _possible(ways < flown_m / _LONGER):
+        # A vehicle that finds no place of its own on a shorter way: there is no better assignment.
+        shorter = csr_array(ways < flown_m / _LONGER)
+        if (maximum_bipartite_matching(shorter, perm_type="column") < 0).any():
             found.append((0.0, move.start_s))
             continue
         fastest = bottleneck(ways)
@@ -135,28 +137,20 @@ def assignments_m(plan: Plan) -> list[tuple[float, float]]:
     return found
 
 
-def _possible(allowed: Rows) -> bool:
-    """Whether every vehicle can have a place of its own with the allowed ways (V, V)."""
-    return bool((maximum_bipartite_matching(csr_array(allowed), perm_type="column") >= 0).all())
-
-
 def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s: float) -> Rows:
     """The place of each vehicle (V,) after a change; any is right where the assignment is free."""
     fixed = np.arange(len(targets))
     if change.assignment == "fixed":
         return fixed
-    if (
-        AllowedShapes.of(plan.scenario) is not None
-    ):  # rotated and scaled, the shape does not tell which vehicle is where
+    if bends(plan):  # rotated and scaled, the shape does not tell which vehicle is where
         limits, leader = plan.scenario.limits, plan.leader
         try:
             return reshape(places, targets, leader, limits.separation_min_m).places
         except Infeasible:
             return fixed
     taken = np.asarray(KDTree(targets).query(plan.shape.at(end_s))[1])
-    return (
-        taken if len(np.unique(taken)) == len(taken) else fixed
-    )  # two on one place: the check names the vehicle that is off
+    # Two on one place: the check names the vehicle that is off.
+    return taken if len(np.unique(taken)) == len(taken) else fixed
 
 
 def nearest_pair_m(places: Array) -> float:

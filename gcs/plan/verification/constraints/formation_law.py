@@ -7,7 +7,7 @@ straight and in step from one standstill of the shape to the next.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import expected_places
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
+from gcs.plan.verification.constraints.scheduled_shape import Stretch
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, total
@@ -35,6 +36,9 @@ class Span:
     before_ned_m: Array  # (V, 3)
     after_ned_m: Array  # (V, 3)
     axis_ned: Array  # (3,)
+
+
+_Part = TypeVar("_Part", Span, Stretch)
 
 
 def spans(plan: Plan) -> list[Span]:
@@ -69,35 +73,19 @@ def _standstills(plan: Plan, start_s: float, end_s: float) -> list[float]:
 
 
 @dataclass(frozen=True)
-class FormationLaw:
-    """How far (negative) vehicles are from where the law of the span has them. The cell's group is a span."""
+class InParts(Generic[_Part]):
+    """Constraints of all vehicles together over parts of the flight. The cell's group is the number of a part."""
 
     plan: Plan
-    spans: list[Span]
-
-    @cached_property
-    def constraints(self) -> tuple[NamedConstraint, ...]:
-        """One."""
-        return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.PLACE), "m"),)
+    parts: list[_Part]
 
     def cells(self, start_s: Array, end_s: Array, phase: Rows) -> Cells:
-        """One cell for each interval (N,) of each span; intervals do not reach over its ends."""
+        """One cell for each interval (N,); intervals do not reach over the ends of parts."""
         middle = 0.5 * (start_s + end_s)
         number = np.zeros(len(middle), dtype=np.intp)
-        for index, span in enumerate(self.spans):
-            number[(middle >= span.start_s) & (middle <= span.end_s)] = index
+        for index, part in enumerate(self.parts):
+            number[(middle >= part.start_s) & (middle <= part.end_s)] = index
         return Cells(number[:, None], start_s, end_s, phase, np.zeros((len(middle), 0)))
-
-    def bounds(self, cells: Cells) -> tuple[Array, Array]:
-        """See `Family`."""
-        low, seen = np.full(len(cells), np.inf), np.full(len(cells), np.inf)
-        for index in np.unique(cells.who[:, 0]):
-            chosen = np.flatnonzero(cells.who[:, 0] == index)
-            off = _off(self.spans[index], self._offsets(cells[chosen]))  # three components (V, N)
-            squared = total([part.square() for part in off])
-            low[chosen] = -np.sqrt(np.maximum(squared.range()[1], 0.0)).max(axis=0)
-            seen[chosen] = -np.sqrt(sum(part.middle**2 for part in off)).max(axis=0)
-        return low[None], seen[None]
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`."""
@@ -108,11 +96,32 @@ class FormationLaw:
         """See `Family`: which vehicle it is must be looked up at the instant."""
         return -1
 
+
+@dataclass(frozen=True)
+class FormationLaw(InParts[Span]):
+    """How far (negative) vehicles are from where the law of the span has them."""
+
+    @cached_property
+    def constraints(self) -> tuple[NamedConstraint, ...]:
+        """One."""
+        return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.PLACE), "m"),)
+
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`."""
+        low, seen = np.full(len(cells), np.inf), np.full(len(cells), np.inf)
+        for index in np.unique(cells.who[:, 0]):
+            chosen = np.flatnonzero(cells.who[:, 0] == index)
+            off = _off(self.parts[index], self._offsets(cells[chosen]))  # three components (V, N)
+            squared = total([part.square() for part in off])
+            low[chosen] = -np.sqrt(np.maximum(squared.range()[1], 0.0)).max(axis=0)
+            seen[chosen] = -np.sqrt(sum(part.middle**2 for part in off)).max(axis=0)
+        return low[None], seen[None]
+
     def farthest_row(self, constraint: ConstraintId, t_s: float) -> int:
         """The row of the vehicle that is farthest from its place."""
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))
-        off = _off(self.spans[cells.who[0, 0]], self._offsets(cells))
+        off = _off(self.parts[cells.who[0, 0]], self._offsets(cells))
         return int(np.sum([part.middle[:, 0] ** 2 for part in off], axis=0).argmax())
 
     def _offsets(self, cells: Cells) -> list[Taylor]:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from gcs.physics.quadrotor import Quadrotor, equations_of_motion
+from gcs.plan.verification.proof.polynomials import shifted
 from gcs.plan.verification.proof.power_series import motion_series
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
@@ -48,7 +49,8 @@ def step_edges(joints_s: Array, start_s: float, end_s: float, step_s: float) -> 
 def window_errors(steps: IntegrationSteps, first: Rows, last: Rows, q: Quadrotor) -> Array:
     """Bounds (W,) on the error of windows from their first steps (W,) to the steps (W,) before which they end."""
     radius = 0.5 * (steps.end_s - steps.start_s)
-    control, place = _from_the_left(steps.control.c), _from_the_left(steps.place.c)
+    # From powers of s in [-1, 1] to those of s + 1 in [0, 2], as the series have them.
+    control, place = shifted(steps.control.c, -1.0), shifted(steps.place.c, -1.0)
     powers = 2.0 ** np.arange(len(control))[:, None, None]
     state = steps.state[first].T.copy()  # (12, W)
     flown: list[tuple[Rows, Rows]] = []
@@ -75,21 +77,12 @@ def window_errors(steps: IntegrationSteps, first: Rows, last: Rows, q: Quadrotor
     return worst
 
 
-def _from_the_left(c: Array) -> Array:
-    """Coefficients (K+1, ...) in powers of s in [-1, 1] -> in powers of s + 1 in [0, 2]."""
-    c = c.copy()
-    for low in range(len(c) - 1):
-        for k in range(len(c) - 2, low - 1, -1):
-            c[k] -= c[k + 1]
-    return c
-
-
 def _defect(series: Array, control: Array, left_out: Array, step: Rows, radius: Array, q: Quadrotor) -> Array:
     """How far (12, N) the Taylor polynomials are from Eq. 1, at most, at any instant of their steps (N,)."""
     found = []
     for first in range(0, len(step), _BLOCK):
         part = slice(first, first + _BLOCK)
-        c, chosen = _to_the_middle(series[:, :, part]), step[part]
+        c, chosen = shifted(series[:, :, part], 1.0), step[part]
         none = np.zeros(len(chosen))
         state = [Taylor(c[:, i], none) for i in range(12)]
         forces = [Taylor(control[:, i, chosen], left_out[i, chosen]) for i in range(4)]
@@ -98,15 +91,6 @@ def _defect(series: Array, control: Array, left_out: Array, step: Rows, radius: 
         moved = equations_of_motion(state, forces, q, xp=FUNCTIONS)
         found.append(np.stack([(m - Taylor(slope[:, i], none)).size() for i, m in enumerate(moved)]))
     return np.concatenate(found, axis=1)
-
-
-def _to_the_middle(c: Array) -> Array:
-    """Coefficients (K+1, ...) in powers of s + 1 -> in powers of s."""
-    c = c.copy()
-    for low in range(len(c) - 1):
-        for k in range(len(c) - 2, low - 1, -1):
-            c[k] += c[k + 1]
-    return c
 
 
 def _growth(steps: IntegrationSteps, q: Quadrotor) -> Array:

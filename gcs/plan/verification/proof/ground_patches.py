@@ -36,10 +36,6 @@ class GroundPatches(Protocol):
         """An upper bound (N,) of direction . point over all ground of a patch; directions (N, 3) do not point down."""
         ...
 
-    def slack_m(self, patches: Array) -> Array:
-        """About how much too large `support` is (N,): where to divide."""
-        ...
-
     def parts(self, patches: Array) -> tuple[Array, Array]:
         """Two halves (N, 4) of each patch."""
         ...
@@ -89,14 +85,6 @@ class SmoothGround:
             for height, bend, highest in surfaces
         ]
         return np.asarray(np.max(found, axis=0))
-
-    def slack_m(self, patches: Array) -> Array:
-        """See `GroundPatches`."""
-        slack = self._mountain_bounds_m(patches)[0]
-        if self.terrain.ripple is not None:
-            # Three surfaces meet in kinks, where the bound of a sloping patch is too large by the slope.
-            slack = np.maximum(slack, _wave_bend_m(self.terrain.ripple, patches))
-        return slack
 
     def parts(self, patches: Array) -> tuple[Array, Array]:
         """See `GroundPatches`."""
@@ -222,13 +210,6 @@ class ReliefGround:
         crude = flat.max(axis=1) + up * found
         return np.asarray(np.where(self._few(patches), exact, crude) + self._map_bend_m(patches))
 
-    def slack_m(self, patches: Array) -> Array:
-        """See `GroundPatches`."""
-        rows, columns = _corners(patches)
-        heights = self._height_m(rows, columns)
-        relief, twist = np.ptp(heights, axis=1), np.abs(heights @ [1.0, -1.0, -1.0, 1.0])
-        return np.where(self._whole(patches), 0.25 * twist, np.maximum(relief, 1.0))
-
     def parts(self, patches: Array) -> tuple[Array, Array]:
         """See `GroundPatches`: at the edge of a pixel where there is one inside."""
         cut = []
@@ -292,18 +273,11 @@ class ReliefGround:
             + a * ((1.0 - b) * table[i + 1, j] + b * table[i + 1, j + 1])
         )
 
-    def _whole(self, patches: Array) -> Mask:
-        """Whether each patch (N,) lies within one pixel."""
-        return np.asarray(self._pixels(patches) <= 1.0)
-
-    def _few(self, patches: Array) -> Mask:
-        """Whether each patch (N,) crosses one edge of pixels at most, each way."""
-        return np.asarray(self._pixels(patches) <= 2.0)
-
     @staticmethod
-    def _pixels(patches: Array) -> Array:
+    def _few(patches: Array) -> Mask:
+        """Whether each patch (N,) crosses one edge of pixels at most, each way."""
         low, high = patches[:, [0, 2]], patches[:, [1, 3]]
-        return np.asarray((np.ceil(high - _EDGE) - np.floor(low + _EDGE)).max(axis=1))
+        return np.asarray((np.ceil(high - _EDGE) - np.floor(low + _EDGE)).max(axis=1) <= 2.0)
 
     @staticmethod
     def _corners_and_edges(patches: Array) -> tuple[Array, Array]:

@@ -40,9 +40,13 @@ def shifted_coefficients(polynomial: PPoly, piece: NDArray[np.intp], at_s: Array
     c = polynomial.c[::-1][:, piece, :]  # (D+1, N, n), lowest power first
     for _ in range(derivative):
         c = c[1:] * np.arange(1.0, len(c))[:, None, None] if len(c) > 1 else np.zeros_like(c[:1])
-    away = (at_s - polynomial.x[piece])[:, None]
-    c = c.copy()
-    for low in range(len(c) - 1):  # Horner's shift
+    return shifted(c, (at_s - polynomial.x[piece])[:, None])
+
+
+def shifted(c: Array, by: Array | float) -> Array:
+    """Coefficients (D+1, ...) of polynomials, the lowest power first, with their origin `by` later (Horner's shift)."""
+    c = np.array(c)
+    for low in range(len(c) - 1):
         for k in range(len(c) - 2, low - 1, -1):
-            c[k] += away * c[k + 1]
-    return np.asarray(c)
+            c[k] += by * c[k + 1]
+    return c

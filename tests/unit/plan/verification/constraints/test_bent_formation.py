@@ -40,7 +40,7 @@ def family(plan: Plan) -> BentFormation:
 def proof(plan: Plan, end_s: float = END_S) -> Proof:
     """Of the first seconds of the mission, from intervals between the joints and the ends of changes."""
     law = family(plan)
-    edges = np.concatenate([[0.0], plan.joints_s, [t for part in law.stretches for t in (part.start_s, part.end_s)]])
+    edges = np.concatenate([[0.0], plan.joints_s, [t for part in law.parts for t in (part.start_s, part.end_s)]])
     edges = np.unique(np.append(edges[(edges >= 0.0) & (edges <= end_s)], end_s))
     cells = law.cells(edges[:-1], edges[1:], np.full(len(edges) - 1, law.mission))
     with np.errstate(invalid="ignore"):  # as `verify` does: what has no bounds is not proved
