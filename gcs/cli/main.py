@@ -210,7 +210,8 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
     see, text = f"see `{path} --help`", error.format_message()
     option, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
     if option is not None and near is not None:
-        return f"{path} has no option {option}", f"write {best_of(option, near)}" if near else see
+        best = difflib.get_close_matches(option, near, n=1, cutoff=0.0)
+        return f"{path} has no option {option}", f"write {best[0]}" if best else see
     if option is not None and not near:
         return text, see
     if (found := _COMMAND.match(text)) and context is not None:
@@ -225,8 +226,3 @@ def usage(error: typer.TyperException) -> tuple[str, str]:
         name = str(max(names, key=len, default="the value"))
         return f"{name}: must be a {kind}, without a unit, and with a decimal point", f"write for example {name} 5"
     return text, see
-
-
-def best_of(name: str, known: list[str]) -> str:
-    """The known name that is the most similar."""
-    return max(known, key=lambda one: difflib.SequenceMatcher(None, name, one).ratio())

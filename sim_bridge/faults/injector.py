@@ -3,8 +3,6 @@
 `FaultSchedule` decides when a fault is active.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -202,18 +202,10 @@ class ShownVehicles:
 
 def worst_of_each_column(vehicles: Sequence[VehicleNow], most: int) -> frozenset[int]:
     """Return the system ids of `most` vehicles: the worst of each column, then the second of each, and so on."""
-    orders = [_worst_first(vehicles, figure) for figure in _WORST_BY]
+    orders = [sorted(vehicles, key=lambda v: (math.isnan(figure(v)), figure(v))) for figure in _WORST_BY]
     chosen: dict[int, None] = {}
     for rank in zip(*orders, strict=True):
         for vehicle in rank:
             if len(chosen) < most:
                 chosen[vehicle.sysid] = None
     return frozenset(chosen)
-
-
-def _worst_first(vehicles: Sequence[VehicleNow], figure: Callable[[VehicleNow], float]) -> list[VehicleNow]:
-    def key(vehicle: VehicleNow) -> float:
-        value = figure(vehicle)
-        return math.inf if math.isnan(value) else value
-
-    return sorted(vehicles, key=key)

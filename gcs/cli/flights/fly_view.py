@@ -218,7 +218,8 @@ def checks_table(checks: tuple[PreflightCheck, ...]) -> Table:
     columns["required"] = [row[0].required for row in rows.values()]
     table = Table(title=_title(rows))
     for heading, cells in columns.items():
-        table.add_column(heading, overflow="fold", min_width=_longest_word([heading, *cells]))
+        widest = max(map(len, " ".join([heading, *cells]).split()), default=1)
+        table.add_column(heading, overflow="fold", min_width=widest)
     for texts in zip(*columns.values(), strict=True):
         table.add_row(*(escape(text) for text in texts))
     return table
@@ -253,10 +254,6 @@ def _title(rows: dict[str, list[PreflightCheck]]) -> str:
     waived = [name for name, row in rows.items() if any(c.waived for c in row)]
     go = all(c.go for row in rows.values() for c in row)
     return ("GO" if go else "NO-GO") + (f", waived: {', '.join(waived)}" if waived else "")
-
-
-def _longest_word(texts: list[str]) -> int:
-    return max((len(word) for text in texts for word in text.split()), default=1)
 
 
 def _cell(check: PreflightCheck) -> str:

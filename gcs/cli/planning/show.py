@@ -117,6 +117,7 @@ def _scenario(scenario: Scenario) -> JsonObject:
     elif terrain.ripple or terrain.mountains.height_m:
         ground = f"{len(terrain.mountains.height_m)} mountains{', ripple' if terrain.ripple else ''}"
     changes = [f"{change.kind}{' (auto)' if change.auto else ''}" for change in scenario.formation.change]
+    areas = [f"{len(each.polygon_m)} corners, {each.area.area / 1e4:.2f} ha" for each in scenario.keep_in]
     return {
         "vehicles": f"{len(ids)}, {scenario.vehicle.name}, {body.mass_kg:g} kg, hover at "
         f"{100.0 * hover_share(body):.0f} % of their thrust; leader {scenario.formation.leader}",
@@ -132,7 +133,7 @@ def _scenario(scenario: Scenario) -> JsonObject:
         "power law of height with exponent {shear:g}".format(**scenario.wind.model_dump()),
         "closed": f"{len(scenario.no_fly)}, of which {sum(bool(zone.moves) for zone in scenario.no_fly)} move"
         + _margin(scenario),
-        **({"keep_in": _keep_in(scenario)} if scenario.keep_in else {}),
+        **({"keep_in": "; ".join(areas)} if areas else {}),
         "navigation error": navigation_in_words(scenario),
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
         "changes": ", ".join(changes) or _unchanged(scenario),
@@ -151,11 +152,6 @@ def _unchanged(scenario: Scenario) -> str:
     if formation.frame == "course":
         return f"none, but it turns with the leader's course, within {formation.course_tolerance_deg:g} degrees"
     return "none: the formation is rigid"
-
-
-def _keep_in(scenario: Scenario) -> str:
-    sizes = [f"{len(area.polygon_m)} corners, {area.area.area / 1e4:.2f} ha" for area in scenario.keep_in]
-    return "; ".join(sizes)
 
 
 def _margin(scenario: Scenario) -> str:

@@ -176,11 +176,8 @@ def build_record(
 def telemetry_logs(folder: Path) -> list[Path]:
     """Return the logs of a flight's folder, oldest first by the vehicles' time: its own, and one of every `attach`."""
     logs = sorted(folder.glob("telemetry*.tlog"), key=lambda path: (len(path.name), path.name))
-    return sorted(logs, key=_began_us)
-
-
-def _began_us(log: Path) -> int:
-    return next((one.stamp_us for one in scan(log) if isinstance(one, LoggedFrame) and one.stamp_us), 0)
+    frames = {log: (one for one in scan(log) if isinstance(one, LoggedFrame)) for log in logs}
+    return sorted(logs, key=lambda log: next((one.stamp_us for one in frames[log] if one.stamp_us), 0))
 
 
 def write_record(folder: Path, plan: Plan, plan_time: PlanTime, systems: Mapping[int, int] | None = None) -> pa.Table:

@@ -30,11 +30,6 @@ class LinkMode(Enum):
     TCP = "tcp"
     SERIAL = "serial"
 
-    @property
-    def speaks_first(self) -> bool:
-        """Whether the peer's address is known before it sends: we send the first heartbeat."""
-        return self is not LinkMode.LISTEN
-
 
 @dataclass(frozen=True)
 class LinkSpec:

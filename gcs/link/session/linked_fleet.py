@@ -15,6 +15,7 @@ from typing import Self
 
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.link.endpoints.base import LinkMode
 from gcs.link.endpoints.endpoint import Endpoint, make_endpoint
 from gcs.link.endpoints.ports import Address
 from gcs.link.protocols.command import CommandSender
@@ -344,7 +345,7 @@ class LinkedFleet:
         for target in known:
             self._send(_HEARTBEAT, target.link, target.address)
         for link in {*range(len(self._endpoints))} - {target.link for target in known}:
-            if self._endpoints[link].spec.mode.speaks_first:
+            if self._endpoints[link].spec.mode is not LinkMode.LISTEN:  # its peer is known before it sends
                 self._send(_HEARTBEAT, link, None)
         asked = self._routing.unidentified(now_s)
         for system, targets in asked.items():

@@ -79,7 +79,8 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         MessageId.HOME_POSITION,
         MessageId.GPS_GLOBAL_ORIGIN,
     )
-    reported = {message_id: await newest_message(session, message_id, _fresh_s(message_id)) for message_id in wanted}
+    fresh_s = dict.fromkeys(wanted, FRESH_S) | {MessageId.AUTOPILOT_VERSION: math.inf}  # which does not change
+    reported = {message_id: await newest_message(session, message_id, fresh_s[message_id]) for message_id in wanted}
     version, status, receiver = (reported[i] for i in (wanted[0], wanted[1], wanted[3]))
     estimate = reported[filter_id]
     prearm_ok = _prearm_ok(status)
@@ -169,10 +170,6 @@ def version_text(version: int) -> str:
     """Return AUTOPILOT_VERSION.flight_sw_version as text: 4.5.6, 1.17.0-alpha."""
     kind = version & 0xFF
     return f"{version >> 24 & 0xFF}.{version >> 16 & 0xFF}.{version >> 8 & 0xFF}{_VERSION_TYPES.get(kind, '')}"
-
-
-def _fresh_s(message_id: MessageId) -> float:
-    return math.inf if message_id is MessageId.AUTOPILOT_VERSION else FRESH_S  # it does not change
 
 
 def _state(status: int) -> str:

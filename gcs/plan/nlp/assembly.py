@@ -1,7 +1,5 @@
 """The program and its exact derivatives, made of functions of one instant and constant matrices (Eqs. 44-50)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """The data of one vehicle's telemetry: its row of the fleet, its clock, and its position on Earth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

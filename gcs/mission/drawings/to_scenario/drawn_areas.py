@@ -1,7 +1,5 @@
 """The areas of a drawing as [[keep_in]] and [[no_fly]] of a scenario; none of them may make the route impossible."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
