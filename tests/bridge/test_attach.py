@@ -38,7 +38,7 @@ def left_alone(hop_mission: Path, tmp_path: Path) -> Iterator[tuple[World, Path]
         line = [*GCS, "fly", str(hop_mission), "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", str(tmp_path)]
         process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
         assert process.stdout is not None
-        while not (said := process.stdout.readline()).startswith("flying: t = "):
+        while not (said := process.stdout.readline()).startswith("flying: "):
             assert said, "it ended before it flew"
         while world.airframes.truth[0, 0] < 5.0:
             assert process.poll() is None
