@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -45,8 +46,9 @@ class LandingProfile:
     delay_s: float = 0.0  # from the order until it would begin at full speed: half of the time that it speeds up
 
     def __post_init__(self) -> None:
-        rises = all(low < high for low, high in pairwise(self.heights_m))
-        if len(self.heights_m) != len(self.speeds_mps) or not rises or min(self.speeds_mps) <= 0.0:
+        rises = all(low < high < math.inf for low, high in pairwise(self.heights_m))
+        moves = all(0.0 < speed < math.inf for speed in self.speeds_mps)
+        if len(self.heights_m) != len(self.speeds_mps) or not rises or not moves:
             raise ValueError(f"a landing profile needs rising heights and positive speeds: {self}")
 
     def speed_mps(self, height_m: Array) -> Array:
@@ -110,9 +112,13 @@ class LandingBehaviour:
     profile_of: Callable[[Mapping[str, float]], LandingProfile]
 
     def profile(self, known: Mapping[str, float] | None = None) -> LandingProfile:
-        """Return the profile of a vehicle with these parameters; those that are not known have their defaults."""
-        given = known or {}
-        return self.profile_of({name: given.get(name, value) for name, value in self.parameters.items()})
+        """Return the profile of a vehicle with these parameters; those that are not known have their defaults.
+
+        So have all, if nothing could land by those that are known: a speed of zero, infinite heights.
+        """
+        with suppress(ValueError):
+            return self.profile_of({**self.parameters, **(known or {})})
+        return self.profile_of(self.parameters)
 
 
 class CommandSource(StrEnum):

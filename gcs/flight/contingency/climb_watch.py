@@ -46,7 +46,7 @@ class ClimbWatch:
                 if min(self._sinks_mps, fields["vz"]) > SINK_MPS:
                     self._fails(f"sinks at {fields['vz']:.1f} m/s (limit {SINK_MPS:g} m/s) {self._up_m:.1f} m up")
                 self._sinks_mps = fields["vz"]
-            case "ATTITUDE":
+            case "ATTITUDE" if all(abs(fields[name]) <= math.pi for name in ("roll", "pitch")):  # no damaged report
                 tilt_deg = math.degrees(math.acos(math.cos(fields["roll"]) * math.cos(fields["pitch"])))
                 if tilt_deg > TILT_DEG:
                     self._fails(f"is tilted by {tilt_deg:.0f} deg (limit {TILT_DEG:g} deg) {self._up_m:.1f} m up")

@@ -242,7 +242,11 @@ class ParameterReader(ParameterMachine):
         return Message("PARAM_REQUEST_READ", {**self.peer.target, "param_id": name, "param_index": -1})
 
     def _settles(self, parameter: Parameter) -> bool:
-        return True
+        return math.isfinite(parameter.value)
+
+    def _timeout_error(self, name: str) -> GcsError:
+        seen = self._seen.get(name)
+        return super()._timeout_error(name) if seen is None else PeerError(f"{self.peer} reports {seen}: not a number.")
 
 
 class ParameterWriter(ParameterMachine):

@@ -58,7 +58,24 @@ def test_the_parameters_of_a_vehicle_set_its_speeds() -> None:
     np.testing.assert_allclose(px4.speed_mps(np.array([5.0, 20.0, 40.0])), 0.95 * np.array([0.7, 2.0, 2.0]))
 
 
-@pytest.mark.parametrize(("heights", "speeds"), [((1.0, 1.0), (1.0, 1.0)), ((1.0,), (0.0,)), ((1.0,), (1.0, 2.0))])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_parameters_by_which_nothing_could_land_count_as_not_known(value: float) -> None:
+    for autopilot, traits in TRAITS.items():
+        for name in traits.landing.parameters:
+            profile = traits.landing.profile({name: value})
+            assert np.isfinite(profile.duration_s(30.0, 0.0)), (autopilot, name)
+
+
+@pytest.mark.parametrize(
+    ("heights", "speeds"),
+    [
+        ((1.0, 1.0), (1.0, 1.0)),
+        ((1.0, np.nan), (1.0, 1.0)),
+        ((1.0,), (0.0,)),
+        ((1.0,), (np.inf,)),
+        ((1.0,), (1.0, 2.0)),
+    ],
+)
 def test_a_profile_that_is_none_is_refused(heights: tuple[float, ...], speeds: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="landing profile"):
         LandingProfile(heights, speeds)

@@ -127,6 +127,20 @@ def test_what_a_type_cannot_hold_is_refused_before_it_is_sent(value, kind):
         as_kind("X", value, kind)
 
 
+def test_a_value_that_is_no_number_is_requested_again_and_told_if_it_stays():
+    def reading(wrong):
+        def meddle(message):
+            bad = next(wrong, None)
+            return [message if bad is None else Message(message.name, {**message.fields, "param_value": bad})]
+
+        return talk(
+            ParameterReader(["MPC_XY_CRUISE"], Exchange(VEHICLE, Autopilot.PX4)), table(Autopilot.PX4), 0, 0, meddle
+        )
+
+    assert reading(iter([math.nan, math.inf])).values["MPC_XY_CRUISE"].value == 5.0
+    assert "vehicle 3 reports MPC_XY_CRUISE = nan" in str(reading(iter([math.nan] * 99)).error)
+
+
 def test_answers_of_others_count_for_nothing():
     reader = ParameterReader(["RTL_ALT"], Exchange(VEHICLE, Autopilot.ARDUPILOT))
     reader.start(0.0)

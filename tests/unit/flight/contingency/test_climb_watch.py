@@ -77,6 +77,9 @@ def test_a_recorded_vehicle_with_a_dead_motor_is_told_as_soon_as_it_tumbles() ->
         (61.0, 0.0, "is tilted by 61 deg (limit 60 deg) 0.3 m up"),
         (45.0, -50.0, "is tilted by 63 deg (limit 60 deg) 0.3 m up"),
         (40.0, 40.0, ""),
+        (math.inf, 0.0, ""),
+        (0.0, math.nan, ""),
+        (1e9, 0.0, ""),
     ],
 )
 def test_a_vehicle_on_its_side_is_told(roll_deg: float, pitch_deg: float, told: str) -> None:
