@@ -16,14 +16,15 @@ _LONG = re.compile(
 class GcsError(Exception):
     """A failure in one sentence. `hint` is the next step for the operator, if there is one.
 
+    `reason` is the part that a longer message takes: without the file's name, or the words "no plan".
     `folder` is that of the flight which failed, with its events and telemetry.
     """
 
     exit_code = 1
     folder: str | None = None
 
-    def __init__(self, message: str, *, hint: str = "") -> None:
-        self.message, self.hint = for_people(message), for_people(hint)
+    def __init__(self, message: str, *, hint: str = "", reason: str = "") -> None:
+        self.message, self.hint, self.reason = map(for_people, (message, hint, reason or message))
         super().__init__(self.message)
 
 
@@ -71,16 +72,10 @@ class PlanningError(GcsError):
 
     exit_code = 4
 
-    def __init__(self, message: str, *, hint: str = "") -> None:
-        super().__init__(message, hint=hint)
-        self.reason = message
-
     @classmethod
     def because(cls, reason: str, *, hint: str) -> Self:
-        """The failure "no plan: REASON"; a longer message may take its reason alone."""
-        error = cls(f"no plan: {reason}", hint=hint)
-        error.reason = reason
-        return error
+        """The failure "no plan: REASON"."""
+        return cls(f"no plan: {reason}", hint=hint, reason=reason)
 
 
 class Infeasible(PlanningError):

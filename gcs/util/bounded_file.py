@@ -81,7 +81,7 @@ def open_regular(path: Path, *, error: type[GcsError] = FileFormatError, hint: s
             os.close(handle)
             raise
     except OSError as problem:
-        raise error(f"{path}: {problem.strerror}.", hint=hint) from None
+        raise error(f"{path}: {problem.strerror}.", hint=hint, reason=f"{problem.strerror}.") from None
     except ValueError:  # a NUL byte
         raise error(f"{str(path)!r} is not a path.", hint=hint) from None
     return handle
@@ -104,7 +104,8 @@ def in_mib(size: int) -> str:
 def _refuse_place(path: Path, mode: int, error: type[GcsError], pipes: bool) -> None:
     for is_it, words in _KINDS_OF_PLACES:
         if is_it(mode) and not (pipes and is_it is stat.S_ISFIFO):
-            raise error(f"{path}: is {words}, not a file.", hint="name a regular file")
+            reason = f"is {words}, not a file."
+            raise error(f"{path}: {reason}", hint="name a regular file", reason=reason)
 
 
 def read_json(data: bytes | str, *, not_finite: bool = False) -> Any:

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from gcs.mission.predicted.closest_approach import least_distance
-from gcs.mission.returns.rtl_cases import Motion, ReturnEnds, Returning, ReturnSpeeds, places_at
+from gcs.mission.returns.rtl_cases import Motion, ReturnEnds, Returning, ReturnSpeeds, ReturnTo, places_at
 from gcs.mission.returns.start_cells import Starts, plan_intervals, start_cells
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof import subdivision
@@ -140,7 +140,7 @@ class ProvedSeparation:
     least_m: float
     t_s: float
     pair: tuple[int, int]
-    ends: str
+    to: ReturnTo
     proved_at_s: float
 
     @classmethod
@@ -148,8 +148,8 @@ class ProvedSeparation:
         """What is proved of `StraightReturns`."""
         first, second, to_rally = proof.who[0, 0].tolist()
         proved_m, least_m, t_s = float(proof.proved[0, 0]), float(proof.seen[0, 0]), float(proof.t_s[0, 0])
-        ends = "nearest" if to_rally else "home"
-        return cls(min(proved_m, least_m), least_m, t_s, (first, second), ends, float(proof.proved_at_s[0, 0]))
+        to = ReturnTo.either(to_rally=to_rally)
+        return cls(min(proved_m, least_m), least_m, t_s, (first, second), to, float(proof.proved_at_s[0, 0]))
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,8 @@ class StraightReturns:
                 break
             to_m, top_m = places_m[np.arange(len(vehicle)), chosen], over_m[vehicle, chosen]
             waits_s = ends.waits_s[None, vehicle]
-            case = Returning("", away, place_m[None], to_m[None], top_m[None], self.speeds, waits_s)
+            to = ReturnTo.either(to_rally=self.to_rally)
+            case = Returning(to, away, place_m[None], to_m[None], top_m[None], self.speeds, waits_s)
             climbs_m = place_m[:, 2] + top_m
             motion = case.motion(0, 0.0)
             yield Tubes.of(motion, starts.level_m, starts.vertical_m, climbs_m, self.speeds), may

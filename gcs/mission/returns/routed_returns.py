@@ -16,7 +16,7 @@ from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.ground_below import highest_along_m
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
-from gcs.mission.returns.rtl_cases import ReturnSpeeds, WorstReturn
+from gcs.mission.returns.rtl_cases import ReturnSpeeds, ReturnTo, WorstReturn
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -38,7 +38,7 @@ _PAIRS_MAX = 66  # of vehicles; a fleet that has more is looked at once more onl
 class RoutedReturns:
     """Returns of V vehicles from plan times t_s (N,). Rows of `stop` and ways (V * N, W, 2): vehicle by vehicle."""
 
-    name: str
+    to: ReturnTo
     t_s: Array
     stop: Stops
     ways_m: Array
@@ -98,11 +98,13 @@ def routed_returns(plan: Plan, routes: ReturnRoutes, t_s: Array) -> list[RoutedR
         for w in (homes, landings)
     ]
     shape = len(plan.sysids), count
-    cases = [RoutedReturns("home", t_s, stop, homes.points_m, homes.length_m.reshape(shape), ends[0][:, 2])]
+    cases = [RoutedReturns(ReturnTo.HOME, t_s, stop, homes.points_m, homes.length_m.reshape(shape), ends[0][:, 2])]
     if not home_first.all():
         ways = np.where(home_first[:, None, None], *wide)
         lengths = np.minimum(homes.length_m, landings.length_m).reshape(shape)
-        cases.append(RoutedReturns("nearest", t_s, stop, ways, lengths, np.where(home_first, *(e[:, 2] for e in ends))))
+        cases.append(
+            RoutedReturns(ReturnTo.NEAREST, t_s, stop, ways, lengths, np.where(home_first, *(e[:, 2] for e in ends)))
+        )
     return cases
 
 
@@ -178,14 +180,14 @@ def nearest_return(
     rate_mps = float(np.hypot(*plan.scenario.limits.speed_ned_mps[:2]))
     found: list[WorstReturn] = []
 
-    def looked_at(cases: list[RoutedReturns]) -> dict[str, _Instants]:
+    def looked_at(cases: list[RoutedReturns]) -> dict[ReturnTo, _Instants]:
         instants = {}
         for case in cases:
             least_m, pairs = nearest_pairs(case, top_down_m, speeds, apart_m)
             at = first_least(least_m)
             sysids = plan.sysids[int(pairs[at, 0])], plan.sysids[int(pairs[at, 1])]
-            found.append(WorstReturn(float(least_m[at]), float(case.t_s[at]), sysids, case.name))
-            instants[case.name] = _Instants(case.t_s, least_m, case.kinds())
+            found.append(WorstReturn(float(least_m[at]), float(case.t_s[at]), sysids, case.to))
+            instants[case.to] = _Instants(case.t_s, least_m, case.kinds())
         return instants
 
     known = looked_at(first)
@@ -202,7 +204,7 @@ def nearest_return(
         solved += len(at_s)
         more = looked_at(routed_returns(plan, routes, at_s))
         # Where all return home, there is no other case.
-        known = {name: instants.joined(more.get(name, more["home"])) for name, instants in known.items()}
+        known = {to: instants.joined(more.get(to, more[ReturnTo.HOME])) for to, instants in known.items()}
     return found[first_least(np.array([one.distance_m for one in found]))]
 
 

@@ -36,7 +36,7 @@ from gcs.mission.returns.routed_returns import (
     routed_returns,
     without_way,
 )
-from gcs.mission.returns.rtl_cases import Crossing, Returning, ReturnSpeeds, WorstReturn
+from gcs.mission.returns.rtl_cases import Crossing, Returning, ReturnSpeeds, ReturnTo, WorstReturn
 from gcs.mission.returns.zones_crossed import zones_crossed
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
@@ -98,7 +98,7 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     proof = prove(returns, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
         pair = plan.sysids[proof.pair[0]], plan.sysids[proof.pair[1]]
-        worst = WorstReturn(proof.least_m, proof.t_s, pair, proof.ends)
+        worst = WorstReturn(proof.least_m, proof.t_s, pair, proof.to)
     return replace(found, worst=replace(worst, proved_m=proof.proved_m), proved_at_s=proof.proved_at_s)
 
 
@@ -213,7 +213,7 @@ def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstRetur
         distance = rtl_cases.pair_distances(motions[i], motions[j])
         at = first_least(distance)
         pair = plan.sysids[i], plan.sysids[j]
-        found.append(WorstReturn(float(distance.min()), float(case.t_s[at]), pair, case.name))
+        found.append(WorstReturn(float(distance.min()), float(case.t_s[at]), pair, case.to))
     return min(found, key=_distance)
 
 
@@ -223,13 +223,13 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
     longest_s = np.max([times[:, -1] for times, _ in motions], axis=0)
     looks = np.linspace(0.0, 1.0, _IN_FORMATION_LOOKS) * longest_s[:, None]
     places = np.stack([rtl_cases.places_at(motion, looks) for motion in motions])  # (V, N, L, 3)
-    worst = WorstReturn(math.inf, math.nan, (0, 0), returning.name)
+    worst = WorstReturn(math.inf, math.nan, (0, 0), returning.to)
     for instant, look in np.ndindex(looks.shape):
         distance, near = KDTree(places[:, instant, look]).query(places[:, instant, look], k=2)
         row = first_least(distance[:, 1])
         if distance[row, 1] < worst.distance_m - EQUAL:
             pair = plan.sysids[row], plan.sysids[int(near[row, 1])]
-            worst = WorstReturn(float(distance[row, 1]), float(returning.t_s[instant]), pair, returning.name)
+            worst = WorstReturn(float(distance[row, 1]), float(returning.t_s[instant]), pair, returning.to)
     return worst
 
 
@@ -258,7 +258,7 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         )
     acts = dict(zip(plan.sysids, (known.traits.returns for known in one_each(firmware, len(plan.sysids))), strict=True))
     for crossing in returns.crossings:
-        where = "home (without rally points)" if crossing.ends == "home" else "the nearest of home and rally points"
+        where = "home (without rally points)" if crossing.to is ReturnTo.HOME else crossing.to
         for at_fence in dict.fromkeys(acts[sysid].at_fence for sysid in crossing.sysids):
             sysids = ", ".join(str(sysid) for sysid in crossing.sysids if acts[sysid].at_fence == at_fence)
             yield (

@@ -6,6 +6,8 @@ chooses them.
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
+from typing import Self
 
 import numpy as np
 import shapely
@@ -40,6 +42,18 @@ class ReturnSpeeds:
     wait_s: float
 
 
+class ReturnTo(StrEnum):
+    """Where returns lead, in words."""
+
+    HOME = "home"
+    NEAREST = "the nearest of home and rally points"
+
+    @classmethod
+    def either(cls, *, to_rally: bool) -> Self:
+        """Return the nearest end, if it may be a rally point; otherwise home."""
+        return cls.NEAREST if to_rally else cls.HOME
+
+
 @dataclass(frozen=True)
 class Returning:
     """Begins and ends (V, N, 3) of a fleet's returns from instants t_s (N,).
@@ -48,7 +62,7 @@ class Returning:
     `waits_s` (V,) or (V, N) are the waits above the ends, if they differ between vehicles.
     """
 
-    name: str
+    to: ReturnTo
     t_s: Array
     from_ned_m: Array
     to_ned_m: Array
@@ -107,7 +121,7 @@ class Crossing:
     """A zone that straight returns of some vehicles cross only if they begin in [from_s, to_s] of plan time."""
 
     zone: int
-    ends: str
+    to: ReturnTo
     from_s: float
     to_s: float
     sysids: tuple[int, ...]
@@ -129,7 +143,7 @@ class WorstReturn:
     distance_m: float
     t_s: float
     sysids: tuple[int, int]
-    ends: str  # "home", or "nearest" of home and rally points
+    to: ReturnTo
     proved_m: float | None = None
 
     def in_words(self, required_m: float) -> str:
@@ -183,8 +197,8 @@ def return_cases(
     away_m = np.linalg.norm(start[:, :, None, :2] - ends.ned_m[:, None, :, :2], axis=-1)
     nearest = np.take_along_axis(ends.ned_m, np.argmin(away_m, axis=-1)[..., None], axis=1)
     return [
-        Returning(name, t_s, start, end, ends.datum_m(end, to_rally=to_rally), speeds, ends.waits_s)
-        for name, end, to_rally in (("home", homes, False), ("nearest", nearest, True))
+        Returning(to, t_s, start, end, ends.datum_m(end, to_rally=to is ReturnTo.NEAREST), speeds, ends.waits_s)
+        for to, end in ((ReturnTo.HOME, homes), (ReturnTo.NEAREST, nearest))
     ]
 
 

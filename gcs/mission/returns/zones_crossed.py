@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import FleetFirmware
 from gcs.mission.returns.fence_areas import swept_area
-from gcs.mission.returns.rtl_cases import Crossing, return_ends
+from gcs.mission.returns.rtl_cases import Crossing, ReturnTo, return_ends
 from gcs.mission.returns.start_cells import StartCells, plan_intervals, start_cells
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import Zone, outline, zone_names, zones
@@ -41,14 +41,14 @@ def zones_crossed(plan: Plan, firmware: FleetFirmware, rally_ned_m: Array) -> It
                 begin_s = np.concatenate([begin_s[left], middle_s[left]])
                 end_s = np.concatenate([middle_s[left], end_s[left]])
             settled.sort(key=lambda span: span[:2])
-            ends = "nearest" if to_rally else "home"
+            to = ReturnTo.either(to_rally=to_rally)
             while settled:
                 from_s, to_s, rows = settled.pop(0)
                 while settled and settled[0][0] <= to_s + 1e-9:
                     _, to_s, more = settled.pop(0)
                     rows = rows | more
                 sysids = tuple(sysid for sysid, row in zip(plan.sysids, rows.tolist(), strict=True) if row)
-                yield Crossing(name.number, ends, from_s, to_s, sysids, name.keep_in)
+                yield Crossing(name.number, to, from_s, to_s, sysids, name.keep_in)
 
 
 def _met(plan: Plan, zone: Zone, cells: StartCells, ends_m: Array) -> tuple[Mask, Mask]:

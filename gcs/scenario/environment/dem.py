@@ -47,7 +47,7 @@ def read_dem(file: Path, origin: Origin, region: Region, unit: HeightUnit | None
     try:
         os.close(open_regular(file))  # GDAL would wait at a pipe, and open addresses of the network
     except FileFormatError as problem:
-        raise DemError(f"cannot be read as an elevation model: {problem.message.removeprefix(f'{file}: ')}") from None
+        raise DemError(f"cannot be read as an elevation model: {problem.reason}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)

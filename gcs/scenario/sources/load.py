@@ -328,4 +328,4 @@ def _error_report(
     ]
     number = "both" if len(placed) == 2 else f"all {len(placed)}"
     hint = steps[0] if len({*steps}) == 1 else f"correct {number}; the first: {steps[0]}"
-    return ScenarioError("\n".join(listed), hint=hint)
+    return ScenarioError("\n".join(listed), hint=hint, reason="\n".join(map(str, placed)))

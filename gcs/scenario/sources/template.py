@@ -210,8 +210,7 @@ def _refuse_impossible(text: str) -> None:
         try:
             scenario = load_scenario(file)
         except ScenarioError as mistakes:
-            reasons = re.sub(rf"{re.escape(str(file))}:\d+: ", "", mistakes.message)
-            raise UsageError(f"such a flight is not possible: {reasons}", hint="give other numbers") from None
+            raise UsageError(f"such a flight is not possible: {mistakes.reason}", hint="give other numbers") from None
     places = offsets_ned_m(scenario)
     size_m, apart_m = vehicle_size_m(scenario.vehicle), float(KDTree(places).query(places, k=2)[0][:, 1].min())
     if apart_m < size_m:  # infinite for a single vehicle

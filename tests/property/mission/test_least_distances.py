@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gcs.mission.predicted.closest_approach import closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight
-from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, pair_distances, places_at
+from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, ReturnTo, pair_distances, places_at
 from gcs.types import Array
 
 untimed = settings(deadline=None)
@@ -70,7 +70,7 @@ def test_no_moment_of_two_returns_is_nearer(
     fast: ReturnSpeeds,
 ) -> None:
     ground = np.array(ends)[:, None] * [1, 1, 0]
-    case = Returning("home", np.zeros(1), np.array(starts)[:, None], ground, np.zeros((2, 1)), fast)
+    case = Returning(ReturnTo.HOME, np.zeros(1), np.array(starts)[:, None], ground, np.zeros((2, 1)), fast)
     motions = [case.motion(row, heights_m[row]) for row in range(2)]
     least = pair_distances(*motions)
     last_s = max(float(times[0, -1]) for times, _ in motions)

@@ -13,6 +13,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.manoeuvres import MotionReference, MotionStart, return_reference
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.mission.returns.rtl_cases import ReturnTo
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outside_m
@@ -79,7 +80,7 @@ def test_no_instant_is_worse_than_was_verified(field: Plan, returns: ReturnPlan,
 def test_the_worst_return_is_as_near_as_was_verified(field: Plan, returns: ReturnPlan) -> None:
     worst = returns.routed
     assert worst is not None
-    assert worst.ends == "home"
+    assert worst.to is ReturnTo.HOME
     assert least_m(flown(field, returns, worst.t_s)) == pytest.approx(worst.distance_m, abs=0.1)
 
 

@@ -15,7 +15,14 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import FenceCommand
 from gcs.mission.returns.fence_rally import FENCE_ABOVE_M, build_rally, build_safety, return_parameters
 from gcs.mission.returns.rtl_altitudes import STEP_MIN_M, ReturnPlan, plan_returns
-from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, highest_ground_m, pair_distances, return_cases
+from gcs.mission.returns.rtl_cases import (
+    Returning,
+    ReturnSpeeds,
+    ReturnTo,
+    highest_ground_m,
+    pair_distances,
+    return_cases,
+)
 from gcs.mission.returns.zones_crossed import zones_crossed
 from gcs.physics.states import POSITION
 from gcs.plan.formation.shape import rigid
@@ -31,7 +38,7 @@ ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
 def returning(start: list[list[float]], ends: list[list[float]], datum_m: float = 0.0) -> Returning:
     """Vehicles at one instant."""
     places, grounds = np.array(start)[:, None], np.array(ends)[:, None]
-    return Returning("home", np.zeros(1), places, grounds, np.full((len(start), 1), datum_m), SPEEDS)
+    return Returning(ReturnTo.HOME, np.zeros(1), places, grounds, np.full((len(start), 1), datum_m), SPEEDS)
 
 
 def test_up_across_wait_down() -> None:
@@ -120,7 +127,7 @@ def nearest_pair(plan: Plan, places: Array) -> tuple[float, tuple[int, int]]:
 def test_the_worst_instant_is_as_bad_as_was_said(simulation1_plan: Plan, returns: ReturnPlan) -> None:
     worst = returns.worst
     assert worst is not None
-    places = fly_home(simulation1_plan, returns, worst.t_s, worst.ends == "nearest")
+    places = fly_home(simulation1_plan, returns, worst.t_s, worst.to is ReturnTo.NEAREST)
     gap, pair = nearest_pair(simulation1_plan, places)
     assert gap == pytest.approx(worst.distance_m, abs=0.12)
     assert pair == worst.sysids
@@ -207,7 +214,9 @@ def test_px4_counts_from_where_it_goes(simulation1_plan: Plan) -> None:
     assert not np.array_equal(at_nearest.datum_m, at_home.datum_m)
     px4 = plan_returns(plan, PX4)
     assert px4.worst is not None
-    places = fly_home(plan, px4, px4.worst.t_s, px4.worst.ends == "nearest", datum_is_end=px4.worst.ends == "nearest")
+    places = fly_home(
+        plan, px4, px4.worst.t_s, px4.worst.to is ReturnTo.NEAREST, datum_is_end=px4.worst.to is ReturnTo.NEAREST
+    )
     assert nearest_pair(plan, places)[0] == pytest.approx(px4.worst.distance_m, abs=0.12)
 
 
@@ -219,7 +228,7 @@ def test_straight_ways_through_closed_areas_are_told(plan_of: Callable[[str], Pl
     rally = plan.landing_points_ned_m[:, None]
     found = list(zones_crossed(plan, ARDUPILOT, rally))
     for case in (home, nearest):
-        for crossing in (one for one in found if one.ends == case.name):
+        for crossing in (one for one in found if one.to is case.to):
             disk = plan.scenario.no_fly[crossing.zone - 1]
             for t_s, inside in (
                 (crossing.from_s + 1.5, True),
@@ -231,7 +240,7 @@ def test_straight_ways_through_closed_areas_are_told(plan_of: Callable[[str], Pl
                 ways = case.from_ned_m[:, at, :2] + shares * (case.to_ned_m - case.from_ned_m)[:, at, :2]
                 depth = disk.radius_m - np.linalg.norm(ways - [disk.north_m, disk.east_m], axis=-1).min()
                 assert (depth > plan.scenario.mission.tolerance_m - 0.01) == inside
-    assert [c.zone for c in found if c.ends == "home"] == [1, 2]
+    assert [c.zone for c in found if c.to is ReturnTo.HOME] == [1, 2]
     returns = plan_returns(plan, ARDUPILOT)
     assert returns.worst is not None
     assert returns.worst.distance_m >= plan.scenario.judge.separation_min_m

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.mission.returns.rtl_altitudes import SEARCHED_MAX, stagger_order
-from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, return_cases
+from gcs.mission.returns.rtl_cases import Returning, ReturnSpeeds, ReturnTo, return_cases
 from gcs.plan.trajectory.plan import Plan
 
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=3.5, sink_mps=2.0, wait_s=5.0)
@@ -48,7 +48,7 @@ def test_beyond_enough_separations_no_order_is_better(rear: int) -> None:
     """The rear vehicle passes under the one ahead, which still climbs, or over it: both are far enough apart."""
     starts = np.array([[0.0, 0.0, -10.0], [10.0, 0.0, -10.0]])[[rear, 1 - rear]][:, None]
     ends = starts * np.array([1.0, 1.0, 0.0]) + np.array([100.0, 0.0, 0.0])
-    case = Returning("home", np.zeros(1), starts, ends, np.zeros((2, 1)), SPEEDS)
+    case = Returning(ReturnTo.HOME, np.zeros(1), starts, ends, np.zeros((2, 1)), SPEEDS)
     levels_m = np.array([[12.0, 12.0], [20.0, 20.0]])
     assert stagger_order([case], levels_m, SEPARATION_M).tolist() == [0, 1]
     near = stagger_order([case], levels_m, 100.0)  # here every metre counts

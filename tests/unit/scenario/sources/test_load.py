@@ -155,8 +155,11 @@ def test_an_elevation_model_is_read_from_beside_the_scenario_or_missed(tmp_path:
     assert relief is not None and relief.spacing_m == pytest.approx(10.0, rel=0.001)
     text = (ridge / "scenario.toml").read_text()
     (tmp_path / "scenario.toml").write_text(text)
-    with pytest.raises(ScenarioError, match=r'scenario.toml:\d+: terrain.dem.file = "ridge.tif": cannot be read'):
+    with pytest.raises(ScenarioError) as missed:
         load_scenario(tmp_path)
+    told = 'terrain.dem.file = "ridge.tif": cannot be read as an elevation model: No such file or directory.'
+    assert missed.value.message.startswith(f"{tmp_path / 'scenario.toml'}:") and told in missed.value.message
+    assert missed.value.reason.startswith(told)  # without the file, for a text that has none
     (tmp_path / "ridge.tif").write_bytes((ridge / "ridge.tif").read_bytes())
     (tmp_path / "scenario.toml").write_text(text.replace("north_m = [-20.0, 720.0]", "north_m = [-20.0, 2720.0]"))
     with pytest.raises(ScenarioError, match=r"too small: it covers .* needs -35 to 2735 m north"):
