@@ -7,6 +7,7 @@ this). A traceback is printed with `--debug` only.
 
 import difflib
 import errno
+import functools
 import os
 import re
 import sys
@@ -132,6 +133,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
+_command_of = functools.cache(typer.main.get_command)  # a process may run many command lines
+
+
 def _run(arguments: list[str], stops: StopSignals) -> int:
     # Read here because the arguments may be what is wrong.
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
@@ -141,7 +145,7 @@ def _run(arguments: list[str], stops: StopSignals) -> int:
         # Not standalone: typer then leaves the endings to the lines below. None is success.
         code = 0
         if arguments:
-            code = app(args=arguments, prog_name=NAME, standalone_mode=False) or 0
+            code = _command_of(app)(args=arguments, prog_name=NAME, standalone_mode=False) or 0
         else:
             print(FIRST_STEPS)
     except SystemExit as ended:  # --install-completion

@@ -99,8 +99,8 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
     begin = si.hover_start_ned_m(scenario) * si.NED_FROM_UP
     start = _at_start(scenario)
     shares = np.linspace(0.0, 1.0, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1)[:-1]  # end: rule above
-    for share in shares:
-        missing = _missing_m(scenario, begin + share * (start.places_up_m - begin))
+    missing_m = _missing_m(scenario, begin + shares[:, None, None] * (start.places_up_m - begin))
+    for share, missing in zip(shares.tolist(), missing_m, strict=True):
         if missing.max() > SLACK:
             sysid, below = start.sysids[int(missing.argmax())], _below(float(missing.max()), scenario)
             text = f"vehicle {sysid} would be {below}, {share * length:.0f} m into the run-up"
@@ -178,6 +178,8 @@ def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
 def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
     """The mistake of the lowest vehicle above the ground; what is already wrong at the start counts there alone."""
     missing = _missing_m(scenario, stop.places_up_m)
+    if missing.max() <= SLACK:
+        return
     rows = _own_mistakes(scenario, _missing_m(scenario, _at_start(scenario).places_up_m) > SLACK)
     if stop.key != _START:
         missing[np.isin(stop.sysids, [si.sysids(scenario)[row] for row in rows])] = 0.0
@@ -320,9 +322,9 @@ def _vehicles(end: Stop, chosen: NDArray[np.bool_]) -> str:
 
 
 def _missing_m(scenario: Scenario, places_up_m: Array) -> Array:
-    """The height that each vehicle lacks above the ground, negative where it has more than that, m."""
-    least_m = clearance_floor_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1], scenario.limits.clearance_min_m)
-    return np.asarray(least_m - places_up_m[:, 2])
+    """The height (...) that places (..., 3) lack above the ground, negative where they have more than that, m."""
+    north_m, east_m, up_m = np.moveaxis(places_up_m, -1, 0)
+    return np.asarray(clearance_floor_m(scenario.terrain, north_m, east_m, scenario.limits.clearance_min_m) - up_m)
 
 
 def _below(missing_m: float, scenario: Scenario) -> str:

@@ -26,6 +26,7 @@ FILES = [file for file in sorted(GCS.rglob("*.py")) if "autopilots" not in file.
 KEYS = {known.key for known in Autopilot}
 NAMES = "|".join(known.name for known in Autopilot)
 MEMBER = re.compile(rf"(\w+\.)*Autopilot(\.({NAMES})|\['({NAMES})'\])")
+MENTIONED = re.compile("|".join(("autopilot", *KEYS)), re.IGNORECASE)  # without it `particular` finds nothing
 ALLOWED = {("scenario/schema/scenario.py", "ardupilot")}  # the default of mission.autopilot, which users rely on
 
 
@@ -51,11 +52,12 @@ def numbers(*nodes: ast.AST) -> set[object]:
     return {node.value for node in nodes if isinstance(node, ast.Constant)} & set(map(int, Autopilot))
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(GCS)))
-def test_only_the_table_names_an_autopilot(file: Path) -> None:
-    place = file.relative_to(GCS).as_posix()
-    found = [one for one in particular(ast.parse(file.read_text(encoding="utf-8"))) if (place, one) not in ALLOWED]
-    assert not found, f"gcs/{place} asks for {found}: make it a column of gcs/autopilots/columns.py"
+def test_only_the_table_names_an_autopilot() -> None:
+    for file in FILES:
+        place, text = file.relative_to(GCS).as_posix(), file.read_text(encoding="utf-8")
+        tree = ast.parse(text if MENTIONED.search(text) else "")
+        found = [one for one in particular(tree) if (place, one) not in ALLOWED]
+        assert not found, f"gcs/{place} asks for {found}: make it a column of gcs/autopilots/columns.py"
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from pathlib import Path
 
 import pytest
@@ -400,8 +401,12 @@ def assert_tests_exist(repo_root: Path, proofs: dict[str, list[tuple[str, str]]]
     for tests in proofs.values():
         assert tests
         for path, name in tests:
-            tree = ast.parse((repo_root / path).read_text())
-            assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, f"{path}::{name}"
+            assert name in functions(repo_root / path), f"{path}::{name}"
+
+
+@functools.cache
+def functions(file: Path) -> set[str]:
+    return {node.name for node in ast.parse(file.read_text()).body if isinstance(node, ast.FunctionDef)}
 
 
 def test_items_reached_are_not_read(repo_root: Path) -> None:
