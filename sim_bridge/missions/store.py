@@ -26,13 +26,7 @@ from gcs.link.protocols.mission.rules import mission_ack, mission_type_of
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionResult, MissionType, Severity
 from gcs.mission.model import Home, MissionItem
-from sim_bridge.missions.acceptance import (
-    as_reported_m,
-    as_stored,
-    in_single_precision,
-    item_result,
-    too_few_vertices,
-)
+from sim_bridge.missions.acceptance import as_reported_m, as_stored, in_single_precision, item_result, too_few_vertices
 from sim_bridge.missions.fence import count_shapes, encloses, places, what_is_wrong
 from sim_bridge.missions.transfer_traits import Download, MissionAnswer, MissionTraits, StorageTraits, Upload
 

@@ -55,10 +55,7 @@ def fly(
     ] = False,
     on_loss: Annotated[
         str,
-        shared.option(
-            "What the other vehicles do when one is lost: land, return or continue.",
-            words=tuple(OnLoss),
-        ),
+        shared.option("What the other vehicles do when one is lost: land, return or continue.", words=tuple(OnLoss)),
     ] = OnLoss.LAND,
     on_leader_loss: Annotated[
         str,

@@ -36,8 +36,7 @@ def check(
         ),
     ],
     autopilot: Annotated[
-        str | None,
-        option(f"Autopilot: {' or '.join(AUTOPILOTS)}.", shown="that of each file", words=AUTOPILOTS),
+        str | None, option(f"Autopilot: {' or '.join(AUTOPILOTS)}.", shown="that of each file", words=AUTOPILOTS)
     ] = None,
     terrain: Annotated[
         Path | None,

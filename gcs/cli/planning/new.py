@@ -43,8 +43,7 @@ def new(
         ),
     ] = None,
     spacing: Annotated[
-        float | None,
-        option("Distance between neighbours.", metavar="METRES", shown="10", limits=(0.1, 1000.0, "m")),
+        float | None, option("Distance between neighbours.", metavar="METRES", shown="10", limits=(0.1, 1000.0, "m"))
     ] = None,
     course: Annotated[
         str | None,
@@ -102,8 +101,7 @@ def new(
         ),
     ] = None,
     swath: Annotated[
-        float | None,
-        option("Width that one vehicle sees.", metavar="METRES", shown=False, limits=(0.5, 1000.0, "m")),
+        float | None, option("Width that one vehicle sees.", metavar="METRES", shown=False, limits=(0.5, 1000.0, "m"))
     ] = None,
     overlap: Annotated[
         str | None,

@@ -94,11 +94,7 @@ class Standstill:
         return max(now_s - from_s, 0.0)
 
     def end(
-        self,
-        now_s: float,
-        t_s: float,
-        on_event: Callable[[Event], None],
-        carry_out: Callable[[Order, float], None],
+        self, now_s: float, t_s: float, on_event: Callable[[Event], None], carry_out: Callable[[Order, float], None]
     ) -> float:
         """Lead the vehicles back to the plan, or home, once it is known which; return the plan time."""
         if self._lands or self._options.mode is not FlightMode.STREAM:

@@ -117,13 +117,7 @@ _WINDOW = 6
 class ParameterMachine:
     """The common part of reader and writer. `values` is complete, by name, once `done` and `error` is None."""
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        exchange: Exchange,
-        *,
-        version: int | None = None,
-    ) -> None:
+    def __init__(self, names: Sequence[str], exchange: Exchange, *, version: int | None = None) -> None:
         self.peer = exchange.peer
         self.state = MachineState.IDLE
         self.error: GcsError | None = None

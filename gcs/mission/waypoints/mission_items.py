@@ -70,8 +70,7 @@ def timed_legs(plan: Plan) -> TimedLegs:
         errors.append(deviation(flown, indices))
         kept.append(t_s[indices])
     return TimedLegs(
-        np.unique(np.concatenate(kept)),
-        Deviation(max(e.path_m for e in errors), max(e.time_m for e in errors)),
+        np.unique(np.concatenate(kept)), Deviation(max(e.path_m for e in errors), max(e.time_m for e in errors))
     )
 
 

@@ -53,15 +53,7 @@ def _joint_checks(plan: Plan) -> list[Check]:
     jump = np.nan_to_num(np.abs(after[0] - before[0]), nan=np.inf).max(axis=(0, 2))
     worst = int(np.argmax(jump))
     found = [
-        _exact(
-            Kind.STATE_JOINTS,
-            "all",
-            "SI",
-            -float(jump[worst]),
-            LENGTH_TOLERANCE_M,
-            None,
-            float(joints[worst]),
-        )
+        _exact(Kind.STATE_JOINTS, "all", "SI", -float(jump[worst]), LENGTH_TOLERANCE_M, None, float(joints[worst]))
     ]
     found += _control_joints(plan, joints, np.abs(after[1] - before[1]))
     most = plan.scenario.limits.jerk_max_mps3

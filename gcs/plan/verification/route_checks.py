@@ -14,12 +14,7 @@ from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.verdict import (
-    ANGLE_TOLERANCE_DEG,
-    LENGTH_TOLERANCE_M,
-    SPEED_TOLERANCE_MPS,
-    Check,
-)
+from gcs.plan.verification.proof.verdict import ANGLE_TOLERANCE_DEG, LENGTH_TOLERANCE_M, SPEED_TOLERANCE_MPS, Check
 from gcs.scenario.values.si import route_points
 from gcs.types import Array
 

@@ -245,14 +245,7 @@ class _Proofs:
                 sysid = None if constraint.id.kind is Kind.SEPARATION else self.plan.sysids[row]
                 found.append(
                     Check(
-                        constraint.id,
-                        name,
-                        constraint.unit,
-                        seen,
-                        constraint.tolerance,
-                        sysid,
-                        t_s,
-                        min(proved, seen),
+                        constraint.id, name, constraint.unit, seen, constraint.tolerance, sysid, t_s, min(proved, seen)
                     )
                 )
         return found

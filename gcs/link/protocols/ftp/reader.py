@@ -38,13 +38,7 @@ class FtpReader(FtpTransfer):
     """One file. `measure` returns its length, at most 256 KiB, from its first `head` bytes, or raises `PeerError`."""
 
     def __init__(
-        self,
-        path: str,
-        exchange: Exchange,
-        measure: Callable[[bytes], int],
-        head: int,
-        *,
-        tries: int = 4,
+        self, path: str, exchange: Exchange, measure: Callable[[bytes], int], head: int, *, tries: int = 4
     ) -> None:
         super().__init__(FtpOpcode.OPEN_FILE_RO, path, exchange, tries)
         self._measure = measure

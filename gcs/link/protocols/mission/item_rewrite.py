@@ -37,12 +37,7 @@ class ItemRewrite(MissionMachine):
     """
 
     def __init__(
-        self,
-        items: Mapping[int, MissionItem],
-        exchange: Exchange,
-        *,
-        tries: int = 8,
-        look_first: bool = False,
+        self, items: Mapping[int, MissionItem], exchange: Exchange, *, tries: int = 8, look_first: bool = False
     ) -> None:
         super().__init__(REWRITE, exchange, MissionType.MISSION)
         self._waiting = sorted(items.items())

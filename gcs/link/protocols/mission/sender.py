@@ -11,14 +11,7 @@ from gcs.link.protocols.exchange import Exchange
 from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState, Table, ignore
 from gcs.link.protocols.machine import Transition as Row
 from gcs.link.protocols.mission.item_messages import item_to_message
-from gcs.link.protocols.mission.rules import (
-    EVENTS,
-    IN_DOUBT,
-    NO_REFUSAL,
-    MissionMachine,
-    MissionRefused,
-    doubt_s,
-)
+from gcs.link.protocols.mission.rules import EVENTS, IN_DOUBT, NO_REFUSAL, MissionMachine, MissionRefused, doubt_s
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem

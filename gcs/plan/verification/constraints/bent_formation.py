@@ -118,11 +118,7 @@ class BentFormation(InParts[Stretch]):
             ]
         off = left(x)
         off_m = np.sqrt(np.maximum(total([part.square() for part in off]).range()[1], 0.0)).max(axis=0)
-        return _Witness(
-            x[1],
-            off_m + self._outside_m(x, stretch),
-            np.sqrt(sum(part.middle**2 for part in off)),
-        )
+        return _Witness(x[1], off_m + self._outside_m(x, stretch), np.sqrt(sum(part.middle**2 for part in off)))
 
     def _fitted(self, seen: list[Taylor], base: list[Array], base_m: Array, bent_m: Array) -> tuple[Array, Array]:
         """Scale, turn and blend (3, N) nearest to what is seen in the middle, and the pseudo-inverse (3, 3, V, N).

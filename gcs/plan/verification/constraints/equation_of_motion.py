@@ -7,12 +7,7 @@ import numpy as np
 from gcs.plan.formation.follower_equations import follower_state_and_control
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.reintegration import (
-    WINDOW_S,
-    IntegrationSteps,
-    step_edges,
-    window_errors,
-)
+from gcs.plan.verification.constraints.reintegration import WINDOW_S, IntegrationSteps, step_edges, window_errors
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, stacked
