@@ -56,6 +56,22 @@ def test_an_error_is_that_of_the_fall_with_drag_and_hardly_more(meadow_plan: Pla
         assert fallen_m <= bound <= fallen_m + 1e-5
 
 
+def test_a_thrust_that_changes_within_steps_has_no_error_where_the_place_follows_it(meadow_plan: Plan) -> None:
+    """Without drag, z'' = b t: the place is of the third order in time, whose powers count from the step's middle."""
+    q, b = replace(meadow_plan.quadrotor, drag_Nspm=(0.0, 0.0, 0.0)), 0.05
+    edges = np.linspace(0.0, 4.0, 41)
+    r, middle = 0.05, 0.5 * (edges[:-1] + edges[1:])
+    state, thrust, place = np.zeros((40, 12)), np.zeros((ORDER + 1, 4, 40)), np.zeros((ORDER + 1, 3, 40))
+    state[:, 2], state[:, 5] = b / 6.0 * edges[:-1] ** 3, b / 2.0 * edges[:-1] ** 2
+    thrust[0, 0], thrust[1, 0] = q.weight_N - q.mass_kg * b * middle, -q.mass_kg * b * r
+    for power, part in enumerate((middle**3, 3.0 * middle**2 * r, 3.0 * middle * r**2, r**3 + 0.0 * middle)):
+        place[power, 2] = b / 6.0 * part
+    steps = IntegrationSteps(
+        edges[:-1], edges[1:], state, Taylor(place, np.zeros((3, 40))), Taylor(thrust, np.zeros((4, 40)))
+    )
+    assert error_m(steps, [0, 15], [40, 40], q).max() < 1e-6
+
+
 def test_what_the_place_leaves_out_is_added(meadow_plan: Plan) -> None:
     q = meadow_plan.quadrotor
     steps, count = falling(q, 0.0, 2e-3)
