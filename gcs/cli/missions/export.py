@@ -231,7 +231,7 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
             proved = f"; at least {rounded_down(worst.proved_m, 3):.3f} m, whenever it begins, proved"
         screen.say(
             f"  if all return at any time: at least {worst.distance_m:.2f} m apart (vehicles {first} and {second}, "
-            f"return to {worst.to} at {worst.t_s:.1f} s){proved}"
+            f"return to {worst.ends.words} at {worst.t_s:.1f} s){proved}"
         )
     for text in return_warnings(plan, returns, index.autopilots):
         screen.warn(text)

@@ -258,7 +258,7 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         )
     acts = dict(zip(plan.sysids, (known.traits.returns for known in one_each(firmware, len(plan.sysids))), strict=True))
     for crossing in returns.crossings:
-        where = "home (without rally points)" if crossing.to is ReturnTo.HOME else crossing.to
+        where = "home (without rally points)" if crossing.ends is ReturnTo.HOME else crossing.ends.words
         for at_fence in dict.fromkeys(acts[sysid].at_fence for sysid in crossing.sysids):
             sysids = ", ".join(str(sysid) for sysid in crossing.sysids if acts[sysid].at_fence == at_fence)
             yield (

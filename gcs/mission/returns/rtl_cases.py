@@ -43,10 +43,15 @@ class ReturnSpeeds:
 
 
 class ReturnTo(StrEnum):
-    """Where returns lead, in words."""
+    """Where returns lead."""
 
     HOME = "home"
-    NEAREST = "the nearest of home and rally points"
+    NEAREST = "nearest"  # of home and rally points
+
+    @property
+    def words(self) -> str:
+        """For a sentence."""
+        return "home" if self is ReturnTo.HOME else "the nearest of home and rally points"
 
     @classmethod
     def either(cls, *, to_rally: bool) -> Self:
@@ -121,7 +126,7 @@ class Crossing:
     """A zone that straight returns of some vehicles cross only if they begin in [from_s, to_s] of plan time."""
 
     zone: int
-    to: ReturnTo
+    ends: ReturnTo
     from_s: float
     to_s: float
     sysids: tuple[int, ...]
@@ -143,7 +148,7 @@ class WorstReturn:
     distance_m: float
     t_s: float
     sysids: tuple[int, int]
-    to: ReturnTo
+    ends: ReturnTo
     proved_m: float | None = None
 
     def in_words(self, required_m: float) -> str:

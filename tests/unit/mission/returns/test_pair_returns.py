@@ -98,7 +98,7 @@ def test_a_needle_that_tracks_sweep_in_100_ms_is_found(simulation1: Scenario, at
     plan = flown(simulation1, turning(), np.array([0.0, ENDS_S]), still, tables, no_fly=[needle])
     rally = plan.landing_points_ned_m[:, None]
     crossed = zones_crossed(plan, Autopilot.ARDUPILOT, rally)
-    found = [c for c in crossed if c.to is ReturnTo.HOME and 1 in c.sysids and c.from_s <= at_s <= c.to_s]
+    found = [c for c in crossed if c.ends is ReturnTo.HOME and 1 in c.sysids and c.from_s <= at_s <= c.to_s]
     assert len(found) == 1
     assert (found[0].from_s > at_s - 0.2, found[0].to_s < at_s + 0.2) == (True, True)
 

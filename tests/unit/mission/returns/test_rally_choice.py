@@ -71,6 +71,6 @@ def test_what_still_crosses_is_told_with_what_the_fence_does(field: Plan, firmwa
     told = [text for text in return_warnings(field, returns, firmware) if "crosses no-fly zone" in text]
     assert len(told) == len(returns.crossings) >= 2
     assert all(words in text and "vehicle 1, 2" in text for text in told if "to home" in text)
-    home_s, nearest_s = (sum(c.to_s - c.from_s for c in returns.crossings if c.to is to) for to in ReturnTo)
+    home_s, nearest_s = (sum(c.to_s - c.from_s for c in returns.crossings if c.ends is ends) for ends in ReturnTo)
     assert home_s > 300.0
     assert nearest_s < 15.0

@@ -80,7 +80,7 @@ def test_no_instant_is_worse_than_was_verified(field: Plan, returns: ReturnPlan,
 def test_the_worst_return_is_as_near_as_was_verified(field: Plan, returns: ReturnPlan) -> None:
     worst = returns.routed
     assert worst is not None
-    assert worst.to is ReturnTo.HOME
+    assert worst.ends is ReturnTo.HOME
     assert least_m(flown(field, returns, worst.t_s)) == pytest.approx(worst.distance_m, abs=0.1)
 
 

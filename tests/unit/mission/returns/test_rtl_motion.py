@@ -127,7 +127,7 @@ def nearest_pair(plan: Plan, places: Array) -> tuple[float, tuple[int, int]]:
 def test_the_worst_instant_is_as_bad_as_was_said(simulation1_plan: Plan, returns: ReturnPlan) -> None:
     worst = returns.worst
     assert worst is not None
-    places = fly_home(simulation1_plan, returns, worst.t_s, worst.to is ReturnTo.NEAREST)
+    places = fly_home(simulation1_plan, returns, worst.t_s, worst.ends is ReturnTo.NEAREST)
     gap, pair = nearest_pair(simulation1_plan, places)
     assert gap == pytest.approx(worst.distance_m, abs=0.12)
     assert pair == worst.sysids
@@ -215,7 +215,7 @@ def test_px4_counts_from_where_it_goes(simulation1_plan: Plan) -> None:
     px4 = plan_returns(plan, PX4)
     assert px4.worst is not None
     places = fly_home(
-        plan, px4, px4.worst.t_s, px4.worst.to is ReturnTo.NEAREST, datum_is_end=px4.worst.to is ReturnTo.NEAREST
+        plan, px4, px4.worst.t_s, px4.worst.ends is ReturnTo.NEAREST, datum_is_end=px4.worst.ends is ReturnTo.NEAREST
     )
     assert nearest_pair(plan, places)[0] == pytest.approx(px4.worst.distance_m, abs=0.12)
 
@@ -228,7 +228,7 @@ def test_straight_ways_through_closed_areas_are_told(plan_of: Callable[[str], Pl
     rally = plan.landing_points_ned_m[:, None]
     found = list(zones_crossed(plan, ARDUPILOT, rally))
     for case in (home, nearest):
-        for crossing in (one for one in found if one.to is case.to):
+        for crossing in (one for one in found if one.ends is case.to):
             disk = plan.scenario.no_fly[crossing.zone - 1]
             for t_s, inside in (
                 (crossing.from_s + 1.5, True),
@@ -240,7 +240,7 @@ def test_straight_ways_through_closed_areas_are_told(plan_of: Callable[[str], Pl
                 ways = case.from_ned_m[:, at, :2] + shares * (case.to_ned_m - case.from_ned_m)[:, at, :2]
                 depth = disk.radius_m - np.linalg.norm(ways - [disk.north_m, disk.east_m], axis=-1).min()
                 assert (depth > plan.scenario.mission.tolerance_m - 0.01) == inside
-    assert [c.zone for c in found if c.to is ReturnTo.HOME] == [1, 2]
+    assert [c.zone for c in found if c.ends is ReturnTo.HOME] == [1, 2]
     returns = plan_returns(plan, ARDUPILOT)
     assert returns.worst is not None
     assert returns.worst.distance_m >= plan.scenario.judge.separation_min_m
