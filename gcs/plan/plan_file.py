@@ -79,8 +79,8 @@ class StoredVerdict:
     def difference(self, found: Report) -> str:
         """What a verification found otherwise, in words; empty if it agrees."""
         if self.ok != found.ok:
-            said = "verified" if self.ok else "failed"
-            return f"its stored verdict is '{said}', but it {'passes' if found.ok else 'fails'} verification now"
+            stored = "verified" if self.ok else "failed"
+            return f"its stored verdict is '{stored}', but it {'passes' if found.ok else 'fails'} verification now"
         figures = (
             ("clearance", self.clearance_min_m, found.clearance_min_m),
             ("separation", self.separation_min_m or 0.0, found.separation_min_m or 0.0),

@@ -45,7 +45,7 @@ def read_xml(data: bytes) -> Element:
     return tree.close()
 
 
-def said(element: Element, path: str = ".") -> str:
+def text_of(element: Element, path: str = ".") -> str:
     """The text of the first element at a path, without blanks around it; empty if there is none."""
     found = element.find(path)
     return "" if found is None else (found.text or "").strip()

@@ -26,7 +26,7 @@ from gcs.mission.drawings.drawing import (
 )
 from gcs.util.archives import BadArchive, member_names, read_member
 from gcs.util.bounded_file import MIB
-from gcs.util.bounded_xml import read_xml, said
+from gcs.util.bounded_xml import read_xml, text_of
 
 _IN_KMZ = "doc.kml"
 UNPACKED_MAX_BYTES = 64 * MIB
@@ -61,7 +61,7 @@ def draw_kml(data: bytes, source: str) -> Drawing:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as KML") from error
     for kind in _ELSEWHERE:
         for number, one in enumerate(root.iter(kind), start=1):
-            found.leave_out(labelled(kind, number, tidy(said(one, "name"))), "not carried over: it draws no line")
+            found.leave_out(labelled(kind, number, tidy(text_of(one, "name"))), "not carried over: it draws no line")
     return found.drawing()
 
 
@@ -73,12 +73,12 @@ def _root(data: bytes, name: str) -> Element:
 
 
 def _placemark(placemark: Element, number: int, found: Sketch) -> None:
-    name = tidy(said(placemark, "name"))
+    name = tidy(text_of(placemark, "name"))
     label = labelled("Placemark", number, name)
-    marks = {data.get("name", ""): said(data, "value") for data in placemark.iter("Data")}
+    marks = {data.get("name", ""): text_of(data, "value") for data in placemark.iter("Data")}
     for shape in _shapes(placemark):
         modes = shape.iter("altitudeMode") if shape.tag == "MultiTrack" else shape.findall("altitudeMode")
-        datum = next((_DATUMS.get(said(mode), Datum.NONE) for mode in modes), Datum.NONE)
+        datum = next((_DATUMS.get(text_of(mode), Datum.NONE) for mode in modes), Datum.NONE)
         if shape.tag == "Polygon":
             outer = shape.find("outerBoundaryIs/LinearRing")
             if outer is None:
@@ -91,7 +91,7 @@ def _placemark(placemark: Element, number: int, found: Sketch) -> None:
         elif shape.tag in ("LineString", "LinearRing"):
             found.lines.append(DrawnLine(label, tuple(_points(_coordinates(shape), datum, label))))
         elif shape.tag in ("Track", "MultiTrack"):
-            rows = [said(coord).split() for coord in shape.iter("coord")]
+            rows = [text_of(coord).split() for coord in shape.iter("coord")]
             track = tuple(_points(map(_numbers, rows), datum, label))
             found.lines.append(DrawnLine(label, track, recorded=True))
         else:
@@ -108,7 +108,7 @@ def _shapes(placemark: Element) -> Iterator[Element]:
 
 
 def _coordinates(shape: Element) -> Iterator[list[float]]:
-    for corner in _COMMA.sub(",", said(shape, "coordinates")).split():
+    for corner in _COMMA.sub(",", text_of(shape, "coordinates")).split():
         yield _numbers(corner.split(","))
 
 
@@ -140,10 +140,10 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
     try:
         root = _root(data, "gpx")
         for number, route in enumerate(root.findall("rte"), start=1):
-            label = labelled("route", number, tidy(said(route, "name")))
+            label = labelled("route", number, tidy(text_of(route, "name")))
             sketch.lines.append(DrawnLine(label, _gpx_points(route.findall("rtept"), label)))
         for number, track in enumerate(root.findall("trk"), start=1):
-            label = labelled("track", number, tidy(said(track, "name")))
+            label = labelled("track", number, tidy(text_of(track, "name")))
             points = (point for segment in track.findall("trkseg") for point in segment.findall("trkpt"))
             sketch.lines.append(DrawnLine(label, _gpx_points(points, label), recorded=True))
         sketch.points += _gpx_points(root.findall("wpt"), "")
@@ -158,10 +158,10 @@ def _gpx_points(elements: Iterable[Element], of: str) -> tuple[DrawnPoint, ...]:
 
 
 def _gpx_point(element: Element, number: int, of: str) -> DrawnPoint:
-    name = tidy(said(element, "name"))
+    name = tidy(text_of(element, "name"))
     label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
     lat_deg, lon_deg = (_number(element.get(key, ""), label, key) for key in ("lat", "lon"))
-    height = said(element, "ele")
+    height = text_of(element, "ele")
     height_m = _number(height, label, "ele") if height else 0.0
     return DrawnPoint(on_earth(lat_deg, lon_deg), height_m, Datum.SEA if height else Datum.NONE, label, name)
 

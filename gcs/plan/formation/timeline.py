@@ -268,14 +268,14 @@ def _reshaped(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeCh
 
 
 def _made(
-    scenario: Scenario, change: ChangeTable, legs: tuple[Shape, ...], ends_ned_m: tuple[Array, Array], **told: Any
+    scenario: Scenario, change: ChangeTable, legs: tuple[Shape, ...], ends_ned_m: tuple[Array, Array], **found: Any
 ) -> MadeChange:
     """The change with the shortest durations of its legs, without those of no length; what limits the longest."""
     limit = budget_of_each(scenario)
     durations = [least_duration(leg, limit) for leg in legs]
     _, limited_by = max(durations, default=(0.0, NOTHING))
     timed = tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0)
-    return MadeChange(change, *ends_ned_m, timed, limited_by, **told)
+    return MadeChange(change, *ends_ned_m, timed, limited_by, **found)
 
 
 def trigger_words(change: ChangeTable) -> str:

@@ -109,14 +109,14 @@ def _refuse_large_blocks(raster: DatasetReader) -> None:
 
 
 def _metres_per_unit(raster: DatasetReader, unit: HeightUnit | None) -> float:
-    said = (raster.units[0] or "").strip().lower()
-    if said in _FEET:
+    stated = (raster.units[0] or "").strip().lower()
+    if stated in _FEET:
         if unit != "ft":
             raise DemError(f'has heights in feet (its unit is "{raster.units[0]}"); say so with unit = "ft"')
         return FOOT_M
-    if said not in _METRES:
+    if stated not in _METRES:
         raise DemError(f'has heights in "{raster.units[0]}"; metres and feet are known')
-    if said and unit == "ft":
+    if stated and unit == "ft":
         raise DemError(f'has heights in metres (its unit is "{raster.units[0]}"), but unit = "ft"')
     return FOOT_M if unit == "ft" else 1.0
 

@@ -209,18 +209,18 @@ def _rounded(metres: Array) -> Any:
 def _keys(form: type[DegreeKeys], metres: str, **degrees: tuple[Any, str]) -> DegreeKeys:
     """The keys in degrees that may replace those in metres, each with its type and description."""
     names = tuple(metres.split())
-    said = zip(names, degrees.items(), strict=True)
-    types = {key: _said(kind, f"instead of {name}: {text}") for name, (key, (kind, text)) in said}
+    rows = zip(names, degrees.items(), strict=True)
+    types = {key: _described(kind, f"instead of {name}: {text}") for name, (key, (kind, text)) in rows}
     return form(names, types)
 
 
-def _said(kind: Any, text: str) -> Any:
+def _described(kind: Any, text: str) -> Any:
     return Annotated[kind, Field(description=text)]
 
 
 _HEIGHTS = {
-    "height_m": _said(_Height, "with position_deg: height, m above height 0"),
-    "alt_amsl_m": _said(_Altitude, "with position_deg, instead of height_m: m above mean sea level"),
+    "height_m": _described(_Height, "with position_deg: height, m above height 0"),
+    "alt_amsl_m": _described(_Altitude, "with position_deg, instead of height_m: m above mean sea level"),
 }
 _POSITION = "latitude, longitude, degrees; height_m or alt_amsl_m too"
 POSITION = replace(_keys(_Position, "position_m", position_deg=(_Place, _POSITION)), heights=_HEIGHTS)

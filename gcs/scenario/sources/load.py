@@ -175,9 +175,9 @@ def _meant(file: Path, text: str, model: type[Part], also: tuple[str, ...] = ())
         else:
             data, text, slips = _read_toml(text)
     except tomllib.TOMLDecodeError as error:
-        said = _PLACE.sub("", str(error))
-        words, step = _WORDS.get(said, (said, ""))
-        if found := _TWICE.fullmatch(said):
+        reason = _PLACE.sub("", str(error))
+        words, step = _WORDS.get(reason, (reason, ""))
+        if found := _TWICE.fullmatch(reason):
             name = re.sub(r"\W*, \W*", ".", found[1]).strip("'\" ")
             words, step = f"table [{name}] stands twice", "keep one, with the keys of both"
         mistake = Mistake((), f"not TOML: {words}", remedy=step, line=_line_at(text, error))
@@ -222,16 +222,16 @@ def _line_at(text: str, error: tomllib.TOMLDecodeError) -> int:
 
 def _mended(line: str, number: int) -> tuple[str, list[Mistake]]:
     """A line as it was meant, and what was wrong with it where the value does not show that itself."""
-    told: list[Mistake] = []
+    mistakes: list[Mistake] = []
     if len(line) > _LINE_MAX:
-        return line, told
+        return line, mistakes
     pieces = _TEXT_OR_REMARK.split(line)
     code = "".join(piece if n % 2 == 0 else f"\0{n}\0" for n, piece in enumerate(pieces))
     for pattern, right, text, step in _SLIPS:
         slips = [found[2] for found in re.finditer(pattern, code)] if text else []
-        told += [Mistake((), text.format(one), remedy=step.format(one), line=number) for one in slips]
+        mistakes += [Mistake((), text.format(one), remedy=step.format(one), line=number) for one in slips]
         code = re.sub(pattern, right, code)
-    return re.sub(r"\0(\d+)\0", lambda mark: pieces[int(mark[1])], code), told
+    return re.sub(r"\0(\d+)\0", lambda mark: pieces[int(mark[1])], code), mistakes
 
 
 def _from_toml(text: str) -> Table:

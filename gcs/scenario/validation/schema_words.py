@@ -115,8 +115,8 @@ def _tables(node: Table, path: Key = ()) -> Iterator[tuple[Key, str, Table]]:
 
 def _wanted(node: Table) -> str:
     """What a value must be, and what the key means."""
-    said = node.get("description")
-    return _shape(node) + (f" ({said.rstrip('.')})" if said else "")
+    description = node.get("description")
+    return _shape(node) + (f" ({description.rstrip('.')})" if description else "")
 
 
 def _shape(node: Table) -> str:

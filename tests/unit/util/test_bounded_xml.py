@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 from gcs.util import bounded_xml
-from gcs.util.bounded_xml import read_xml, said
+from gcs.util.bounded_xml import read_xml, text_of
 
 
 def test_elements_have_names_without_prefixes_text_and_order() -> None:
     root = read_xml(b'<?xml version="1.0"?><k:a x:id="7"> one <gx:b>two</gx:b><c><b>three</b></c> </k:a>')
-    assert (root.tag, root.attrib, said(root)) == ("a", {"id": "7"}, "one")
+    assert (root.tag, root.attrib, text_of(root)) == ("a", {"id": "7"}, "one")
     assert [one.text for one in root.iter("b")] == ["two", "three"]
     assert [one.text for one in root.findall("b")] == ["two"]
-    assert said(root, "c/b") == "three"
+    assert text_of(root, "c/b") == "three"
     assert root.find("b/c") is None
-    assert said(root, "d") == ""
+    assert text_of(root, "d") == ""
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])

@@ -41,20 +41,20 @@ class PlacedPoint:
 
 
 def placed_point(
-    point: DrawnPoint, origin: Origin, drawing: Drawing, height_m: float | None, said: list[LeftOut]
+    point: DrawnPoint, origin: Origin, drawing: Drawing, height_m: float | None, left_out: list[LeftOut]
 ) -> PlacedPoint:
-    """A point in metres; one without a height, or on the ground, gets `height_m`. What changes is `said`."""
+    """A point in metres; one without a height, or on the ground, gets `height_m`. What changes is `left_out`."""
     key, value = "height_m", point.height_m
     if point.datum is Datum.NONE:
         value = HEIGHT_M if height_m is None else height_m
     elif point.datum is Datum.SEA:
         key = "alt_amsl_m"
     elif height_m is not None and value < LOWEST_M:
-        said.append(LeftOut(point.label, f"a height of {value:g} m is on the ground; flown at {height_m:g} m"))
+        left_out.append(LeftOut(point.label, f"a height of {value:g} m is on the ground; flown at {height_m:g} m"))
         value = height_m
     elif point.datum is Datum.GROUND:
         text = "the height above the ground counts from the origin, because the file has no terrain"
-        said.append(LeftOut(point.label, text))
+        left_out.append(LeftOut(point.label, text))
     elif drawing.home is not None and drawing.home.alt_amsl_m != origin.alt_amsl_m:
         key, value = "alt_amsl_m", drawing.home.alt_amsl_m + value
     if key == "height_m":
@@ -65,7 +65,7 @@ def placed_point(
     return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3))
 
 
-def fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
+def fewer(drawing: Drawing, points: list[PlacedPoint], left_out: list[LeftOut]) -> list[PlacedPoint]:
     """As many points as a scenario may have. Raises `FileFormatError` where drawn ones would be lost."""
     most = ROUTE_MAX + (1 if drawing.returns else 2)
     if len(points) <= most and not drawing.recorded:
@@ -88,11 +88,11 @@ def fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> l
         raise FileFormatError(text, hint="split it into several files, or draw it with fewer points")
     if stays.sum() < len(points):
         flown = f"{stays.sum()} of {len(points)} points are flown"
-        said.append(LeftOut("points", f"{flown}; no other is more than {tolerance_m:g} m from the route"))
+        left_out.append(LeftOut("points", f"{flown}; no other is more than {tolerance_m:g} m from the route"))
     return [point for point, stay in zip(points, stays, strict=True) if stay]
 
 
-def merged_points(points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
+def merged_points(points: list[PlacedPoint], left_out: list[LeftOut]) -> list[PlacedPoint]:
     """The points without those at the place of the one before, whose holds count there."""
     merged = points[:1]
     for point in points[1:]:
@@ -104,7 +104,7 @@ def merged_points(points: list[PlacedPoint], said: list[LeftOut]) -> list[Placed
         radius_m = 0.0 if hold_s else before.drawn.radius_m
         name = before.drawn.name or point.drawn.name
         merged[-1] = replace(before, drawn=replace(before.drawn, hold_s=hold_s, radius_m=radius_m, name=name))
-        said.append(LeftOut(point.drawn.label, f"at the place of {before.drawn.label}; one point with it"))
+        left_out.append(LeftOut(point.drawn.label, f"at the place of {before.drawn.label}; one point with it"))
     return merged
 
 
@@ -172,8 +172,8 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     `height_m` is the height of points without one, or on the ground. Raises `FileFormatError` for a drawing that makes
     no route.
     """
-    said = [*drawing.left_out]
-    drawing = _with_home(drawing, said)
+    left_out = [*drawing.left_out]
+    drawing = _with_home(drawing, left_out)
     _refuse_few(drawing, len(drawing.points))
     ground_m = None
     points = list(drawing.points)
@@ -181,13 +181,13 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
         if abs(point.height_m) > _BEYOND_M:
             raise FileFormatError(f"{drawing.source}: {point.label} is at {point.height_m:g} m, beyond any flight.")
     if drawing.recorded:
-        points, ground_m = _in_the_air(points, said)
-    origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, said)
-    placed = [placed_point(point, origin, drawing, height_m, said) for point in points]
+        points, ground_m = _in_the_air(points, left_out)
+    origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, left_out)
+    placed = [placed_point(point, origin, drawing, height_m, left_out) for point in points]
     if bare := sum(point.datum is Datum.NONE for point in points):
         every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
-        said.append(LeftOut("heights", f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)"))
-    placed = merged_points(fewer(drawing, placed, said), said)
+        left_out.append(LeftOut("heights", f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)"))
+    placed = merged_points(fewer(drawing, placed, left_out), left_out)
     places_m = np.array([point.place_m for point in placed])
     far_m = float(np.abs(places_m).max())
     if far_m > FARTHEST_M:
@@ -202,8 +202,8 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     _refuse_heights(drawing, placed)
     ends = placed[:1] if returns else [placed[0], placed[-1]]
     text = "the hold is not carried over; the formation hovers there before or after the flight"
-    said += [LeftOut(point.drawn.label, text) for point in ends if point.drawn.hold_s]
-    return PlacedRoute(tuple(placed), returns, origin, origin_is, tuple(said))
+    left_out += [LeftOut(point.drawn.label, text) for point in ends if point.drawn.hold_s]
+    return PlacedRoute(tuple(placed), returns, origin, origin_is, tuple(left_out))
 
 
 def _refuse_few(drawing: Drawing, count: int) -> None:
@@ -214,7 +214,7 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
     raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to.", hint=step)
 
 
-def _with_home(drawing: Drawing, said: list[LeftOut]) -> Drawing:
+def _with_home(drawing: Drawing, left_out: list[LeftOut]) -> Drawing:
     """The drawing without a home that is far from its route; with a point above home, where it has one other only."""
     home = drawing.home
     if home is None or not drawing.points:
@@ -222,17 +222,19 @@ def _with_home(drawing: Drawing, said: list[LeftOut]) -> Drawing:
     first = Origin(*drawing.points[0].place, home.alt_amsl_m)
     away_m = float(np.linalg.norm(geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, first)))
     if away_m > _HOME_NEAR_M:
-        said.append(LeftOut("the planned home", f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point"))
+        left_out.append(
+            LeftOut("the planned home", f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point")
+        )
         return replace(drawing, home=None)
     only, *more = drawing.points
     if more:
         return drawing
     above = replace(only, place=(home.lat_deg, home.lon_deg), label="the planned home", name="", hold_s=0.0)
-    said.append(LeftOut(only.label, "the file has no other point; the route begins at its height above home"))
+    left_out.append(LeftOut(only.label, "the file has no other point; the route begins at its height above home"))
     return replace(drawing, points=(above, only))
 
 
-def _in_the_air(points: list[DrawnPoint], said: list[LeftOut]) -> tuple[list[DrawnPoint], float | None]:
+def _in_the_air(points: list[DrawnPoint], left_out: list[LeftOut]) -> tuple[list[DrawnPoint], float | None]:
     """A track without its take-off and landing, and the height of the ground where it takes off."""
     if any(point.datum is Datum.NONE for point in points):
         return points, None
@@ -244,7 +246,7 @@ def _in_the_air(points: list[DrawnPoint], said: list[LeftOut]) -> tuple[list[Dra
         return points, None
     for row, end in ((first, 0), (last, len(points) - 1)):
         if row != end:
-            said.append(LeftOut(points[end].label, f"the route {'ends' if end else 'begins'} above it, in the air"))
+            left_out.append(LeftOut(points[end].label, f"the route {'ends' if end else 'begins'} above it, in the air"))
     is_ground = first > 0 and points[0].datum is Datum.SEA
     return points[first : last + 1], points[0].height_m if is_ground else None
 
@@ -255,7 +257,7 @@ def _origin(
     at: tuple[float, float, float | None] | None,
     ground_m: float | None,
     below_m: float,
-    said: list[LeftOut],
+    left_out: list[LeftOut],
 ) -> tuple[Origin, str]:
     """The origin, and in words what it is."""
     home = drawing.home
@@ -271,7 +273,7 @@ def _origin(
             text = f"the ground is taken to be {below_m:g} m below the lowest point, {alt_m:g} m above the sea"
         else:
             text = "its altitude is not in the file: 0 m above the sea"
-        said.append(LeftOut("the origin", f"{text}; for the true one give --at LAT,LON,ALT"))
+        left_out.append(LeftOut("the origin", f"{text}; for the true one give --at LAT,LON,ALT"))
     if not (abs(place[0]) <= 85.0 and -500.0 <= alt_m <= 9000.0):
         where = f"latitude {place[0]:g}, {alt_m:g} m above the sea"
         raise FileFormatError(f"{drawing.source}: its origin is at {where}, where no scenario is.", hint="give --at")

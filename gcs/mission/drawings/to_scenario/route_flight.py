@@ -206,10 +206,10 @@ def _speed_limits_mps() -> tuple[float, float]:
 
 def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
     """A table with the place of a point; its label in the drawing is the comment."""
-    told = point.drawn.label
-    if head != "[[route]]" and point.drawn.name and point.drawn.name not in told:
-        told = f'{told}, "{point.drawn.name}"'
-    title = _commented(head, f"{told}, {also}" if also else told)
+    label = point.drawn.label
+    if head != "[[route]]" and point.drawn.name and point.drawn.name not in label:
+        label = f'{label}, "{point.drawn.name}"'
+    title = _commented(head, f"{label}, {also}" if also else label)
     return f"{title}\nposition_deg = {_shown(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
 
 
