@@ -4,6 +4,7 @@ Bytes that are no frame of this dialect are skipped: vehicles write console text
 discard the valid frame behind it. The work for a chunk is bounded by its length (`frame_scanner`).
 """
 
+import itertools
 import os
 import struct
 from collections.abc import Hashable
@@ -34,10 +35,10 @@ _MAX_SOURCES = 64
 
 
 class FrameLayout:
-    """The field layout of one message on the wire, whose fields are numbers and texts.
+    """The field layout of one message on the wire.
 
-    It packs and reads frames directly, without objects of pymavlink, which take several times as long. Nine of ten
-    messages are of this kind. Arrays are not handled, and signatures are not written.
+    It packs and reads frames directly, without objects of pymavlink, which take several times as long. Signatures are
+    not written.
     """
 
     def __init__(self, message: Any) -> None:
@@ -47,8 +48,14 @@ class FrameLayout:
         self._crc_extra = bytes([message.crc_extra])
         self._packer: Struct = message.unpacker
         self._wire_order: tuple[str, ...] = tuple(message.ordered_fieldnames)
-        self._fields = [(field, self._wire_order.index(field)) for field in message.fieldnames]
-        self._texts = [self._wire_order.index(field) for field in _TEXT_FIELDS[self.name]]
+        ends = list(itertools.accumulate(message.lengths))  # of each field among all values; a text is one value
+        wire = {
+            field: end - 1 if length == 1 else slice(end - length, end)
+            for field, length, end in zip(self._wire_order, message.lengths, ends, strict=True)
+        }
+        self._fields = [(field, wire[field]) for field in message.fieldnames]
+        self._arrays = [at for at, length in enumerate(message.lengths) if length > 1]
+        self._texts = [at for field in _TEXT_FIELDS[self.name] if isinstance(at := wire[field], int)]
 
     def pack(self, fields: Fields, station: tuple[int, int], seq: int) -> bytes | None:
         """Return the frame from a station (system, component); None unless `fields` are exactly those of the message.
@@ -61,6 +68,8 @@ class FrameLayout:
             values = [fields[field] for field in self._wire_order]
         except KeyError:
             return None
+        for at in reversed(self._arrays):
+            values[at : at + 1] = values[at]
         for at in self._texts:
             if isinstance(values[at], str):
                 values[at] = values[at].encode()
@@ -81,15 +90,7 @@ class FrameLayout:
         return {field: values[at] for field, at in self._fields}
 
 
-# All messages without arrays and single characters among their fields.
-_LAYOUTS: dict[str, FrameLayout] = {
-    name: FrameLayout(cls)
-    for name, cls in _CLASSES.items()
-    if all(
-        (length > 0) == (cls.ordered_fieldnames[at] in _TEXT_FIELDS[name])
-        for at, length in enumerate(cls.array_lengths)
-    )
-}
+_LAYOUTS: dict[str, FrameLayout] = {name: FrameLayout(cls) for name, cls in _CLASSES.items()}
 _LAYOUT_BY_ID: dict[int, FrameLayout] = {_CLASSES[name].id: layout for name, layout in _LAYOUTS.items()}
 
 
