@@ -166,11 +166,12 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         flew, monitor = ctrl_c.run(now.run(ctrl_c))
     watcher.lap("fly")
     times = replace(flew, clock=flown_plan_time(flew.t0_unix_s, read_events(folder / EVENTS)))
-    verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times)
+    verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times, watcher)
     extra |= {} if order.link is None else {"preflight": checks_data(now.checks)}
     watcher.lap("judge")
     gaps, late_s, nearest = now.journal.record.gaps, monitor.late_s, tuple(monitor.nearest.values())
     if tracks is not None:
+        watcher.say("drawing the flight")
         with gaps.kept("map.png"):
             _draw(plan, tracks, folder)
     watcher.lap("pictures")
@@ -196,9 +197,11 @@ def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Trac
     return judge(plan, truth, times), tracks, extra
 
 
-def _judged_reports(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
+def _judged_reports(
+    now: _LinkedFlight, times: FlightTimes, watcher: Watcher
+) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
     plan, link = now.order.plan, now.order.link
-    record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {})
+    record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {}, watcher.say)
     tracks = reported_tracks(plan, record, times.plan_time)
     verdict = None if tracks is None else judge_reports(plan, tracks)
     return verdict, tracks, {"judged": REPORTS}

@@ -6,7 +6,7 @@ It is made from the `.tlog`, so that an interrupted flight has a record too. `Na
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -30,7 +30,7 @@ from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import NavigationError, navigation_error
 from gcs.types import Array
-from gcs.util.bounded_file import RECORD_FILE, read_file
+from gcs.util.bounded_file import MIB, RECORD_FILE, read_file
 from gcs.util.bounded_parquet import open_parquet
 
 _SIGMAS = 3.0
@@ -83,6 +83,7 @@ def _finite(value: float) -> float:
 
 
 NAME = "record.parquet"
+_LONG_BYTES = 2 * MIB
 Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int, float, float]
 WITHIN = ("horizontal_within_m", "vertical_within_m")
 _STEP_S = 0.1
@@ -180,12 +181,22 @@ def telemetry_logs(folder: Path) -> list[Path]:
     return sorted(logs, key=lambda log: next((one.stamp_us for one in frames[log] if one.stamp_us), 0))
 
 
-def write_record(folder: Path, plan: Plan, plan_time: PlanTime, systems: Mapping[int, int] | None = None) -> pa.Table:
+def write_record(
+    folder: Path,
+    plan: Plan,
+    plan_time: PlanTime,
+    systems: Mapping[int, int] | None = None,
+    say: Callable[[str], None] | None = None,
+) -> pa.Table:
     """Make the record of a flight's folder from its telemetry, write it there and return it.
 
-    Damaged parts of the telemetry are left out.
+    Damaged parts of the telemetry are left out. `say` is told of telemetry that takes seconds to read.
     """
-    frames = (one for path in telemetry_logs(folder) for one in scan(path) if isinstance(one, LoggedFrame))
+    logs = telemetry_logs(folder)
+    size = sum(log.stat().st_size for log in logs)
+    if say is not None and size > _LONG_BYTES:
+        say(f"reading {size / MIB:.0f} MiB of telemetry")
+    frames = (one for path in logs for one in scan(path) if isinstance(one, LoggedFrame))
     messages = (frame.message for frame in frames if frame.message is not None)
     table = build_record(plan, plan_time, messages, systems)
     pq.write_table(table, folder / NAME, compression="zstd")
