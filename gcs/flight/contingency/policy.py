@@ -171,6 +171,7 @@ ALWAYS = Condition("", lambda now: True)
 IN_PLACE = Condition(f"{USABLE_M:g} m or less off, in the ordered mode", lambda now: now.usable)
 SAFE_WAY = Condition("a common way back to the plan was checked and keeps all limits", lambda now: now.usable)
 OWN_STANDSTILL = Condition("it has a position, and this program stood still", lambda now: now.ours and now.takeable)
+STREAMED = Condition("setpoints are streamed to all", lambda now: not now.choices.own_missions)
 COMPANY = Condition("others fly the plan too", lambda now: sum(s in IN_FORMATION for s in now.states.values()) > 1)
 ON_MISSIONS = Condition(
     f"{BRAKE_S:g} s ahead or more, and both fly missions on board",

@@ -137,6 +137,8 @@ POLICY = (
     ),
     Row(_K.CONFLICT, p.YIELDS, "The yielding vehicle lands", _A.LAND, vehicles=p.yielding_vehicle),
     Row(_K.CONFLICT, p.ALL, "An earlier order gets time to act, or no vehicle can yield"),
+    Row(_K.OFF_TRACK, frozenset({_S.FLYING}), "A vehicle off its setpoints brakes and holds", _A.HOLD, when=p.STREAMED),
+    Row(_K.OFF_TRACK, p.YIELDED, "A vehicle that does not follow setpoints lands by its autopilot", _A.LAND),
     Row(
         _K.OFF_TRACK,
         p.IN_FORMATION,
@@ -146,8 +148,13 @@ POLICY = (
         vehicles=p.formation_of_vehicle,
     ),
     Row(_K.OFF_TRACK, p.ALL, KEEPS),
-    Row(_K.DOWN, p.IN_FORMATION, "A vehicle that came down is ordered to land, which stops its motors", _A.LAND),
-    Row(_K.DOWN, p.ALL - p.IN_FORMATION, KEEPS),
+    Row(
+        _K.DOWN,
+        p.IN_FORMATION | p.YIELDED,
+        "A vehicle that came down is ordered to land, which stops its motors",
+        _A.LAND,
+    ),
+    Row(_K.DOWN, p.ALL - p.IN_FORMATION - p.YIELDED, KEEPS),
     Row(
         _K.STRANDED,
         frozenset({_S.FLYING}),

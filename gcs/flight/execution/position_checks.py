@@ -1,4 +1,4 @@
-"""Incidents of positions: vehicles in danger of coming too close, and vehicles off their predicted tracks."""
+"""Incidents of positions: vehicles in danger of coming too close, off their predicted tracks or off their setpoints."""
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gcs.scenario.values.navigation_error import judged_separation_m, navigation
 
 _IN_AIR_M = 2.0
 _GROUND_M, _AWAY_M, _DOWN_S = 1.0, 5.0, 2.0  # so low, so far off its place and for so long a vehicle has come down
+OBEYS_M, OBEYS_S = 5.0, 1.0  # farther than this from its setpoints for so long a vehicle does not follow them
 _FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
 
 
@@ -28,9 +29,12 @@ class PositionChecks:
         self._policy = policy
         streamed = fleet.options.mode is FlightMode.STREAM
         self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks, streamed=streamed)
+        self._streamed = fleet.streamer.streamed
+        self._following = YIELDED | {State.FLYING} if streamed else YIELDED  # one that returns gets new ones as needed
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
         self._low_s: dict[int, float] = {}  # since when vehicles are down
+        self._off_s: dict[int, float] = {}  # since when vehicles do not follow their setpoints
 
     def falls(self, sysid: int, now_s: float) -> None:
         """The motors of a vehicle have stopped in the air."""
@@ -44,6 +48,12 @@ class PositionChecks:
         flies = self._policy.states[sysid] in IN_FORMATION | YIELDED and not self.lands
         return Place(above_m, flies, _IN_AIR_M + navigation_error(scenario).vertical_m)
 
+    def _is_low(self, sysid: int) -> bool:
+        """Whether it reports itself at the ground, where the plan never is; not known for plans that fly so low."""
+        low_m = _GROUND_M + navigation_error(self._plan.scenario).vertical_m
+        above_m = self.place(sysid).above_ground_m
+        return above_m < low_m < self._plan.scenario.limits.clearance_min_m
+
     def usable(self, sysid: int) -> bool:
         """Whether a vehicle is where the plan, or its own mission, has it."""
         if self._tracks is not None:
@@ -51,22 +61,37 @@ class PositionChecks:
         return not self._monitor.views[sysid].error_m > USABLE_M
 
     def off_track(self, now_s: float) -> list[Incident]:
-        """Return an incident for each vehicle that left the band of its predicted track."""
+        """Return an incident for each vehicle that left the band of its predicted track, or its setpoints."""
         t0_unix_s = self._monitor.t0_unix_s
-        if self._tracks is None or t0_unix_s is None:
+        if t0_unix_s is None:
             return []
-        flying = [i for i in self._policy.in_formation if self._vehicles[i].session.armed]
-        found = self._tracks.look(self._monitor.views, t0_unix_s, flying)
-        return [Incident(IncidentKind.OFF_TRACK, off.sysid, now_s, str(off)) for off in found]
+        found = self._off_setpoints(now_s)
+        if self._tracks is not None:
+            flying = [i for i in self._policy.in_formation if self._vehicles[i].session.armed]
+            found += [(off.sysid, str(off)) for off in self._tracks.look(self._monitor.views, t0_unix_s, flying)]
+        return [Incident(IncidentKind.OFF_TRACK, sysid, now_s, words) for sysid, words in found]
+
+    def _off_setpoints(self, now_s: float) -> list[tuple[int, str]]:
+        """Vehicles that do not follow what was sent for the time of their last reports, and how far they are off."""
+        found = []
+        for sysid, state in self._policy.states.items():
+            view, vehicle = self._monitor.views[sysid], self._vehicles[sysid]
+            follows = state in self._following and vehicle.session.custom_mode == vehicle.behaviour.guided
+            sent = self._streamed[sysid].sent.at(view.unix_s) if follows and not self.lands else None
+            off_m = 0.0 if sent is None else float(np.linalg.norm(view.position_ned_m - sent[0]))
+            if off_m <= OBEYS_M or self._is_low(sysid):
+                self._off_s.pop(sysid, None)
+            elif now_s - self._off_s.setdefault(sysid, now_s) > OBEYS_S:
+                self._off_s[sysid] = np.inf  # once, until it follows again
+                found.append((sysid, f"{off_m:.1f} m off its setpoints; limit {OBEYS_M:g} m"))
+        return found
 
     def down(self, now_s: float, t_s: float) -> list[Incident]:
         """Return an incident, once, for each vehicle on the ground that the plan has in the air."""
-        scenario, found = self._plan.scenario, []
-        low_m = _GROUND_M + navigation_error(scenario).vertical_m
-        flown = 0.0 <= t_s <= self._plan.flight_s and low_m < scenario.limits.clearance_min_m
-        for sysid in self._policy.in_formation if flown else ():
+        flown, found = 0.0 <= t_s <= self._plan.flight_s, []
+        for sysid in [i for i, state in self._policy.states.items() if flown and state in IN_FORMATION | YIELDED]:
             armed, view = self._vehicles[sysid].session.armed, self._monitor.views[sysid]
-            if not (armed and view.error_m > _AWAY_M and self.place(sysid).above_ground_m < low_m):
+            if not (armed and view.error_m > _AWAY_M and self._is_low(sysid)):
                 self._low_s.pop(sysid, None)
             elif now_s - self._low_s.setdefault(sysid, now_s) > _DOWN_S:
                 self._low_s[sysid] = np.inf

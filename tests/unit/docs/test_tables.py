@@ -11,6 +11,8 @@ import pytest
 from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 
 MISHAPS = "tests/bridge/test_mishaps.py"
+OFF_SETPOINTS = "tests/bridge/test_off_setpoints.py"
+HOLDS_AND_LANDS = "test_a_slow_vehicle_holds_one_that_is_dragged_away_lands_and_the_third_flies_on"
 NEAR = "tests/bridge/test_giving_way.py"
 DELIVERY = "tests/unit/link/protocols/mission/test_verified_upload.py"
 STORED = "tests/unit/link/protocols/mission/test_stored_items.py"
@@ -44,6 +46,8 @@ POLICY_PROOFS = {
     "It is told; the vehicle keeps its order, and its autopilot its failsafes": [
         ("tests/unit/flight/contingency/test_alarm_watch.py", "test_the_others_follow_on_loss_when_one_falls")
     ],
+    "A vehicle off its setpoints brakes and holds": [(OFF_SETPOINTS, HOLDS_AND_LANDS)],
+    "A vehicle that does not follow setpoints lands by its autopilot": [(OFF_SETPOINTS, HOLDS_AND_LANDS)],
     "A vehicle is off its predicted track: all vehicles brake and hold": [
         (NEAR_MISS, "test_without_the_conflict_the_late_vehicle_is_seen_off_its_track")
     ],
