@@ -90,9 +90,7 @@ class LossyLink:
 
 def content(frame: bytes) -> bytes:
     """Return the content and sender of a frame, without sequence number, checksum and signature."""
-    if frame[:1] == b"\xfd":
-        return frame[5 : 10 + frame[1]]
-    return frame[3 : 6 + frame[1]]
+    return frame[5 : 10 + frame[1]] if frame[:1] == b"\xfd" else frame[3 : 6 + frame[1]]
 
 
 def break_bits(frame: bytes, where: float, bits: float) -> bytes:

@@ -148,13 +148,8 @@ POLICY = (
         vehicles=p.formation_of_vehicle,
     ),
     Row(_K.OFF_TRACK, p.ALL, KEEPS),
-    Row(
-        _K.DOWN,
-        p.IN_FORMATION | p.YIELDED,
-        "A vehicle that came down is ordered to land, which stops its motors",
-        _A.LAND,
-    ),
-    Row(_K.DOWN, p.ALL - p.IN_FORMATION - p.YIELDED, KEEPS),
+    Row(_K.DOWN, p.AIRBORNE, "A vehicle that came down is ordered to land, which stops its motors", _A.LAND),
+    Row(_K.DOWN, p.ALL - p.AIRBORNE, KEEPS),
     Row(
         _K.STRANDED,
         frozenset({_S.FLYING}),

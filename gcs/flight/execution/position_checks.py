@@ -51,8 +51,7 @@ class PositionChecks:
     def _is_low(self, sysid: int) -> bool:
         """Whether it reports itself at the ground, where the plan never is; not known for plans that fly so low."""
         low_m = _GROUND_M + navigation_error(self._plan.scenario).vertical_m
-        above_m = self.place(sysid).above_ground_m
-        return above_m < low_m < self._plan.scenario.limits.clearance_min_m
+        return self.place(sysid).above_ground_m < low_m < self._plan.scenario.limits.clearance_min_m
 
     def usable(self, sysid: int) -> bool:
         """Whether a vehicle is where the plan, or its own mission, has it."""

@@ -193,8 +193,7 @@ def write_record(
     Damaged parts of the telemetry are left out. `say` is told of telemetry that takes seconds to read.
     """
     logs = telemetry_logs(folder)
-    size = sum(log.stat().st_size for log in logs)
-    if say is not None and size > _LONG_BYTES:
+    if say is not None and (size := sum(log.stat().st_size for log in logs)) > _LONG_BYTES:
         say(f"reading {size / MIB:.0f} MiB of telemetry")
     frames = (one for path in logs for one in scan(path) if isinstance(one, LoggedFrame))
     messages = (frame.message for frame in frames if frame.message is not None)

@@ -35,11 +35,7 @@ _MAX_SOURCES = 64
 
 
 class FrameLayout:
-    """The field layout of one message on the wire.
-
-    It packs and reads frames directly, without objects of pymavlink, which take several times as long. Signatures are
-    not written.
-    """
+    """The field layout of one message on the wire; pymavlink's objects take several times as long. It does not sign."""
 
     def __init__(self, message: Any) -> None:
         """`message`: its class in the dialect."""
