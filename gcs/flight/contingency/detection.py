@@ -74,6 +74,7 @@ class DetectionLimits:
 
 LIMITS = DetectionLimits()
 _FULL_PCT = 100
+OBEYS_M, OBEYS_S = 5.0, 3.0  # so far from its setpoints for so long a vehicle does not follow them; a gust is shorter
 DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.LINK_LOST: f"no message for {LIMITS.link_lost_s:g} s",
     IncidentKind.LINK_BACK: "a position after a silence",
@@ -89,7 +90,8 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.text_wait_s:g} s",
     IncidentKind.CONFLICT: f"separation below `[judge]` predicted within {HORIZON_S:g} s, three times in a row",
     IncidentKind.OFF_TRACK: f"mission mode: for {CONFIRMED_S:g} s more than {BAND_S:g} s late or early on its "
-    "predicted track, or farther from it than the navigation error; setpoints: for 3 s more than 5 m from them",
+    f"predicted track, or farther from it than the navigation error; setpoints: for {OBEYS_S:g} s "
+    f"more than {OBEYS_M:g} m from them",
     IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
     IncidentKind.DOWN: "armed for 2 s at the ground and more than 5 m off its place, where the plan flies higher",
     IncidentKind.MOTORS_STOPPED: "HEARTBEAT: not armed above ground, twice or with a fall faster than 2 m/s",

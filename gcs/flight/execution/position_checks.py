@@ -6,7 +6,7 @@ from gcs.flight.contingency.alarm_watch import Place
 from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
-from gcs.flight.contingency.detection import Incident, IncidentKind
+from gcs.flight.contingency.detection import OBEYS_M, OBEYS_S, Incident, IncidentKind
 from gcs.flight.contingency.policy import IN_FORMATION, USABLE_M, YIELDED, State
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.predicted_tracks import TrackWatch
@@ -15,8 +15,7 @@ from gcs.scenario.values.navigation_error import judged_separation_m, navigation
 
 _IN_AIR_M = 2.0
 _GROUND_M, _AWAY_M, _DOWN_S = 1.0, 5.0, 2.0  # so low, so far off its place and for so long a vehicle has come down
-OBEYS_M, OBEYS_S = 5.0, 3.0  # so far from its setpoints for so long a vehicle does not follow them; a gust is shorter
-HOLDS_S = 1.0  # the same for one that holds
+_HOLDS_S = 1.0  # so long off them one that was told to hold does not
 _FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
 
 
@@ -81,7 +80,7 @@ class PositionChecks:
             off_m = 0.0 if sent is None else float(np.linalg.norm(view.position_ned_m - sent[0]))
             if off_m <= OBEYS_M or self._is_low(sysid):
                 self._off_s.pop(sysid, None)
-            elif now_s - self._off_s.setdefault(sysid, now_s) > (OBEYS_S if state is State.FLYING else HOLDS_S):
+            elif now_s - self._off_s.setdefault(sysid, now_s) > (OBEYS_S if state is State.FLYING else _HOLDS_S):
                 self._off_s[sysid] = np.inf  # once, until it follows again
                 found.append((sysid, f"{off_m:.1f} m off its setpoints; limit {OBEYS_M:g} m"))
         return found
