@@ -12,7 +12,7 @@ import json
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from scipy.interpolate import PPoly
 from gcs.errors import FileFormatError
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move
+from gcs.plan.trajectory.leg_lines import LegLimits
 from gcs.plan.trajectory.passages import passages_contradiction
 from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
@@ -107,6 +108,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
     }
     if plan.route_s:
         meta["route_s"] = plan.route_s
+        meta["leg_limits"] = [[m if np.isfinite(m) else None for m in astuple(one)] for one in plan.leg_limits]
     buffer = io.BytesIO()
     motion = plan.leader_trajectory
     arrays = {
@@ -174,6 +176,7 @@ def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
             {str(name): float(seconds) for name, seconds in meta["timings_s"].items()},
             None if meta.get("begin_state") is None else tuple(map(float, meta["begin_state"])),
             tuple(map(float, meta.get("route_s", ()))),
+            tuple(LegLimits(*(np.inf if m is None else float(m) for m in one)) for one in meta.get("leg_limits", ())),
         )
         data = meta["report"]
         checks = _CHECKS.validate_python(data["checks"])
@@ -242,6 +245,8 @@ def _contradiction(plan: Plan) -> str:
     in_the_air = plan.begin_state is not None
     if wrong := passages_contradiction(plan.scenario, plan.route_s, mission_s, in_the_air=in_the_air):
         return wrong
+    if plan.leg_limits and len(plan.leg_limits) != len(plan.route_s) + 1:
+        return f"it has limits of {len(plan.leg_limits)} legs for {len(plan.route_s)} route points"
     span = (expected[0].start_s, expected[-1].end_s)
     for name, part in (("leader's track", motion), ("shape", shape)):
         if not np.allclose((part.start_s, part.end_s), span, rtol=0.0, atol=1e-6):

@@ -97,6 +97,7 @@ def make_plan(
         best.moves,
         {"flight": flight_done - began, "run-up": run_up_done - flight_done},
         route_s=best.point_s,
+        leg_limits=tuple(line.limits for line in best.lines),
     )
 
 

@@ -19,6 +19,7 @@ from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
+from gcs.scenario.schema.places import LegsTable
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from tools.bench_route import drawn
@@ -69,8 +70,9 @@ def converged(problem: Problem) -> Mesh:
 
 
 def on_route() -> Scenario:
-    """The paper's formation through five points."""
-    return drawn(5, 1)
+    """The paper's formation through five points, free between them: peers know no corridors."""
+    free = LegsTable(corridor_m="free", height_tolerance_m="free", heading_tolerance_deg="free")
+    return drawn(5, 1).model_copy(update={"legs": free})
 
 
 def route_problem() -> tuple[Problem, Mesh, Trajectory]:

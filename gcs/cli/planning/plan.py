@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gcs.cli.planning.plan_tables import route_data, route_table
+from gcs.cli.planning.plan_tables import route_data, route_table, say_lines
 from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
 
@@ -114,6 +114,7 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
         screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")
     if made.passages:
         screen.show(route_table(made))
+        say_lines(screen, made)
     _show_changes(screen, made)
     from gcs.plan.trajectory.greatest_motion import greatest_motion
 

@@ -67,6 +67,33 @@ def route_table(plan: Plan) -> Table:
     return table
 
 
+def say_lines(screen: Screen, plan: Plan) -> None:
+    """Print how near the leader keeps to the drawn lines, and warn of legs that leave a line that was drawn."""
+    import numpy as np
+
+    from gcs.plan.trajectory.leg_lines import leg_lines
+
+    parts = []
+    for what, limits_m in (
+        ("beside", [line.limits.corridor_m for line in plan.lines]),
+        ("in height", [line.limits.height_m for line in plan.lines]),
+    ):
+        if kept := [m for m in limits_m if np.isfinite(m)]:
+            spread = f"{min(kept):g}" if min(kept) == max(kept) else f"{min(kept):g} to {max(kept):g}"
+            parts.append(f"{spread} m {what} (on {counted(len(kept), 'leg')} of {len(limits_m)})")
+    screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}")
+    drawn = leg_lines(plan.scenario)
+    drawn = drawn[len(drawn) - len(plan.lines) + (plan.begin_state is not None) :]
+    for key, what in (("corridor_m", "beside"), ("height_m", "in height")):
+        kept_lines = {line.number: getattr(line.limits, key) for line in plan.lines}
+        left = [str(d.number) for d in drawn if getattr(d.limits, key) < kept_lines[d.number]]
+        if left:
+            screen.warn(
+                f"leg{'s' * (len(left) > 1)} {', '.join(left)} of the route: not kept to the line {what}, because of a "
+                "zone, the ground or too little time; draw round it, or give more time"
+            )
+
+
 def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Table:
     """The passing of every route point, from true states or from telemetry."""
     from rich.markup import escape

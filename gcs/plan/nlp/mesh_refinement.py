@@ -24,6 +24,7 @@ from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
+from gcs.plan.trajectory.leg_lines import LegLine
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
@@ -60,6 +61,7 @@ class Optimum:
     moves: tuple[Move, ...] = ()
     point_s: tuple[float, ...] = ()  # when the leader arrives at each point of the route
     last: Warm | None = None  # for a flight of several legs
+    lines: tuple[LegLine, ...] = ()  # that the leader keeps to
 
 
 def optimise(
@@ -108,7 +110,8 @@ def optimise(
         # Q of Eq. 33 depends on the times of the nodes and of the end: where they have moved, solve once more.
         if not problems and not drift and late < _SETTLED:
             last = Warm(mesh, solution) if problem.points else None
-            return Optimum(trajectory, shape, solution.objective, tuple(history), point_s=problem.point_s, last=last)
+            cost, lines = solution.objective, problem.lines
+            return Optimum(trajectory, shape, cost, tuple(history), point_s=problem.point_s, last=last, lines=lines)
         problem = replace(
             problem,
             tightenings=(*problem.tightenings, *tightenings(problem, missed)),

@@ -5,7 +5,7 @@ Only vehicles near a limit are checked on the fine grid. The verifier later chec
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -184,6 +184,8 @@ def _checks(problem: Problem, trajectory: Trajectory, shape: Shape) -> Iterator[
         yield times, partial(_ranges, problem, trajectory)
         if problem.follows_course:
             yield times, partial(_facing, problem, trajectory)
+        if problem.lines:
+            yield times, partial(_beside_lines, problem, trajectory)
 
 
 def _facing(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:
@@ -193,6 +195,21 @@ def _facing(problem: Problem, trajectory: Trajectory, times: Array) -> list[tupl
     heading_rad = trajectory.coordinates(times)[:, number] + problem.course_at_start_rad
     faced = margins.course(problem.scenario, velocities, heading_rad)
     return [(faced, COURSE_TOLERANCE * faced.scale)]
+
+
+def _beside_lines(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:
+    """How near the leader keeps to the drawn line of each leg; one margin for each limit of each line."""
+    states, legs = trajectory.state(times), problem.leg_of(times)
+    found = []
+    for leg, line in enumerate(problem.lines):
+        kinds = (Kind.LEG_CORRIDOR, "m"), (Kind.LEG_HEIGHT, "m"), (Kind.LEG_YAW, "deg")
+        for (kind, unit), most, off in zip(kinds, astuple(line.limits), line.off(states), strict=True):
+            if np.isfinite(most):
+                size = 1.0 if unit == "m" else float(np.degrees(1.0))
+                kept = np.where(legs == leg, most - off, most) * size
+                margin = Margin(ConstraintId(kind, of=line.number), unit, kept[None], most * size)
+                found.append((margin, LENGTH_TOLERANCE_M if unit == "m" else LIMIT_TOLERANCE * margin.scale))
+    return found
 
 
 def _ranges(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:

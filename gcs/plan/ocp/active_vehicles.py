@@ -26,6 +26,7 @@ NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
 # a no-fly zone, the displacement (2) of the zone; for a spare disk, the position of its centre (2) and its radius. Near
 # the ground, the place of the ground's nearest point (2) beside the vehicle's and the height to keep over that point.
 SLOT = 15
+LINE = 20  # numbers of a drawn line: its begin, and the rows of what is off it over their limits, column by column
 MOVED, RADIUS = slice(12, 14), 14
 FOOT, LIFT = slice(12, 14), 14
 _ASIDE_M = 8.0  # the next solution may pass so far from the last one
@@ -43,7 +44,8 @@ class ActiveVehicles:
     moving: Rows  # (T, M)
     moving_used: NDArray[np.bool_]  # (T, M): false where another row is the same constraint
     leaning: NDArray[np.bool_]  # (T, M): whether the row's tilt may differ from the leader's because of its wind
-    parameters: Array  # (T, (G + sum D + M) * SLOT)
+    legs: Rows  # (T,) index of the drawn line that the leader keeps to; -1: none
+    parameters: Array  # (T, (G + sum D + M) * SLOT), and where lines are drawn LINE of the leg's
 
 
 def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVehicles:
@@ -66,7 +68,12 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
         parameters[:, first : first + chosen.shape[1], MOVED] = away[:, None]
         first += chosen.shape[1]
     leaning = (moving != problem.leader) & problem.winds_differ
-    return ActiveVehicles(ground, near, moving, used, leaning, parameters.reshape(len(times_s), -1))
+    parameters, legs = parameters.reshape(len(times_s), -1), np.full(len(times_s), -1)
+    if problem.lines:
+        legs = problem.leg_of(times_s)
+        drawn = [np.append(line.begin, line.scaled_rows.ravel(order="F")) for line in problem.lines]
+        parameters = np.hstack([parameters, np.array([*drawn, np.zeros(LINE)])[legs]])
+    return ActiveVehicles(ground, near, moving, used, leaning, legs, parameters)
 
 
 def zone_pieces(problem: Problem) -> list[tuple[ConstraintId, Zone, Piece]]:

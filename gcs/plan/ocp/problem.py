@@ -9,6 +9,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Quadrotor, hover_trim
 from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
@@ -17,6 +18,7 @@ from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.time_scaling import Budget, budget
 from gcs.plan.ocp.representatives import Representatives, representatives
 from gcs.plan.ocp.route_points import PassPoint, pass_points
+from gcs.plan.trajectory.leg_lines import LegLine, leg_lines
 from gcs.scenario.schema.scenario import Scenario, TerminalWeight
 from gcs.scenario.values.si import (
     boundary_state,
@@ -146,6 +148,7 @@ class Problem:
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters
     points: tuple[PassPoint, ...] = ()  # between the legs of the flight
     point_s: tuple[float, ...] = ()  # when the leader arrives at each of them: a guess
+    lines: tuple[LegLine, ...] = ()  # that the leader keeps to, one of each leg; empty: it flies freely
 
     @property
     def duration_s(self) -> float:
@@ -157,6 +160,12 @@ class Problem:
         """Begin and end of each leg, by `point_s`; between two legs the leader holds, or no time passes."""
         begins = (self.start_s, *(t_s + point.hold_s for t_s, point in zip(self.point_s, self.points, strict=True)))
         return tuple(zip(begins, (*self.point_s, self.end_s), strict=True))
+
+    def leg_of(self, t_s: Array) -> NDArray[np.intp]:
+        """The leg (N,) that is flown at times (N,), by `point_s`; -1 in a hold."""
+        begins, ends = np.array(self.legs_s).T
+        leg = np.searchsorted(ends[:-1], t_s)
+        return np.where(t_s < begins[leg], -1, leg)
 
     def leg_words(self, number: int) -> str:
         """Number (from 1) and ends of the leg with this index, for messages."""
@@ -272,6 +281,7 @@ def flight_problem(scenario: Scenario, extra_objectives: tuple[ObjectiveTerm, ..
     )
     points = pass_points(scenario)
     problem = replace(problem, coordinates=coordinates(scenario), extra_objectives=extra_objectives, points=points)
+    problem = replace(problem, lines=leg_lines(scenario))
     if not points:
         return problem
     length_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())

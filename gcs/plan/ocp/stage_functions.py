@@ -5,7 +5,7 @@ Path constraints are those of the active vehicles in the leader's variables: tur
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import TypeVar
 
 import casadi as ca
@@ -16,7 +16,7 @@ from gcs.physics.quadrotor import equations_of_motion
 from gcs.physics.states import NU, NX, VELOCITY
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.formation.follower_equations import jerk
-from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
+from gcs.plan.ocp.active_vehicles import FOOT, LIFT, LINE, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
 from gcs.plan.ocp.margins import REST_SPEED_MPS
 from gcs.plan.ocp.objective_sum import cost_rate, share_rows
 from gcs.plan.ocp.objectives import speed_across_and_along
@@ -45,6 +45,8 @@ _NEAR_GROUND_M, _NEAR_ZONE_M, _NEAR_LIMIT = 8.0, 25.0, 0.5
 # The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
 # take less than the whole limit.
 TURN_SHARE, THRUST_SHARE = 0.9, 0.3
+
+_LINE_KINDS = (Kind.LEG_CORRIDOR, Kind.LEG_HEIGHT, Kind.LEG_YAW)
 
 _Symbol = TypeVar("_Symbol", ca.SX, ca.MX)
 
@@ -75,7 +77,8 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
     motion = ca.vertcat(*flight, *chain)
     shares = ca.SX.sym("shares", share_rows(problem))
     cost = cost_rate(problem, x, u, shares)
-    slots = ca.SX.sym("slots", SLOT * (near_ground + near_zone * len(zone_pieces(problem)) + moving))
+    active = SLOT * (near_ground + near_zone * len(zone_pieces(problem)) + moving)
+    slots = ca.SX.sym("slots", active + LINE * bool(problem.lines))
     path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_zone)
     sigma, costate = ca.SX.sym("sigma"), ca.SX.sym("costate", nx)
 
@@ -100,7 +103,9 @@ def _path_functions(
     problem: Problem, z: ca.SX, motion: ca.SX, slots: ca.SX, near_ground: int, near_zone: int
 ) -> tuple[ca.Function, ca.Function, ca.Function]:
     """The path constraints with their first and second derivatives."""
-    terrain, x, each = problem.scenario.terrain, ca.vertsplit(z), ca.vertsplit(slots, SLOT)
+    terrain, x = problem.scenario.terrain, ca.vertsplit(z)
+    count = slots.size1() - LINE * bool(problem.lines)
+    each = [*ca.vertsplit(slots[:count], SLOT), *[slots[count:]] * bool(problem.lines)]
     places = []
     for slot in each[:near_ground]:
         north, east, _ = _place(problem, x, slot)
@@ -135,6 +140,7 @@ def path_ids(problem: Problem, chosen: ActiveVehicles) -> list[list[ConstraintId
     moving = [[ConstraintId(kind, form, vehicle=sysid) for kind in kinds] for sysid in ids]
     last = [ConstraintId(Kind.JERK, form)] * (problem.jerk_left_mps3 is not None)
     last += [ConstraintId(Kind.COURSE, form), ConstraintId(Kind.FORWARDS)] * problem.follows_course
+    lines = [[ConstraintId(kind, form, of=line.number) for kind in _LINE_KINDS] for line in problem.lines]
     rows = []
     for t in range(len(chosen.ground)):
         row = [feet[foot % FEET][v] for foot, v in enumerate(chosen.ground[t])]
@@ -142,7 +148,7 @@ def path_ids(problem: Problem, chosen: ActiveVehicles) -> list[list[ConstraintId
             row += [zone[v] for v in near[t]]
         for v in chosen.moving[t]:
             row += moving[v]
-        rows.append([*row, *last])
+        rows.append([*row, *last, *(lines[chosen.legs[t]] if lines else ())])
     return rows
 
 
@@ -151,7 +157,11 @@ def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
     masks = [~(chosen.leaning if kind in _LEAN else chosen.moving_used) for kind in _moving_kinds(problem)]
     spare = np.stack(masks, axis=2).reshape(len(chosen.moving), -1)
-    return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course + (problem.jerk_left_mps3 is not None))))
+    spare = np.pad(spare, ((0, 0), (before, 2 * problem.follows_course + (problem.jerk_left_mps3 is not None))))
+    if not problem.lines:
+        return spare
+    limits = np.array([astuple(line.limits) for line in problem.lines])
+    return np.hstack([spare, np.isinf(limits)[chosen.legs] | (chosen.legs < 0)[:, None]])
 
 
 def path_may_bind(problem: Problem, chosen: ActiveVehicles, values: Array) -> NDArray[np.bool_]:
@@ -164,7 +174,8 @@ def path_may_bind(problem: Problem, chosen: ActiveVehicles, values: Array) -> ND
     near = sum(zone.shape[1] for zone in chosen.zones)
     used = np.ones(values.shape, dtype=bool)
     used[:, :ground] = values[:, :ground] < _NEAR_GROUND_M
-    slots = chosen.parameters.reshape(len(values), -1, SLOT)[:, :ground, FOOT.start :]
+    active = chosen.parameters[:, : chosen.parameters.shape[1] - LINE * bool(problem.lines)]
+    slots = active.reshape(len(values), -1, SLOT)[:, :ground, FOOT.start :]
     used[:, 1:ground:FEET] &= np.any(slots[:, 1::FEET] != slots[:, ::FEET], axis=2)  # both feet on flat ground
     used[:, ground : ground + near] = values[:, ground : ground + near] < _NEAR_ZONE_M
     moving = slice(ground + near, ground + near + chosen.moving.shape[1] * len(kinds))
@@ -181,7 +192,8 @@ def _path(
     """Path constraints of the active vehicles in the leader's variables: each value must be >= 0."""
     scenario = problem.scenario
     x, nx = ca.vertsplit(z), NX + 4 * len(problem.coordinates)
-    remaining = iter(slots)
+    line = slots[-1] if problem.lines else None
+    remaining = iter(slots if line is None else slots[:-1])
     values: list[ca.SX] = []
     # Clearance: Eq. 20 for the leader, Eq. 23 for a follower. `height` is that of the ground's nearest point.
     for height in ground:
@@ -213,6 +225,9 @@ def _path(
         slow = floor**2 * ca.exp(-squared / floor**2)
         values.append((sine**2 * squared + slow - lateral**2) / problem.objective.speed_ref_mps**2)
         values.append((ahead + floor) / problem.objective.speed_ref_mps)
+    if line is not None:
+        off = ca.mtimes(ca.reshape(line[4:], 4, 4), ca.vertcat(*x[:3], x[8]) - line[:4])
+        values += [1.0 - off[0] ** 2 - off[1] ** 2, 1.0 - off[2] ** 2, 1.0 - off[3] ** 2]
     return values
 
 

@@ -18,7 +18,9 @@ from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
 from gcs.plan.search.leg_guess import on_time, routes_through
+from gcs.plan.search.open_lines import open_where_blocked
 from gcs.plan.search.routes import every_route
+from gcs.plan.trajectory.leg_lines import remaining_lines
 from gcs.plan.trajectory.phases import Phase, PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
@@ -59,31 +61,23 @@ def _moved(coefficients: Array, by: float) -> Array:
     return moved
 
 
-def plan_from_flight(
-    plan: Plan,
-    problem: Problem,
-    trajectory: Trajectory,
-    *,
-    objective: float,
-    history: tuple[MeshRound, ...],
-    timings_s: dict[str, float],
-    route_s: tuple[float, ...] = (),
-) -> Plan:
-    """The plan of a trajectory that solves `problem`, and of the old plan's hover and landing after it."""
+def plan_from_flight(plan: Plan, problem: Problem, found: Optimum, timings_s: dict[str, float]) -> Plan:
+    """The plan of the flight that solves `problem`, and of the old plan's hover and landing after it."""
     end_s = plan.phase(PhaseKind.MISSION).end_s
     after = trajectory_part(plan.leader_trajectory, end_s, plan.t_end_s)
     return Plan(
         with_times_of_changes(problem.scenario, plan),
-        joined([trajectory, after]),
+        joined([found.trajectory, after]),
         joined_shapes([problem.shape, shape_part(plan.shape, end_s, plan.t_end_s)]),
         (Phase(PhaseKind.MISSION, problem.start_s, end_s), *(p for p in plan.phases if p.start_s >= end_s)),
-        objective,
-        history,
+        found.objective,
+        found.history,
         (),
         plan.moves,
         timings_s,
         tuple(problem.start_state.tolist()),
-        route_s=route_s,
+        route_s=found.point_s,
+        leg_limits=tuple(line.limits for line in found.lines),
     )
 
 
@@ -103,7 +97,8 @@ def with_times_of_changes(scenario: Scenario, plan: Plan) -> Scenario:
 def still_ahead(problem: Problem, t_s: float) -> Problem:
     """The problem without the points that are behind the leader at a time, or too near to fly to from any state."""
     count = sum(arrival_s <= t_s + _TOO_NEAR_S for arrival_s in problem.point_s)
-    return replace(problem, points=problem.points[count:], point_s=problem.point_s[count:])
+    lines = remaining_lines(problem.lines, len(problem.lines) - count)
+    return replace(problem, points=problem.points[count:], point_s=problem.point_s[count:], lines=lines)
 
 
 def flown_through(
@@ -118,7 +113,7 @@ def flown_through(
     failures: list[PlanningError] = []
     for timed, guess in _guesses(problem, old, zones):
         try:
-            return optimise(timed, guess, on_round, near=not zones)
+            return optimise(open_where_blocked(timed, guess), guess, on_round, near=not zones)
         except PlanningError as failure:
             failures.append(failure)
     raise next((f for f in failures if isinstance(f, Infeasible)), failures[-1])

@@ -17,7 +17,14 @@ from gcs.errors import Infeasible, PlanningError, UsageError
 from gcs.physics.states import POSITION
 from gcs.plan.nlp.ipopt import Solution, run
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
-from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
+from gcs.plan.nlp.mesh_refinement import (
+    DEGREE,
+    LONGEST_S,
+    SHORTEST_S,
+    Optimum,
+    clearance_reserve_m,
+    drifting_intervals,
+)
 from gcs.plan.nlp.transcription import Program
 from gcs.plan.nlp.violations import complaints, find_violations
 from gcs.plan.ocp.margins import box, clearance, height, no_fly, state_limits
@@ -87,7 +94,7 @@ class Replanner:
         if whole.points:
             passed = len(whole.points) - len(plan.route_s)
             fixed = with_times_of_changes(whole.scenario, plan)
-            whole = replace(whole, scenario=fixed, points=whole.points[passed:], point_s=plan.route_s)
+            whole = replace(whole, scenario=fixed, points=whole.points[passed:], point_s=plan.route_s, lines=plan.lines)
         self._whole = replace(whole, clearance_reserve_m=clearance_reserve_m(whole, CLEARANCE_RESERVE_M))
         self._old = trajectory_part(plan.leader_trajectory, mission.start_s, mission.end_s)
         if plan.scenario.route:  # each re-plan has points of its own, and so a program of its own
@@ -149,7 +156,7 @@ class Replanner:
                 found = flown_through(problem, self._old, avoided, on_round)
             except PlanningError as failure:
                 raise _in_words(problem, failure) from failure
-            return self._made(problem, zones, began, found.trajectory, found.objective, found.history, found.point_s)
+            return self._made(problem, zones, began, found)
         check_time(problem)
         failures: list[PlanningError] = []
         for guess, known in self._guesses(problem, avoided):
@@ -158,25 +165,14 @@ class Replanner:
             except PlanningError as failure:
                 failures.append(failure)
                 continue
-            return self._made(problem, zones, began, flown, objective, tuple(history))
+            return self._made(problem, zones, began, Optimum(flown, problem.shape, objective, tuple(history)))
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
 
-    def _made(
-        self,
-        problem: Problem,
-        zones: tuple[NoFlyZone, ...],
-        began: float,
-        flown: Trajectory,
-        objective: float,
-        history: tuple[MeshRound, ...],
-        route_s: tuple[float, ...] = (),
-    ) -> Plan:
+    def _made(self, problem: Problem, zones: tuple[NoFlyZone, ...], began: float, found: Optimum) -> Plan:
         """The plan of a flight, in the scenario with the new zones as they were given."""
         scenario, took = self.plan.scenario, {"re-plan": time.perf_counter() - began}
         true = replace(problem, scenario=with_zones(scenario, (*scenario.no_fly, *zones)))
-        return plan_from_flight(
-            self.plan, true, flown, objective=objective, history=history, timings_s=took, route_s=route_s
-        )
+        return plan_from_flight(self.plan, true, found, took)
 
     def _guesses(
         self, problem: Problem, zones: tuple[NoFlyZone, ...]

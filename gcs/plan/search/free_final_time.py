@@ -63,7 +63,7 @@ def _rounded(problem: Problem, best: Optimum, on_round: Callable[[MeshRound], No
         return best  # all flights of one time cost the same
     end_s = float(np.ceil((best.trajectory.end_s - 1e-9) / _ROUND_S)) * _ROUND_S
     end_s = round(min(end_s, time.latest_s), 6)
-    exact = with_times(problem, best.trajectory.end_s, best.point_s)
+    exact = with_times(replace(problem, lines=best.lines), best.trajectory.end_s, best.point_s)
     exact = replace(with_end(exact, end_s), free_time=replace(time, earliest_s=end_s, latest_s=end_s))
     try:
         found = optimise_on_schedule(exact, _stretched(best.trajectory, end_s), on_round)

@@ -17,6 +17,7 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.infeasibility import check_time, explain_infeasible
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.search.leg_guess import on_time, routes_through
+from gcs.plan.search.open_lines import open_where_blocked
 from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.plan import Alternative, MeshRound
@@ -109,7 +110,16 @@ def is_spare(problem: Problem, routes: tuple[Route, ...], number: int) -> bool:
 
 
 def _optimised(problem: Problem, route: Route, on_round: Callable[[MeshRound], None]) -> Optimum:
-    return optimise_on_schedule(timed := on_time(problem, route), along(timed, route), on_round)
+    timed = on_time(problem, route)
+    guess = along(timed, route)
+    lined = open_where_blocked(timed, guess)
+    try:
+        return optimise_on_schedule(lined, guess, on_round)
+    except PlanningError:
+        open_lines = tuple(line.opened(beside=True, above=True) for line in lined.lines)
+        if all(a.limits == b.limits for a, b in zip(lined.lines, open_lines, strict=True)):
+            raise
+    return optimise_on_schedule(replace(lined, lines=open_lines), guess, on_round)
 
 
 def _flight(task: tuple[Problem, Route]) -> Optimum | PlanningError:

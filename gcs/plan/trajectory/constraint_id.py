@@ -70,6 +70,9 @@ class Kind(Enum):
     FLIGHT_TIME = "time of flight"
     # The route.
     LEG_DURATION = "duration of leg {of}"
+    LEG_CORRIDOR = "leg {of}: distance beside the line"
+    LEG_HEIGHT = "leg {of}: distance above or below the line"
+    LEG_YAW = "leg {of}: yaw"
     POINTS_PASSED = "route points passed"
     POINT_ORDER = "route {of}: order"
     POINT_DISTANCE = "route {of}: distance"
@@ -82,7 +85,7 @@ class Kind(Enum):
 
 STATES, CONTROLS = tuple(Kind)[:NX], tuple(Kind)[NX : NX + NU]
 COLUMNS = {kind: column for column, kind in enumerate((*STATES, *CONTROLS))}  # of the state, then of the control
-ANGLES = frozenset((*STATES[6:], Kind.COURSE))  # angles and their rates: people read them in degrees
+ANGLES = frozenset((*STATES[6:], Kind.COURSE, Kind.LEG_YAW))  # angles and their rates: people read them in degrees
 
 
 class Form(Enum):
@@ -107,6 +110,9 @@ _TEXTS = {
     (Kind.NORTH, Form.ROW): "north of vehicle {vehicle}",
     (Kind.EAST, Form.ROW): "east of vehicle {vehicle}",
     (Kind.JERK, Form.ROW): "jerk of the formation",
+    (Kind.LEG_CORRIDOR, Form.ROW): "{what}",
+    (Kind.LEG_HEIGHT, Form.ROW): "{what}",
+    (Kind.LEG_YAW, Form.ROW): "{what}",
     (Kind.COURSE, Form.ROW): "heading of the formation along its course",
     (Kind.POINT_DISTANCE, Form.ROW): "distance to {of}",
     (Kind.POINT_SPEED, Form.ROW): "speed at {of}",
@@ -143,8 +149,9 @@ class ConstraintId:
 
     @property
     def is_of_route(self) -> bool:
-        """Whether a point of the route asks for it."""
-        return isinstance(self.of, PointName) or self.kind is Kind.POINTS_PASSED
+        """Whether a point of the route or a line between two asks for it."""
+        route = Kind.POINTS_PASSED, Kind.LEG_CORRIDOR, Kind.LEG_HEIGHT, Kind.LEG_YAW
+        return isinstance(self.of, PointName) or self.kind in route
 
     def __str__(self) -> str:
         what = self.kind.value.format(of=self.of)

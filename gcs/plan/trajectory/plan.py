@@ -16,6 +16,7 @@ from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import AUTO, Move
 from gcs.plan.trajectory.distances import formation_error_m, ground_distances_m, separations_m, zone_distances_m
+from gcs.plan.trajectory.leg_lines import NO_LIMITS, LegLimits, LegLine, leg_lines, remaining_lines
 from gcs.plan.trajectory.passages import Passage, passages
 from gcs.plan.trajectory.phases import Phase, PhaseKind
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -61,6 +62,7 @@ class Plan:
     timings_s: dict[str, float] = field(default_factory=dict)
     begin_state: tuple[float, ...] | None = None  # the leader's (12), SI and NED, of a plan that begins in the air
     route_s: tuple[float, ...] = ()  # when the leader is at each route point ahead: the last ones of the route
+    leg_limits: tuple[LegLimits, ...] = ()  # of the legs ahead; empty: it was planned with no line kept
 
     def __post_init__(self) -> None:
         if self.shape.basis_ned_m.shape[1] != len(self.sysids):
@@ -95,6 +97,15 @@ class Plan:
     def passages(self) -> tuple[Passage, ...]:
         """The route points ahead, with their times. Raises ValueError for more times than points."""
         return passages(self.scenario, self.route_s)
+
+    @cached_property
+    def lines(self) -> tuple[LegLine, ...]:
+        """The drawn lines of the legs ahead, with what this plan keeps of them and what the scenario says."""
+        ahead = len(self.route_s) + 1
+        every = leg_lines(self.scenario)
+        lines = every[len(every) - ahead :] if self.begin_state is None else remaining_lines(every, ahead)
+        limits = (*[NO_LIMITS] * (len(lines) - len(self.leg_limits)), *self.leg_limits)
+        return tuple(line.within(kept) for line, kept in zip(lines, limits, strict=True))
 
     @property
     def t_start_s(self) -> float:
@@ -216,7 +227,7 @@ class Plan:
     @cached_property
     def content(self) -> str:
         """All that a verdict depends on: what is flown, the state that it begins with, and the changes of shape."""
-        return f"{self.hash} {self.begin_state} {self.moves}"
+        return f"{self.hash} {self.begin_state} {self.moves} {self.leg_limits or ''}"
 
     @cached_property
     def hash(self) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
@@ -21,6 +22,7 @@ from gcs.types import Array
 TIME_TOLERANCE_S = 1e-3
 _PARTS = 16  # of a hold's polynomials, each bounded on its own
 _ORDER = 3
+_PLACE_AND_YAW = [0, 1, 2, 8]
 _YAW = 2  # among the angles
 # Kind, unit, what is left at one point, its tolerance, when, and the bound of it, which is no more.
 _Margin = tuple[Kind, str, float, float, float, float]
@@ -50,6 +52,30 @@ def route_checks(plan: Plan) -> list[Check]:
             if kind not in worst or left < worst[kind][0]:
                 name = ConstraintId(kind, of=passage.title)
                 worst[kind] = left, Check(name, PhaseKind.MISSION, unit, margin, tolerance, sysid, t_s, proved)
+    return [check for _, check in worst.values()] + _line_checks(plan, sysid)
+
+
+def _line_checks(plan: Plan, sysid: int) -> list[Check]:
+    """The worst leg for its corridor, its height and its yaw, at every instant between two points."""
+    if not plan.lines:
+        return []
+    worst: dict[Kind, tuple[float, Check]] = {}
+    mission, made = plan.phase(PhaseKind.MISSION), plan.passages
+    begins = mission.start_s, *(passage.leaves_s for passage in made)
+    ends = *(passage.arrives_s for passage in made), mission.end_s
+    for line, start_s, end_s in zip(plan.lines, begins, ends, strict=True):
+        for kind, rows, most, unit, tolerance in (
+            (Kind.LEG_CORRIDOR, line.rows[:2], line.limits.corridor_m, "m", LENGTH_TOLERANCE_M),
+            (Kind.LEG_HEIGHT, line.rows[2:3], line.limits.height_m, "m", LENGTH_TOLERANCE_M),
+            (Kind.LEG_YAW, line.rows[3:], line.limits.yaw_rad, "deg", ANGLE_TOLERANCE_DEG),
+        ):
+            if np.isinf(most) or not start_s < end_s:
+                continue
+            seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), rows)
+            margin, proved = (float(m) if unit == "m" else float(np.degrees(m)) for m in (most - seen, most - bound))
+            if kind not in worst or proved < worst[kind][0]:
+                name = ConstraintId(kind, of=line.number)
+                worst[kind] = proved, Check(name, PhaseKind.MISSION, unit, margin, tolerance, sysid, t_s, proved)
     return [check for _, check in worst.values()]
 
 
@@ -107,13 +133,20 @@ def _hold(plan: Plan, passage: Passage) -> Iterator[_Margin]:
         yield kind, unit, -seen, tolerance, t_s, -bound
 
 
-def _farthest(plan: Plan, columns: slice, from_here: Array, span_s: tuple[float, float]) -> tuple[float, float, float]:
-    """The largest distance of three states from constants over a span: one that is reached, a bound, and when."""
-    motion = plan.leader_trajectory.state
+def _farthest(
+    plan: Plan, columns: slice | list[int], from_here: Array, span_s: tuple[float, float], rows: Array | None = None
+) -> tuple[float, float, float]:
+    """The largest distance of three states from constants over a span: one that is reached, a bound, and when.
+
+    With `rows` (R, C), of what these take from the difference of C states.
+    """
+    every = plan.leader_trajectory.state
+    picked = np.eye(len(from_here)) if rows is None else rows
+    motion = PPoly(np.einsum("dpk,rk->dpr", every.c[..., columns], picked), every.x)
     joints_s = motion.x[(motion.x > span_s[0]) & (motion.x < span_s[1])]
     parts = [np.linspace(a, b, _PARTS, endpoint=False) for a, b in pairwise([span_s[0], *joints_s, span_s[1]])]
     edges_s = np.append(np.concatenate(parts), span_s[1])
-    model = enclosed(motion, edges_s[:-1], edges_s[1:], _ORDER)[columns] - from_here[:, None]
+    model = enclosed(motion, edges_s[:-1], edges_s[1:], _ORDER) - (picked @ from_here)[:, None]
     bound = float(np.linalg.norm(model.size(), axis=0).max())
     middle = np.linalg.norm(model.middle, axis=0)
     worst = int(np.argmax(middle))

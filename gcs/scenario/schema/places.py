@@ -169,6 +169,12 @@ class RoutePoint(Part):
     speed_mps: Speed | None = Field(default=None, description="speed of the leader there, m/s")
     heading_deg: Turn | None = Field(default=None, description="yaw of the leader there, degrees")
     hold_s: _HoldLength | None = Field(default=None, description="the leader hovers there for this time, s")
+    corridor_m: Length | Literal["free"] | None = left_out(
+        "of the leg to this point: largest distance of the leader beside the line, m"
+    )
+    height_tolerance_m: Length | Literal["free"] | None = left_out(
+        "of the leg to this point: largest distance of the leader above or below the line, m"
+    )
     shape: str | None = Field(
         default=None, description="name of the shape from here on; the change begins when the leader is there"
     )
@@ -184,6 +190,25 @@ class RoutePoint(Part):
             yield ("radius_m",), "the leader hovers at the point itself", "remove radius_m or hold_s"
         if self.hold_s is not None and self.speed_mps is not None:
             yield ("speed_mps",), "the leader hovers here", "remove speed_mps or hold_s"
+
+
+class LegsTable(Part):
+    """How near the leader keeps to the straight lines that lead from point to point of [[route]].
+
+    A key of a point is for the leg that leads to it. Where the line is in the way of zones or ground, a limit that is
+    left out gives way, and the plan says so.
+    """
+
+    corridor_m: Length | Literal["free"] | None = left_out(
+        "largest distance of the leader beside the line, m; left out: what rounding the corners needs, at least 1 m"
+    )
+    height_tolerance_m: Length | Literal["free"] | None = left_out(
+        "largest distance of the leader above or below the line, m; left out: 1 m"
+    )
+    heading_tolerance_deg: Annotated[Number, Field(ge=0.1, le=180)] | Literal["free"] = Field(
+        default=5.0,
+        description="largest difference of the leader's yaw where both ends of a leg have one heading, degrees",
+    )
 
 
 class _Polygon(Part):

@@ -39,7 +39,17 @@ from gcs.scenario.schema.fields import (
 )
 from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Formation, Generator
 from gcs.scenario.schema.heightmap import Relief
-from gcs.scenario.schema.places import ROUTE_MAX, KeepIn, Mountains, NoFlyZone, Ripple, RoutePoint, SurveyTable, Terrain
+from gcs.scenario.schema.places import (
+    ROUTE_MAX,
+    KeepIn,
+    LegsTable,
+    Mountains,
+    NoFlyZone,
+    Ripple,
+    RoutePoint,
+    SurveyTable,
+    Terrain,
+)
 from gcs.scenario.schema.toml_lines import Table
 
 __all__ = ["START_SHAPE", "ChangeTable", "Formation", "Generator"]  # of the tables beside these, for all users
@@ -356,6 +366,7 @@ class Scenario(Part):
     wind: PlannedWind | None = None
     start: Boundary
     route: tuple[RoutePoint, ...] = Field(default=(), max_length=ROUTE_MAX, exclude_if=lambda points: not points)
+    legs: LegsTable = Field(default=LegsTable(), exclude_if=lambda table: table == LegsTable())
     loops: Annotated[int, Strict(), Field(ge=1, le=ROUTE_MAX)] = Field(
         default=1, description="the points of [[route]] are flown so many times", exclude_if=lambda loops: loops == 1
     )

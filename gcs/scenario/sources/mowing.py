@@ -26,7 +26,7 @@ _DIRECTIONS_MAX = 90  # tried at most: an outline of hundreds of corners has no 
 _ROUNDING_M = 1e-6
 _NEAR_BEST = 1.02  # of the least time: as good, so that fewer vehicles are better
 _LEAST_M = 0.5  # a shorter piece of a pass is not flown
-_BOW_M = 1.0  # a planned pass may bow by as much and still cover the area's edge
+BOW_M = 0.5  # a planned pass may bow by as much and still cover the area's edge
 
 Place = tuple[float, float]  # north, east, m
 Leg = tuple[Place, Place]  # where the middle of the line begins and ends
@@ -184,10 +184,10 @@ def _orders(
 def _strips(area: BaseGeometry, widest_m: float, count: int, avoided: BaseGeometry) -> tuple[float, list[Strip]]:
     """The spacing of vehicles and the strips of the line, in order across: they divide the area's width evenly.
 
-    `_BOW_M` on each side counts too: what a track that bows leaves out there, no neighbour sees.
+    `BOW_M` on each side counts too: what a track that bows leaves out there, no neighbour sees.
     """
     west, south, east, north = area.bounds  # across is x, along is y
-    west, east = west - _BOW_M, east + _BOW_M
+    west, east = west - BOW_M, east + BOW_M
     number = max(1, math.ceil((east - west) / (count * widest_m) - _ROUNDING_M))
     width_m = (east - west) / number
     spacing_m = width_m / count

@@ -9,7 +9,7 @@ import shapely
 from gcs.errors import UsageError, counted
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.places import ROUTE_MAX
-from gcs.scenario.sources.mowing import Mowing, PassTimes, mowing
+from gcs.scenario.sources.mowing import BOW_M, Mowing, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
 from gcs.types import Array
 
@@ -92,8 +92,10 @@ class SurveyFlight:
     def _route(self, yaw_deg: str) -> list[str]:
         # Without a heading at the points vehicles would turn towards every leg, which takes time and moves the camera.
         yaw = f", heading_deg = {yaw_deg}"
+        straight = f", corridor_m = {BOW_M}"  # of a pass, which ends here
         rows = [
-            f'  {{ name = "{name}", position_m = {_numbers([*place, self.order.height_m])}{yaw} }},'
+            f'  {{ name = "{name}", position_m = {_numbers([*place, self.order.height_m])}{yaw}'
+            f"{straight * name.endswith(' ends')} }},"
             for name, place in self.points()
         ]
         return ["route = [                     # places of the leader, in order", *rows, "]"]

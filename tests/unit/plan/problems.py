@@ -19,7 +19,7 @@ def changed(scenario: Scenario, **tables: Any) -> Scenario:
     """The scenario with keys of its tables replaced; what is not a table is replaced as a whole."""
     data = scenario.model_dump()
     for name, value in tables.items():
-        data[name] = {**(data[name] or {}), **value} if isinstance(value, dict) else value
+        data[name] = {**(data.get(name) or {}), **value} if isinstance(value, dict) else value
     return Scenario.model_validate(data)
 
 

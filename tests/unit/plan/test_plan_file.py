@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from gcs.errors import FileFormatError
 from gcs.plan.plan_file import is_plan_file, load_plan, read_plan, save_plan
+from gcs.plan.trajectory.leg_lines import LegLimits
 from gcs.plan.trajectory.phases import Phase
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
@@ -181,6 +182,16 @@ def test_the_times_of_a_route_come_back_and_wrong_ones_are_refused(
         save_plan(replace(routed, route_s=route_s), meadow_report, path)
         with pytest.raises(FileFormatError, match=said):
             read_plan(path)
+
+
+def test_what_a_plan_keeps_of_its_lines_comes_back(tmp_path: Path, meadow_plan: Plan, meadow_report: Report) -> None:
+    path, free = tmp_path / "routed.skein", LegLimits(np.inf, np.inf)
+    routed = replace(with_route(meadow_plan, {5.0: {}}), leg_limits=(LegLimits(2.0, 1.0, 0.1), free))
+    save_plan(routed, meadow_report, path)
+    assert read_plan(path)[0].leg_limits == routed.leg_limits
+    save_plan(replace(routed, leg_limits=(free,)), meadow_report, path)
+    with pytest.raises(FileFormatError, match="limits of 1 legs for 1 route points"):
+        read_plan(path)
 
 
 def test_a_plan_without_a_route_is_written_without_one(saved: Path) -> None:

@@ -13,6 +13,7 @@ from gcs.errors import Infeasible
 from gcs.physics.states import ATTITUDE, POSITION, RATES, VELOCITY
 from gcs.plan.ocp.objectives import TERMS, yaw_rate
 from gcs.plan.planner import make_plan
+from gcs.plan.trajectory.leg_lines import leg_lines
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
@@ -152,6 +153,64 @@ def test_a_change_of_shape_begins_at_its_point(through: PlanOf) -> None:
     before, after = plan.shape.at(move.start_s - 1e-3), plan.shape.at(plan.flight_s)
     np.testing.assert_allclose(before, plan.shape.at(0.0), atol=1e-6)
     assert np.abs(after - before).max() > 5.0
+
+
+def most_off(plan: Plan, leg: int) -> tuple[float, float]:
+    """How far the leader is beside the line of a leg at most, and above or below it, m."""
+    edges_s = [0.0, *plan.route_s, plan.flight_s]
+    line = leg_lines(plan.scenario)[leg]
+    beside_m, above_m, _ = line.off(plan.leader_trajectory.state(np.linspace(*edges_s[leg : leg + 2], 500)))
+    return float(beside_m.max()), float(above_m.max())
+
+
+HIGH = {"position_m": [60.0, 20.0, 15.0]}  # 10 m above start and end, and above the height that costs nothing
+
+
+def test_between_two_points_the_leader_keeps_to_the_line_and_its_height(through: PlanOf) -> None:
+    """Free, it sinks to the cheapest height and cuts the corner; by default 1 m, and what the corner needs."""
+    low = {"objective": {"weights": [0.1, 0.0, 0.9], "height_ref_m": 5.0}}
+    free = through(HIGH, FAR, legs={"corridor_m": "free", "height_tolerance_m": "free"}, **low)
+    assert most_off(free, 0)[1] > 2.0
+    assert not [check for check in verify(free).checks if check.name.startswith("leg")]
+    kept = through(HIGH, FAR, **low)
+    assert most_off(kept, 0)[1] <= 1.001
+    corridor_m = kept.lines[0].limits.corridor_m
+    assert most_off(kept, 0)[0] <= corridor_m + 1e-3
+    proved = [check for check in verify(kept).checks if check.name.endswith("distance above or below the line")]
+    assert [check.verdict for check in proved] == ["proved"]  # of the worst leg
+    assert kept.objective > free.objective
+    narrow = through({**HIGH, "corridor_m": 0.3}, FAR, **low)
+    assert most_off(narrow, 0)[0] <= 0.301
+    assert most_off(narrow, 1)[0] > 0.5
+
+
+def test_a_line_through_a_zone_gives_way_unless_the_scenario_says_how_near(
+    through: PlanOf, simulation1: Scenario
+) -> None:
+    zone = [{"north_m": 35.0, "east_m": 20.0, "radius_m": 8.0}]
+    round_it = through(CORNER, FAR, no_fly=zone)
+    assert np.isinf(round_it.leg_limits[0].corridor_m)
+    assert most_off(round_it, 0)[0] > 8.0
+    assert round_it.leg_limits[1].corridor_m < 10.0
+    said = flight_through(simulation1, {**CORNER, "corridor_m": 2.0}, FAR, no_fly=zone)
+    with pytest.raises(Infeasible, match=r"leg 1 \(start to point 1\): on the drawn line no-fly zone 1 is missed by 8"):
+        make_plan(said)
+
+
+def test_a_hill_on_the_line_is_flown_over(through: PlanOf) -> None:
+    hill = {
+        "mountains": {
+            "north_m": [35.0],
+            "east_m": [20.0],
+            "height_m": [6.0],
+            "spread_north_m": [8.0],
+            "spread_east_m": [30.0],
+        }
+    }
+    plan = through(CORNER, FAR, terrain=hill)
+    assert np.isinf(plan.leg_limits[0].height_m)
+    assert np.isfinite(plan.leg_limits[0].corridor_m)
+    assert np.isfinite(plan.leg_limits[1].height_m)
 
 
 @pytest.mark.slow

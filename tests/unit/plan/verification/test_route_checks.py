@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.states import ATTITUDE, VELOCITY
+from gcs.plan.trajectory.leg_lines import NO_LIMITS, LegLimits
 from gcs.plan.trajectory.phases import Phase
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -156,3 +157,25 @@ def test_a_plan_that_begins_in_the_air_answers_for_the_points_ahead(meadow_plan:
     assert failed(early) == ['route point 2 ("look"): time']
     over = replace(in_a_hold, phases=phases, route_s=(7.0,), begin_state=(0.0,) * 12)
     assert 'route point 2 ("look"): order' in failed(over)
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        (LegLimits(1.5, 50.0), ["leg 2: distance beside the line"]),
+        (LegLimits(2.1, 50.0), []),
+        (LegLimits(50.0, 1e-4), ["leg 2: distance above or below the line"]),
+        (LegLimits(50.0, 50.0, 1e-4), ["leg 2: yaw"]),
+        (LegLimits(50.0, 50.0, 3.0), []),
+    ],
+)
+def test_who_leaves_the_line_fails_by_leg(meadow_plan: Plan, limits: LegLimits, said: list[str]) -> None:
+    """Leg 2 leads to a point 2 m beside the track, which is passed within 2.1 m."""
+    beside = aside(with_route(meadow_plan, {4.0: {}, 10.0: {}}), 2.0, radius_m=2.1)
+    assert failed(replace(beside, leg_limits=(NO_LIMITS, limits, NO_LIMITS))) == said
+    assert failed(beside) == []  # an older plan says nothing of its legs
+
+
+def test_what_the_scenario_says_of_a_leg_no_plan_gives_away(meadow_plan: Plan) -> None:
+    beside = aside(with_route(meadow_plan, {4.0: {}, 10.0: {}}), 2.0, radius_m=2.1, corridor_m=1.5)
+    assert failed(replace(beside, leg_limits=(NO_LIMITS,) * 3)) == ["leg 2: distance beside the line"]
