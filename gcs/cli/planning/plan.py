@@ -37,7 +37,7 @@ def plan(
     Example: gcs plan missions/simulation1
     """
     screen = Screen(json=json)
-    from gcs.cli.planning.plan_tables import say_coverage
+    from gcs.cli.planning.plan_tables import say_battery, say_coverage
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for, plan_path
     from gcs.plan.plan_file import SUFFIX, save_plan
     from gcs.plan.trajectory.greatest_motion import greatest_motion
@@ -51,6 +51,7 @@ def plan(
     save_plan(made, report, path)
     watch.lap("write")
     show_plan(screen, made, report)
+    say_battery(screen, made)
     surveyed = say_coverage(screen, made)
     if alternatives:
         from rich.table import Table

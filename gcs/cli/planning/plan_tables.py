@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _NAMED = 5  # places that are not covered
 _SQUARE_M_PER_HA = 10_000.0
 SHOWN = 20  # vehicles of a table on a terminal; a pipe or a file gets all
+_EASY = 0.7  # of the speed limit: in the mean, with corners
 _DIGITS = {"lat_deg": 7, "lon_deg": 7, "alt_amsl_m": 3, "north_m": 3, "east_m": 3}
 
 
@@ -116,6 +117,48 @@ def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Tab
     return table
 
 
+def say_battery(screen: Screen, plan: Plan) -> None:
+    """Print what the flight takes from a full battery; and what would fit, where that is too much."""
+    import numpy as np
+
+    from gcs.plan.trajectory.energy import charge_needed
+
+    power, reserve = plan.scenario.vehicle.power, plan.scenario.preflight.reserve
+    needed = charge_needed(plan)
+    row = int(np.argmax(needed))
+    most, usable = float(needed[row]), 1.0 - reserve
+    of = (
+        f"{power.battery_Wh:.4g} Wh" if power else f"{plan.scenario.preflight.endurance_s / 60:g} min of hover, assumed"
+    )
+    screen.say(f"battery: at most {most:.0%} used of {of} (vehicle {plan.sysids[row]}), {reserve:.0%} of it in reserve")
+    if most <= usable:
+        return
+    whole_s = plan.t_end_s - plan.t_start_s
+    ground_s = whole_s - plan.flight_s
+    fits_s = whole_s * usable / most - ground_s  # of flight: the power is nearly that of hover at any speed
+    ways = [f"a battery of {most / usable * power.battery_Wh:.0f} Wh ([vehicle.power])" if power else ""]
+    if fits_s > 0.0:
+        mean_mps = _length_m(plan) / fits_s
+        ways.append(f"{math.ceil(plan.flight_s / fits_s)} sorties of {fits_s:.0f} s")
+        if mean_mps < _EASY * math.hypot(*plan.scenario.limits.speed_ned_mps[:2]):
+            ways.append(f"[time] flight_s = {fits_s:.0f}, {mean_mps:.1f} m/s in the mean")
+        if plan.scenario.survey is not None:
+            ways.append("more vehicles, or a wider swath or less overlap, for fewer passes")
+    screen.warn(f"{most:.0%} of a battery are more than the {usable:.0%} that may be used. This would fit:")
+    for way in filter(None, ways):
+        screen.warn(f"  {way}")
+
+
+def _length_m(plan: Plan) -> float:
+    """The length of the leader's track from T0 to the arrival, m."""
+    import numpy as np
+
+    from gcs.physics.states import POSITION
+
+    places = plan.leader_trajectory.state(np.linspace(0.0, plan.flight_s, 1000))[:, POSITION]
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+
 def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     """Print the coverage of a plan's survey, and return it for `--json`; nothing where there is no survey."""
     from gcs.plan.verification.coverage import coverage
@@ -128,11 +171,8 @@ def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     # Cut, not rounded: 99.96 % is not all of it.
     percent = int(1e3 * found.share) / 10.0
     screen.say(
-        f"coverage: {percent:g} % of {area_ha:.2f} ha proved, with {found.overlap:.0%} of it flown over more than once"
-    )
-    screen.say(
-        f"battery: at most {float(found.used.max()):.0%} used; {found.ha_per_battery:.2f} ha per battery, "
-        f"{found.reserve:.0%} of it in reserve"
+        f"coverage: {percent:g} % of {area_ha:.2f} ha proved, {found.overlap:.0%} of it flown over more than once; "
+        f"{found.ha_per_battery:.2f} ha per battery, {found.reserve:.0%} of it in reserve"
     )
     if gaps:
         missed_m2 = sum(gap.area_m2 for gap in gaps)

@@ -30,7 +30,7 @@ from gcs.link.session.status_report import REPEATED_S, VehicleReport, status_rep
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
-from gcs.plan.trajectory.energy import energy_Wh
+from gcs.plan.trajectory.energy import charge_needed
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
@@ -93,7 +93,7 @@ def preflight(
     The limits are those of the scenario unless others are given.
     """
     limits = limits or plan.scenario.preflight
-    needed = battery_needed(plan, limits)
+    needed = charge_needed(plan, limits)
     checks = []
     for row, sysid in enumerate(plan.sysids):
         report = reports.get(sysid)
@@ -106,15 +106,6 @@ def preflight(
                 PreflightCheck(sysid, name, text, kind.required(plan, limits), found.ok, warning=found.warning)
             )
     return tuple(checks)
-
-
-def battery_needed(plan: Plan, limits: PreflightTable) -> Array:
-    """Return the share of the scenario's full battery that the flight needs, per vehicle (V,), without the reserve."""
-    taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
-    if taken_Wh is None or power is None:
-        flight_s = plan.t_end_s - plan.t_start_s
-        return np.full(len(plan.sysids), flight_s * limits.effort / limits.endurance_s)
-    return taken_Wh / power.battery_Wh
 
 
 def _disarmed(now: _Situation) -> _Measured:

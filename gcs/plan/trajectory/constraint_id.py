@@ -68,6 +68,7 @@ class Kind(Enum):
     LANDING_POINT = "landing point"
     ARRIVAL_TIME = "arrival time"
     FLIGHT_TIME = "time of flight"
+    BATTERY = "battery at the last touch-down, above its reserve"
     # The route.
     LEG_DURATION = "duration of leg {of}"
     LEG_CORRIDOR = "leg {of}: distance beside the line"

@@ -12,6 +12,7 @@ from gcs.physics.quadrotor import air_density_kgpm3, drawn_power_W, induced_powe
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.scenario import PreflightTable
 from gcs.types import Array
 
 ENDURANCE_S = 900.0  # of hover on a full battery, without [vehicle.power]
@@ -25,6 +26,19 @@ def energy_Wh(plan: Plan) -> Array | None:
         return None
     t_s, drawn_W = _power_profile_W(plan)
     return np.asarray(np.trapezoid(drawn_W, t_s, axis=-1) / _J_PER_WH)
+
+
+def charge_needed(plan: Plan, limits: PreflightTable | None = None) -> Array:
+    """Return the share of a full battery that the flight needs, per vehicle (V,), without the reserve.
+
+    Without [vehicle.power] it is estimated from the flight's time by `limits`, those of the scenario unless given.
+    """
+    taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
+    if taken_Wh is None or power is None:
+        limits = limits or plan.scenario.preflight
+        flight_s = plan.t_end_s - plan.t_start_s
+        return np.full(len(plan.sysids), flight_s * limits.effort / limits.endurance_s)
+    return taken_Wh / power.battery_Wh
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import numpy as np
 from gcs.physics.quadrotor import derivative
 from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
+from gcs.plan.trajectory.energy import charge_needed
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.formation_checks import assignments_m, landing_points, late_s
@@ -35,6 +36,7 @@ def exact_checks(plan: Plan) -> tuple[list[Check], float]:
         *_climb_checks(plan),
         *route_checks(plan),
         *boundary,
+        *_battery_checks(plan),
     ], terminal_m
 
 
@@ -100,6 +102,19 @@ def _climb_checks(plan: Plan) -> list[Check]:
         return []
     missing = climb_separation_m(plan) - judged_separation_m(plan.scenario)
     return [_exact(Kind.PAD_SEPARATION, PhaseKind.TAKEOFF, "m", missing, LENGTH_TOLERANCE_M, None, plan.t_start_s)]
+
+
+def _battery_checks(plan: Plan) -> list[Check]:
+    """The charge that is left of a full battery, less the reserve of [preflight].
+
+    Of a plan that begins in the air, and of vehicles without [vehicle.power], it is not known.
+    """
+    if plan.begin_state is not None or plan.scenario.vehicle.power is None:
+        return []
+    left = np.nan_to_num(1.0 - plan.scenario.preflight.reserve - charge_needed(plan), nan=-np.inf)
+    row = int(np.argmin(left))
+    landing, share = PhaseKind.LANDING, "of a full battery"
+    return [_exact(Kind.BATTERY, landing, share, float(left[row]), 0.0, plan.sysids[row], plan.t_end_s)]
 
 
 def _change_checks(plan: Plan) -> list[Check]:

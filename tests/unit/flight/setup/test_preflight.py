@@ -10,12 +10,12 @@ import pytest
 from gcs.cli.main import run
 from gcs.errors import FlightError
 from gcs.flight.monitoring.preflight_check import refuse_no_go
-from gcs.flight.setup.preflight import battery_needed, preflight
+from gcs.flight.setup.preflight import preflight
 from gcs.frames import ned_to_geodetic
 from gcs.link.protocols.timesync import TimeSample
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
-from gcs.plan.trajectory.energy import energy_Wh
+from gcs.plan.trajectory.energy import charge_needed, energy_Wh
 from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
 
@@ -117,7 +117,7 @@ def with_power(plan, power):
 def test_a_battery_nobody_described_lasts_for_the_flight_and_a_reserve(simulation1_plan, reports):
     plan, limits = with_power(simulation1_plan, None), PreflightTable(endurance_s=1200.0, effort=1.0, reserve=0.2)
     duration_s = plan.t_end_s - plan.t_start_s
-    assert battery_needed(plan, limits) == pytest.approx(duration_s / 1200.0)
+    assert charge_needed(plan, limits) == pytest.approx(duration_s / 1200.0)
     (first, *_) = [c for c in preflight(plan, reports, limits) if c.name == "battery"]
     assert first.ok
     assert first.measured == f"has 100%, needs {duration_s / 1200.0:.0%}"

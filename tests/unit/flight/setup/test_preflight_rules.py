@@ -13,9 +13,10 @@ from gcs.errors import FlightError, UsageError
 from gcs.flight.monitoring.own_battery import nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import CheckName, PreflightCheck, known_checks, refuse_no_go, waive
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
-from gcs.flight.setup.preflight import battery_needed, compare_capacity, preflight
+from gcs.flight.setup.preflight import compare_capacity, preflight
 from gcs.link.session.status_report import VehicleReport
 from gcs.mavlink_names import SENSORS, sensor_names
+from gcs.plan.trajectory.energy import charge_needed
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Power, PreflightTable
 from tests.unit.flight.setup.test_preflight_missing import full
@@ -141,7 +142,7 @@ def test_the_need_is_told_in_percent_of_the_vehicles_own_battery(
     plan, table = simulation1_plan, PreflightTable()
     power = plan.scenario.vehicle.power
     assert power is not None
-    taken_Wh = float(battery_needed(plan, table).max()) * power.battery_Wh
+    taken_Wh = float(charge_needed(plan, table).max()) * power.battery_Wh
     own_mAh = 1000.0 * taken_Wh / (1.0 - table.reserve - spare) / 11.1
     reports = {s: replace(full(plan, row), capacity_mAh=own_mAh) for row, s in enumerate(plan.sysids)}
     (worst, *_) = sorted((c for c in preflight(plan, reports) if c.name == "battery"), key=lambda c: c.ok)

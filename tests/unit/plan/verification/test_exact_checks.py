@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.plan.formation.shape import Shape
+from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.phases import Phase
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -52,9 +53,24 @@ def test_a_good_plan_has_no_margin_below_its_tolerance(meadow_plan: Plan) -> Non
     assert set(checks) == {
         *("state continuous at joints", "control continuous at joints", "separation over the pads", "arrival time"),
         *(f"{end} {what}" for end in ("start", "end") for what in ("position", "velocity", "attitude")),
-        *("take-off point", "landing point"),
+        *("take-off point", "landing point", "battery at the last touch-down, above its reserve"),
     }
     assert exact_checks(meadow_plan)[1] == -checks["end position"].worst
+
+
+@pytest.mark.parametrize(("spare", "ok"), [(0.01, True), (-0.01, False)])
+def test_a_battery_that_does_not_end_with_its_reserve_fails(meadow_plan: Plan, spare: float, ok: bool) -> None:
+    assert meadow_plan.scenario.vehicle.power is not None
+    used_Wh = energy_Wh(meadow_plan)
+    assert used_Wh is not None
+    power = meadow_plan.scenario.vehicle.power.model_dump() | {"battery_Wh": float(used_Wh.max()) / (0.6 - spare)}
+    small = changed(meadow_plan.scenario, vehicle={"power": power}, preflight={"reserve": 0.4})
+    check = found(replace(meadow_plan, scenario=small))["battery at the last touch-down, above its reserve"]
+    assert check.ok is ok
+    assert check.worst == pytest.approx(spare, abs=1e-9)
+    assert (check.phase, check.t_s) == ("landing", meadow_plan.t_end_s)
+    in_the_air = replace(meadow_plan, scenario=small, begin_state=(0.0,) * 12)  # what it used before is not known
+    assert not any("battery" in check.name for check in exact_checks(in_the_air)[0])
 
 
 def test_the_largest_jump_of_a_state_is_told_at_its_joint(meadow_plan: Plan) -> None:

@@ -1,0 +1,44 @@
+"""What `gcs plan` says of the battery, and what would fit where it is too small."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from gcs.cli.planning.plan_tables import say_battery
+from gcs.cli.shared.console import Screen
+from gcs.plan.trajectory.energy import charge_needed
+from gcs.plan.trajectory.plan import Plan
+from tests.unit.plan.problems import changed
+
+
+def with_battery(plan: Plan, share: float) -> Plan:
+    """The plan with a battery of which the flight uses this share."""
+    power = plan.scenario.vehicle.power
+    assert power is not None
+    full_Wh = power.battery_Wh * float(charge_needed(plan).max()) / share
+    table = power.model_dump() | {"battery_Wh": full_Wh}
+    return replace(plan, scenario=changed(plan.scenario, vehicle={"power": table}))
+
+
+def test_a_flight_that_fits_is_one_line(simulation1_plan: Plan, capsys: pytest.CaptureFixture[str]) -> None:
+    say_battery(Screen(), with_battery(simulation1_plan, 0.6))
+    told = capsys.readouterr()
+    assert told.out.startswith("battery: at most 60% used of ")
+    assert told.out.count("\n") == 1
+
+
+def test_one_that_does_not_fit_says_what_would(simulation1_plan: Plan, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = with_battery(simulation1_plan, 1.25)
+    say_battery(Screen(), plan)
+    told = capsys.readouterr()
+    assert "125% of a battery are more than the 75% that may be used" in told.out
+    # 60 % of the time from ground to ground, less what is not flight
+    whole_s = plan.t_end_s - plan.t_start_s
+    fits_s = 0.6 * whole_s - (whole_s - plan.flight_s)
+    assert f"sorties of {fits_s:.0f} s" in told.out
+    assert "flight_s" not in told.out  # 10.9 m/s in the mean
+    (enough_Wh,) = map(float, re.findall(r"a battery of (\d+) Wh \(", told.out))
+    power = plan.scenario.vehicle.power
+    assert power is not None
+    assert enough_Wh == pytest.approx(power.battery_Wh * 1.25 / 0.75, abs=0.5)
