@@ -108,6 +108,11 @@ def boundary_values(problem: Problem) -> tuple[Array, Array, Array]:
     low, high = [problem.end_state], [problem.end_state]
     for c in problem.coordinates:
         rest = np.array([c.rest, 0.0, 0.0, 0.0])
+        if c.free_end and problem.heading is not None:
+            start.append(problem.heading.start)
+            for end in (low, high):
+                end.append(np.array([problem.heading.end_rad, 0.0, 0.0, 0.0]))
+            continue
         start.append(rest)
         low.append(np.array([c.low, 0.0, 0.0, 0.0]) if c.free_end else rest)
         high.append(np.array([c.high, 0.0, 0.0, 0.0]) if c.free_end else rest)

@@ -120,6 +120,15 @@ class Tightening:
 
 
 @dataclass(frozen=True)
+class HeadingEnds:
+    """The heading that a formation turning with its course has where a re-plan takes over, and where it lands."""
+
+    zero_rad: float  # the direction that it is counted from
+    start: Array  # (4,) with its rate, acceleration and jerk
+    end_rad: float  # at rest
+
+
+@dataclass(frozen=True)
 class Problem:
     """The leader's flight from one state to another. The followers keep their offsets in a shape that may change.
 
@@ -148,6 +157,7 @@ class Problem:
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters
     points: tuple[PassPoint, ...] = ()  # between the legs of the flight
     point_s: tuple[float, ...] = ()  # when the leader arrives at each of them: a guess
+    heading: HeadingEnds | None = None  # of a re-plan; else it begins at zero and ends anywhere
     lines: tuple[LegLine, ...] = ()  # that the leader keeps to, one of each leg; empty: it flies freely
 
     @property
@@ -251,6 +261,8 @@ class Problem:
     @property
     def course_at_start_rad(self) -> float:
         """Direction in which the formation faces at its heading's zero: the first course, or yaw of a start at rest."""
+        if self.heading is not None:
+            return self.heading.zero_rad
         north, east = self.start_state[3:5]
         return float(np.arctan2(east, north) if north or east else self.start_state[8])
 

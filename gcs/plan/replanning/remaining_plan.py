@@ -15,6 +15,7 @@ from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.replanning.obstacle_detour import detours
+from gcs.plan.replanning.turning import Turning
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
 from gcs.plan.search.leg_guess import on_time, routes_through
@@ -67,8 +68,8 @@ def plan_from_flight(plan: Plan, problem: Problem, found: Optimum, timings_s: di
     after = trajectory_part(plan.leader_trajectory, end_s, plan.t_end_s)
     return Plan(
         with_times_of_changes(problem.scenario, plan),
-        joined([found.trajectory, after]),
-        joined_shapes([problem.shape, shape_part(plan.shape, end_s, plan.t_end_s)]),
+        joined([found.trajectory.vehicle, after]),
+        joined_shapes([found.shape, shape_part(plan.shape, end_s, plan.t_end_s)]),
         (Phase(PhaseKind.MISSION, problem.start_s, end_s), *(p for p in plan.phases if p.start_s >= end_s)),
         found.objective,
         found.history,
@@ -102,16 +103,21 @@ def still_ahead(problem: Problem, t_s: float) -> Problem:
 
 
 def flown_through(
-    problem: Problem, old: Trajectory, zones: tuple[NoFlyZone, ...], on_round: Callable[[MeshRound], None]
+    problem: Problem,
+    old: Trajectory,
+    zones: tuple[NoFlyZone, ...],
+    on_round: Callable[[MeshRound], None],
+    turns: Turning | None = None,
 ) -> Optimum:
     """The flight from the problem's start through its points, around new disks `zones`, near the `old` trajectory.
 
-    Raises Infeasible, where a disk covers a point too, or PlanningError.
+    `turns`: the formation turns with its course, as it did in the old plan at first. Raises Infeasible, where a disk
+    covers a point too, or PlanningError.
     """
     _refuse_covered(problem, zones)
     check_time(problem)
     failures: list[PlanningError] = []
-    for timed, guess in _guesses(problem, old, zones):
+    for timed, guess in _guesses(problem, old, zones, turns):
         try:
             return optimise(open_where_blocked(timed, guess), guess, on_round, near=not zones)
         except PlanningError as failure:
@@ -119,9 +125,11 @@ def flown_through(
     raise next((f for f in failures if isinstance(f, Infeasible)), failures[-1])
 
 
-def _guesses(problem: Problem, old: Trajectory, zones: tuple[NoFlyZone, ...]) -> Iterator[tuple[Problem, Trajectory]]:
-    for guess in detours(problem, old, zones):
-        yield problem, guess
+def _guesses(
+    problem: Problem, old: Trajectory, zones: tuple[NoFlyZone, ...], turns: Turning | None
+) -> Iterator[tuple[Problem, Trajectory]]:
+    for guess in detours(problem if turns is None else turns.without_heading(problem), old, zones):
+        yield problem, guess if turns is None else turns.on(guess)
     for route in routes_through(problem) if problem.points else every_route(problem):
         timed = on_time(problem, route)
         yield timed, along(timed, route)

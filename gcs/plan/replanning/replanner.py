@@ -1,8 +1,8 @@
 """Re-planning in flight: from any state, at any time of the mission, around new no-fly disks.
 
 Programs are built once for a plan and solved for each re-plan. The state is the leader's, because the formation is
-defined by it; followers return to their offsets as after any disturbance. The shape keeps its schedule. The verifier
-decides whether the new plan may be flown.
+defined by it; followers return to their offsets as after any disturbance. The shape keeps its schedule; where it
+turns with its course, it turns with the new one. The verifier decides whether the new plan may be flown.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from gcs.plan.replanning.remaining_plan import (
     trajectory_part,
     with_times_of_changes,
 )
+from gcs.plan.replanning.turning import turning
 from gcs.plan.replanning.warm_start import Multipliers, multipliers
 from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
@@ -84,20 +85,25 @@ class Replanner:
         self._second: Replanner | None = None
         roomy = kept_room(plan) if keeps_room else without_room(plan.scenario)
         mission = plan.phase(PhaseKind.MISSION)
+        flight = flight_problem(roomy, extra_objectives)
+        fixed = with_times_of_changes(flight.scenario, plan)
+        self._turns = turning(plan, fixed, flight)
         whole = replace(
-            flight_problem(roomy, extra_objectives),
+            flight,
             start_s=mission.start_s,
             start_state=plan.leader_trajectory.state(mission.start_s),
-            shape=shape_part(plan.shape, mission.start_s, mission.end_s),
-            coordinates=(),
+            shape=shape_part(self._turns.base if self._turns else plan.shape, mission.start_s, mission.end_s),
+            coordinates=flight.coordinates if self._turns else (),
         )
+        if self._turns:
+            whole = replace(whole, scenario=fixed)
         if whole.points:
             passed = len(whole.points) - len(plan.route_s)
-            fixed = with_times_of_changes(whole.scenario, plan)
             whole = replace(whole, scenario=fixed, points=whole.points[passed:], point_s=plan.route_s, lines=plan.lines)
         self._whole = replace(whole, clearance_reserve_m=clearance_reserve_m(whole, CLEARANCE_RESERVE_M))
         self._old = trajectory_part(plan.leader_trajectory, mission.start_s, mission.end_s)
-        if plan.scenario.route:  # each re-plan has points of its own, and so a program of its own
+        self._has_own_program = bool(plan.scenario.route) or self._turns is not None  # points, or a heading
+        if self._has_own_program:
             return
         most = end_refined(mission.start_s, mission.end_s, LONGEST_S, SHORTEST_S, DEGREE).intervals
         counts = sorted({max(2 * int(np.ceil(0.5 * share * most)), _FEWEST) for share in _MESHES})
@@ -147,13 +153,13 @@ class Replanner:
         began: float,
     ) -> Plan:
         """The plan; along a route, through the points that are still ahead, and a hold that has begun ends now."""
-        problem, route = self._problem(leader, t_s, zones), bool(self.plan.scenario.route)
-        problem = still_ahead(problem, t_s) if route else problem
+        problem = self._problem(leader, t_s, zones)
+        problem = still_ahead(problem, t_s) if problem.points else problem
         avoided = problem.scenario.no_fly[len(problem.scenario.no_fly) - len(zones) :]
-        _check_start(problem)
-        if route:
+        _check_start(self._turns.without_heading(problem) if self._turns else problem)
+        if self._has_own_program:
             try:
-                found = flown_through(problem, self._old, avoided, on_round)
+                found = flown_through(problem, self._old, avoided, on_round, self._turns)
             except PlanningError as failure:
                 raise _in_words(problem, failure) from failure
             return self._made(problem, zones, began, found)
@@ -227,15 +233,16 @@ class Replanner:
     def _problem(self, leader: Array, t_s: float, zones: tuple[NoFlyZone, ...]) -> Problem:
         mission, scenario = self.plan.phase(PhaseKind.MISSION), self._whole.scenario
         if self._keeps_room or scenario.limits.zone_margin_m is not None:
-            places = leader[POSITION] + self._whole.shape.at(t_s)
+            places = leader[POSITION] + self.plan.shape.at(t_s)
             zones = tuple(new_zone(scenario, zone, t_s, places) for zone in zones)
-        return replace(
+        problem = replace(
             self._whole,
             scenario=with_zones(scenario, (*scenario.no_fly, *zones)),
             start_s=float(t_s),
             start_state=leader,
             shape=shape_part(self._whole.shape, t_s, mission.end_s),
         )
+        return problem if self._turns is None else self._turns.taken_over(problem)
 
     def _flown(
         self, problem: Problem, trajectory: Trajectory, known: Multipliers | None, on_round: Callable[[MeshRound], None]

@@ -138,7 +138,8 @@ def _headings(problem: Problem, states: Array) -> Array:
     """Coordinates (N, A): heading along the route, all others at rest."""
     step = np.gradient(states[:, :2], axis=0)
     turned = np.unwrap(np.arctan2(step[:, 1], step[:, 0]) - problem.course_at_start_rad)
-    turned -= 2.0 * np.pi * np.round(turned[0] / (2.0 * np.pi))
+    begins_rad = 0.0 if problem.heading is None else float(problem.heading.start[0])
+    turned -= 2.0 * np.pi * np.round((turned[0] - begins_rad) / (2.0 * np.pi))
     return np.column_stack([turned if c.free_end else np.full(len(step), c.rest) for c in problem.coordinates])
 
 

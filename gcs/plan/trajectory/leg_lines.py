@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gcs.plan.formation.coordinates import coordinates
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import NED_FROM_UP, quadrotor, route_points
 from gcs.types import Array
@@ -155,13 +156,15 @@ def _corners_m(scenario: Scenario, stops: Array) -> Array:
     tilted_mps2 = quadrotor(scenario).gravity_mps2 * np.tan(np.radians(min(limits.roll_pitch_yaw_deg[:2])))
     turned_mps2 = quadrotor(scenario).gravity_mps2 * limits.load_factor_max
     accel_mps2 = min(limits.accel_max_mps2 or np.inf, float(tilted_mps2), turned_mps2)
+    turning = next((c.most for c in coordinates(scenario) if c.free_end), (np.inf, np.inf))
     needs = np.zeros(len(stops))
     for stop, point in enumerate(points, start=1):
-        speed_mps = point.speed_mps or usual_mps
-        bend_m = (
-            0.0 if point.hold_s else speed_mps**2 / accel_mps2 * (1.0 - np.cos(0.5 * _angle_rad(*ways[stop - 1 :][:2])))
-        )
-        needs[stop] = max(_EASE * bend_m + _REST_M, point.radius_m or 0.0)
+        speed_mps, angle_rad = point.speed_mps or usual_mps, _angle_rad(*ways[stop - 1 : stop + 1])
+        # A formation that turns with its course takes its time for the angle, at its largest rate and acceleration.
+        turn_s = max(angle_rad / turning[0], 2.0 * (angle_rad / turning[1]) ** 0.5)
+        radius_m = max(speed_mps**2 / accel_mps2, speed_mps * turn_s / max(angle_rad, 1e-9))
+        bend_m = 0.0 if point.hold_s else radius_m * (1.0 - np.cos(0.5 * angle_rad))
+        needs[stop] = max(_EASE * float(bend_m) + _REST_M, point.radius_m or 0.0)
     for stop, boundary in ((0, scenario.start), (-1, scenario.end)):
         velocity = np.array(boundary.velocity_mps) * NED_FROM_UP
         if velocity.any():

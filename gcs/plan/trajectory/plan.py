@@ -209,7 +209,7 @@ class Plan:
         return self.states(t_s)[..., POSITION] if positions_ned_m is None else positions_ned_m
 
     def __str__(self) -> str:
-        begin, end = (self._leader_place(t_s) for t_s in (0.0, self.flight_s))
+        begin, end = (self._leader_place(t_s) for t_s in (max(0.0, self.t_start_s), self.flight_s))
         phases = ", ".join(f"{phase.name} {phase.duration_s:g} s" for phase in self.phases)
         vehicles = "1 vehicle" if len(self.sysids) == 1 else f"{len(self.sysids)} vehicles"
         return (
