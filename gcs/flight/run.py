@@ -69,6 +69,7 @@ from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
+from gcs.util.long_work import shown
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -154,7 +155,8 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
         save_plan(plan, order.report, folder / PLAN)
-        index, navigator = export_for_flight(plan, order.report, folder / "export", order.keeping, watcher.say)
+        with shown(watcher.say):
+            index, navigator = export_for_flight(plan, order.report, folder / "export", order.keeping, watcher.say)
         if order.link is None:  # the emulated vehicles get the scenario that the plan was made from
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")

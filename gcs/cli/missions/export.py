@@ -102,6 +102,7 @@ def export(
     from gcs.mission.export.mission_files import MissionOrder
     from gcs.mission.model import Altitude
     from gcs.scenario.values.si import autopilots
+    from gcs.util.long_work import shown
 
     firmware = None if autopilot is None else Autopilot.named(autopilot)
 
@@ -115,18 +116,19 @@ def export(
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True, refuse=refuse)
-    index = write(
-        plan,
-        to,
-        formats=wanted,
-        firmware=firmware,
-        altitude=Altitude(altitude),
-        smooth_m=smooth,
-        timed=not untimed,
-        gates=gates,
-        start_s=start_s,
-        report=report,
-    )
+    with shown(screen.say):
+        index = write(
+            plan,
+            to,
+            formats=wanted,
+            firmware=firmware,
+            altitude=Altitude(altitude),
+            smooth_m=smooth,
+            timed=not untimed,
+            gates=gates,
+            start_s=start_s,
+            report=report,
+        )
     watch.lap("export")
     for name in index.sha256:
         screen.say(f"  {to / name}")

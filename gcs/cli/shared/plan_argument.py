@@ -16,6 +16,9 @@ from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.validation.unit_guesses import doubts
+from gcs.util.long_work import shown
+
+_SPIN_S = 0.5
 
 
 @dataclass
@@ -75,8 +78,8 @@ def plan_for(
         watch.lap("scenario")
         with _progress(screen) as on_round:
             plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1)
-        watch.lap("optimise")
-        report = verify(plan)
+            watch.lap("optimise")
+            report = verify(plan)
         watch.lap("verify")
     if not report.ok and not unverified:
         raise refusal(report)
@@ -115,9 +118,10 @@ def _progress(screen: Screen) -> Iterator[Callable[[MeshRound], None]]:
             rounds.append(done)
             screen.say(describe(done))
 
-        yield line
+        with shown(screen.say):
+            yield line
         return
-    with screen.console.status("planning …") as status:
+    with screen.console.status("planning …") as status, shown(status.update, _SPIN_S):
 
         def spin(done: MeshRound) -> None:
             rounds.append(done)

@@ -42,6 +42,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.types import Array
 from gcs.util.cache import once
+from gcs.util.long_work import report
 
 STEP_MIN_M = 2.0
 BASE_GRID_M = 0.5  # the lowest return altitude above the origin is a multiple of it
@@ -113,6 +114,7 @@ def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     rally = rtl_cases.rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
     ground_m = 0.0
     for share in _CRUISE_SHARES:
+        report("planning the returns of every vehicle")
         speeds = _speeds(plan, firmware, share)
         coarse = rtl_cases.return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
         if best is None:

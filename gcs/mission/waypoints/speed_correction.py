@@ -24,6 +24,7 @@ from gcs.autopilots.waypoint_models.predict import NEAR_M, Prediction, predict
 from gcs.errors import VerificationError
 from gcs.mission.machine_independent import ORDER_GRID, on_grid
 from gcs.types import Array
+from gcs.util.long_work import report
 
 _LOGARITHM_GRID, _SPEED_GRID = 2.0**-16, 2.0**-20  # of speeds in m/s: every machine flies the same trials
 _EVERY = 4  # distance, in legs, of speeds varied in one flight
@@ -215,6 +216,7 @@ def _solved(problem: _Problem, now: _Trial, rounds: int) -> _Trial:
     """The best trial that so many damped steps lead to."""
     damping = 0.3
     for number in range(rounds):
+        report("timing the missions by the model of their autopilot")
         slopes = problem.slopes(now.x)
         better = None
         for _ in range(_TRIES):

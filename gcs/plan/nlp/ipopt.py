@@ -4,7 +4,7 @@ import os
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -17,17 +17,20 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.nlp.transcription import Program
 from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.types import Array
+from gcs.util.long_work import report
 
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
 # would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 Options = dict[str, str | float]
+_SOLVE_S = 900.0  # far longer than any solve that succeeds
 OPTIONS: Options = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-6,
     "ipopt.max_iter": 250,  # solves that succeed take 20 to 100
+    "ipopt.max_wall_time": _SOLVE_S,
     # MUMPS' own scaling only costs time here: the program is scaled where it is made.
     "ipopt.mumps_permuting_scaling": 0,
     "ipopt.mumps_scaling": 0,
@@ -61,6 +64,7 @@ _CASADI = "CasADi - "  # begins its messages
 _IN_WORDS = {
     "Infeasible_Problem_Detected": "no flight near the initial guess satisfies all constraints",
     "Maximum_Iterations_Exceeded": "the iteration limit was reached",
+    "Maximum_WallTime_Exceeded": f"one solve took longer than {_SOLVE_S / 60.0:g} min",
     "Restoration_Failed": "the solver could not reduce the violation of the constraints",
     "Invalid_Number_Detected": "a function returned a number that is not finite",
 }
@@ -110,18 +114,59 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
     return replace(found, seconds=time.perf_counter() - began)
 
 
-def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: Options) -> ca.Function:
+class _Iterations(ca.Callback):
+    """Reports every iteration of a solve. CasADi requires its inputs: the results of a solver."""
+
+    def __init__(self, nlp: ca.Function) -> None:
+        super().__init__()
+        unknowns, rows, parameters = nlp.size1_in(0), nlp.size1_out(1), nlp.size1_in(1)
+        sizes = {"x": unknowns, "f": 1, "g": rows, "lam_x": unknowns, "lam_g": rows, "lam_p": parameters}
+        self._sizes = [sizes[name] for name in ca.nlpsol_out()]
+        self.done = 0
+        self.construct("iterations", {})
+
+    def get_n_in(self) -> int:
+        """CasADi's number of inputs."""
+        return len(self._sizes)
+
+    def get_n_out(self) -> int:
+        """One output: whether to stop."""
+        return 1
+
+    def get_sparsity_in(self, number: int) -> ca.Sparsity:
+        """CasADi's shape of an input."""
+        return ca.Sparsity.dense(self._sizes[number])
+
+    def eval(self, _: Sequence[ca.DM]) -> list[int]:
+        """Called after every iteration."""
+        self.done += 1
+        report(lambda: f"solving: iteration {self.done} of at most {OPTIONS['ipopt.max_iter']}")
+        return [0]
+
+
+@dataclass(frozen=True)
+class Solver:
     """IPOPT for one program, for any parameters and bounds."""
-    return ca.nlpsol("solver", "ipopt", nlp, {**derivatives, **options})
+
+    function: ca.Function
+    iterations: _Iterations  # CasADi does not keep it alive
 
 
-def run(solver: ca.Function, program: Program, guess: Mapping[str, Array | list[float]]) -> Solution:
+def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: Options) -> Solver:
+    """IPOPT for one program."""
+    iterations = _Iterations(nlp)
+    watched = {**derivatives, **options, "iteration_callback": iterations}
+    return Solver(ca.nlpsol("solver", "ipopt", nlp, watched), iterations)
+
+
+def run(solver: Solver, program: Program, guess: Mapping[str, Array | list[float]]) -> Solution:
     """The solution from a guess (x0, and where known lam_x0, lam_g0). Raises as `solve` does."""
     began = time.perf_counter()
     bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
     with redirect_stderr(cast("TextIO", _WithoutInterrupts(sys.stderr))):
-        result = solver(p=program.parameters, **bounds, **guess)
-    stats = solver.stats()
+        solver.iterations.done = 0
+        result = solver.function(p=program.parameters, **bounds, **guess)
+    stats = solver.function.stats()
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if stats["return_status"] == _INTERRUPTED:
         raise KeyboardInterrupt

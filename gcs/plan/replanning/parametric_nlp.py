@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from gcs.plan.nlp.assembly import Constants, assemble, dm
-from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, Options, solver
+from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, Options, Solver, solver
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program_bounds import scales, thrust_steps
 from gcs.plan.nlp.transcription import Program, bounded_program
@@ -55,8 +55,8 @@ class ParametricNlp:
     weight_s: float  # integral of Q over the whole flight
     nlp: ca.Function
     derivatives: dict[str, ca.Function]
-    again: ca.Function  # IPOPT from a nearby solution, with its multipliers
-    afresh: ca.Function  # IPOPT from any guess
+    again: Solver  # IPOPT from a nearby solution, with its multipliers
+    afresh: Solver  # IPOPT from any guess
 
     def program(self, problem: Problem, mesh: Mesh, last: Trajectory) -> Program:
         """The program of one flight, with the zones of the first flight and new disks; `last` is near its solution."""

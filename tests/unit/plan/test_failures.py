@@ -20,6 +20,7 @@ from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.scenario.schema.scenario import Scenario
+from gcs.util.long_work import shown
 from tests.unit.plan.problems import alone, changed, meadow, straight
 from tests.unit.plan.route_flights import CORNER, flight_through
 from tests.unit.plan.route_flights import FAR as FAR_POINT
@@ -74,6 +75,20 @@ def test_a_failure_names_the_status_the_worst_constraint_and_what_stands_in_the_
     assert "the largest violation is of Eq. 1 for" in failure.message
     assert f"against the {against}" in failure.message
     assert "flight_s" in failure.hint
+
+
+def test_every_iteration_of_a_solve_is_reported(simulation1: Scenario) -> None:
+    scenario, lines = meadow(alone(simulation1)), list[str]()
+    made = program(scenario)
+    with shown(lines.append, 0.0):
+        found = solve(made, made.scaled(straight(flight_problem(scenario))))
+    assert len(lines) == found.iterations + 1  # the guess is one
+    assert lines[3] == "solving: iteration 4 of at most 250"
+
+
+def test_a_solve_without_end_is_ended_with_a_sentence(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(solve_module.OPTIONS, "ipopt.max_wall_time", 1e-6)
+    assert "one solve took longer than 15 min" in attempt(meadow(alone(simulation1))).message
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.types import Array
+from gcs.util.long_work import report
 
 Rows = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -188,6 +189,7 @@ def refined(
     level, unsettled = cells, np.ones((len(constraints), len(cells)), dtype=bool)
     left = [(cells[:0], np.zeros((len(constraints), 0)))]
     while len(level):
+        report("proving every limit at every instant")
         last = looks.last(len(level))
         parts: list[tuple[Cells, Mask]] = []
         for first in range(0, len(level), _BATCH):

@@ -1,0 +1,47 @@
+"""What long work is doing: code at any depth reports it, and the command that began the work shows it now and then."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+_FIRST_S, _GROWTH, _LONGEST_S = 1.5, 1.5, 15.0  # between two lines: short work is silent, long work fills no page
+
+
+class _Listener:
+    """Passes a report on when one is due."""
+
+    def __init__(self, show: Callable[[str], None], now_s: Callable[[], float], every_s: float | None) -> None:
+        self._show, self._now_s, self._every_s = show, now_s, every_s
+        self._pause_s = _FIRST_S if every_s is None else every_s
+        self._due_s = now_s() + self._pause_s
+
+    def hear(self, what: str | Callable[[], str]) -> None:
+        """Show it if one is due."""
+        if self._now_s() < self._due_s:
+            return
+        self._show(what if isinstance(what, str) else what())
+        if self._every_s is None:
+            self._pause_s = min(self._pause_s * _GROWTH, _LONGEST_S)
+        self._due_s = self._now_s() + self._pause_s
+
+
+_LISTENER: ContextVar[_Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def shown(
+    show: Callable[[str], None], every_s: float | None = None, now_s: Callable[[], float] = time.monotonic
+) -> Iterator[None]:
+    """Show reports of the work inside, every `every_s`; left out: after 1.5 s, then more and more seldom."""
+    token = _LISTENER.set(_Listener(show, now_s, every_s))
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def report(what: str | Callable[[], str]) -> None:
+    """Say what the work is at; a function is only called if somebody is shown it. Costs next to nothing otherwise."""
+    if (listener := _LISTENER.get()) is not None:
+        listener.hear(what)
