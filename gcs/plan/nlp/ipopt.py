@@ -22,7 +22,7 @@ from gcs.util.long_work import report
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
 # would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-Options = dict[str, str | float]
+Options = dict[str, str | float | int]
 _SOLVE_S = 900.0  # far longer than any solve that succeeds
 OPTIONS: Options = {
     "print_time": False,
@@ -82,10 +82,12 @@ class Solution:
     seconds: float
 
 
-def solve(program: Program, start: Array, before: Solution | None = None, *, near: bool = False) -> Solution:
+def solve(
+    program: Program, start: Array, before: Solution | None = None, *, near: bool = False, most: int | None = None
+) -> Solution:
     """The solution from `start`; a warm start where there is a solution `before`, on the previous mesh.
 
-    `near`: the start is the solution of a similar problem.
+    `near`: the start is the solution of a similar problem. `most`: so many iterations are worth the while.
 
     Raises Infeasible or PlanningError with the solver's status, the worst constraint and the limits that oppose it;
     KeyboardInterrupt at Ctrl-C.
@@ -102,6 +104,8 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
         options |= _LEG_OPTIONS
     if near:
         options |= _NEAR_OPTIONS
+    if most is not None:
+        options |= {"ipopt.max_iter": most}
     guess: dict[str, Array | list[float]] = {"x0": start}
     if before is not None:
         options |= WARM_OPTIONS

@@ -8,6 +8,7 @@ from scipy import sparse
 
 from gcs.physics.quadrotor import Quadrotor, hover_trim
 from gcs.physics.states import NX, POSITION, RATES, VELOCITY
+from gcs.plan.formation.timeline import made_changes
 from gcs.plan.nlp.assembly import LegConstants, PointFunctions, dm
 from gcs.plan.nlp.mesh import HOLD, Mesh, end_refined
 from gcs.plan.nlp.variables import VariableLayout
@@ -58,6 +59,7 @@ def _lengths(duration_s: float, longest_s: float, shortest_s: float, rests: tupl
     return np.concatenate([ramps[0], np.full(count, middle_s / count), ramps[1][::-1]])
 
 
+_SPARE_S = 0.02  # between two changes
 _SHORTER, _LONGER = 0.05, 20.0  # a leg's duration over that of its guess
 
 
@@ -96,15 +98,37 @@ def leg_times(problem: Problem, mesh: Mesh) -> LegTimes | None:
     bounded = np.isfinite(low) | np.isfinite(high)
     before = np.tril(np.ones((count, count))) * lengths
     times_s = [*problem.point_s, problem.end_s]
+    changes = _changes(problem)
+    spans = [before[last] - before[first] for _, first, last, _ in changes]
     return LegTimes(
         np.full(count, _SHORTER),
         np.full(count, _LONGER),
         tuple(ConstraintId(Kind.LEG_DURATION, Form.BOUND, leg) for leg in range(1, count + 1)),
-        before[bounded],
-        low[bounded],
-        high[bounded],
-        tuple((ids[row], times_s[row]) for row in np.flatnonzero(bounded)),
+        np.vstack([before[bounded], *spans]),
+        np.append(low[bounded], [(s - held_s[b] + held_s[a]) / problem.duration_s for _, a, b, s in changes]),
+        np.append(high[bounded], np.full(len(changes), np.inf)),
+        (
+            *((ids[row], times_s[row]) for row in np.flatnonzero(bounded)),
+            *((ConstraintId(Kind.CHANGE_TIMES, Form.ROW, number), times_s[b]) for number, _, b, _ in changes),
+        ),
     )
+
+
+def _changes(problem: Problem) -> list[tuple[int, int, int, float]]:
+    """Changes of shape that begin at a point: number, leg that ends there, leg that ends with the next one or the end.
+
+    The last one is the time, s, that the legs between last at least.
+    """
+    if not all(point.name.number == n for n, point in enumerate(problem.points, start=1)):
+        return []  # of a re-plan, whose changes have times
+    made = made_changes(problem.scenario)
+    begins = [m.change.at_point for m in made]
+    ends = [*begins, len(problem.points) + 1][1:]
+    return [
+        (number, begin - 1, end - 1, m.duration_s + _SPARE_S)
+        for number, (m, begin, end) in enumerate(zip(made, begins, ends, strict=True), start=1)
+        if begin is not None and end is not None
+    ]
 
 
 def leg_constants(problem: Problem, mesh: Mesh, times: LegTimes) -> LegConstants:

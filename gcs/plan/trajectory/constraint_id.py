@@ -118,6 +118,7 @@ _TEXTS = {
     (Kind.POINT_DISTANCE, Form.ROW): "distance to {of}",
     (Kind.POINT_SPEED, Form.ROW): "speed at {of}",
     (Kind.POINT_TIME, Form.ROW): "time of {of}",
+    (Kind.CHANGE_TIMES, Form.ROW): "time that change {of} of the shape takes",
 }
 _DERIVATIVES = ("", "'s rate", "'s acceleration", "'s jerk", "'s snap")
 

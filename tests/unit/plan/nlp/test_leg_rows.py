@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gcs.plan.formation.timeline import made_changes
 from gcs.plan.nlp.route_phases import LegTimes, first_mesh, leg_times
 from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
 from gcs.plan.trajectory.constraint_id import ConstraintId
@@ -70,3 +71,23 @@ def test_one_leg_is_stretched_where_its_time_is_free(simulation1: Scenario) -> N
     assert (legs.low.tolist(), legs.high.tolist()) == ([0.75], [2.5])
     assert (*map(str, legs.ids), legs.rows.shape, legs.row_ids) == ("limit of the time of flight", (0, 1), ())
     assert legs.rows_low.size == legs.rows_high.size == 0
+
+
+def test_the_legs_between_two_changes_last_as_long_as_the_first_one_takes(simulation1: Scenario) -> None:
+    """Else the flight would be optimal, and its second change begin before the first has ended."""
+    shapes = [
+        {"name": "line", "generator": "line", "spacing_m": 6.0},
+        {"name": "column", "generator": "column", "spacing_m": 6.0},
+    ]
+    formation = {"vehicle": [], "count": 3, "start_shape": "line", "shape": shapes}
+    route = {**CORNER, "shape": "column", "hold_s": 4.0}, {**FAR, "shape": "line"}
+    flight = flight_through(simulation1, *route, formation=formation)
+    problem = replace(flight_problem(flight), point_s=POINT_S)
+    legs = leg_times(problem, first_mesh(problem, 9.0, 6.0, 2))
+    assert legs is not None
+    takes_s = [made.duration_s for made in made_changes(flight)]
+    assert takes_s[0] > 5.0
+    between, last = legs.rows_low[-2:] * problem.duration_s
+    np.testing.assert_allclose([between + 4.0, last], np.add(takes_s, 0.02))  # the hold counts too
+    np.testing.assert_allclose(legs.rows[-2:] @ np.ones(3) * problem.duration_s, [45.0 - 29.0, 60.0 - 45.0])
+    assert [name for name, _ in texts(legs.row_ids)][-1] == "time that change 2 of the shape takes"
