@@ -15,13 +15,13 @@ from gcs.scenario.sources.mowing import PassTimes, directions_deg, mowing
 
 WIDEST_M = 10.0
 RECTANGLE = shapely.Polygon([(0, 0), (0, 200), (100, 200), (100, 0)])  # 100 m north, 200 m east
-MOWN_M = 102.0  # its width, and 1 m on each side
+MOWN_M = 101.0  # across: a bow of 0.5 m to each side is seen too
 
 
 def test_a_rectangle_is_mown_along_its_long_side_in_passes_that_divide_it() -> None:
     mown = mowing(RECTANGLE, WIDEST_M, [4])
     assert mown.course_deg % 180.0 == 90.0
-    assert len(mown.passes) == 3  # 102 m in strips of at most 40 m
+    assert len(mown.passes) == 3  # 101 m in strips of at most 40 m
     assert mown.spacing_m == pytest.approx(MOWN_M / 12.0)
     middles_m = sorted({round(begin[0], 6) for begin, _ in mown.passes})
     assert middles_m == pytest.approx([50.0 - MOWN_M / 3.0, 50.0, 50.0 + MOWN_M / 3.0])
@@ -49,7 +49,7 @@ def test_the_fewest_vehicles_of_equal_times_fly() -> None:
 def test_a_given_course_is_kept() -> None:
     mown = mowing(RECTANGLE, WIDEST_M, [4], course_deg=0.0)
     assert mown.course_deg % 180.0 == 0.0
-    assert len(mown.passes) == 6  # 202 m in strips of at most 40 m
+    assert len(mown.passes) == 6  # 201 m in strips of at most 40 m
 
 
 def test_more_points_than_a_route_has_are_refused() -> None:
