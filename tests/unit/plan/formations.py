@@ -13,6 +13,7 @@ from tests.unit.plan.problems import meadow
 # 500 mm frames: strong enough to change their shape while they fly 40 m.
 STRONG = {
     "mass_kg": 2.0,
+    "power": None,  # the battery of the small one would not carry it
     "arm_m": 0.25,
     "inertia_kgm2": [0.0217, 0.0217, 0.040],
     "thrust_coeff_Ns2": 8.55e-6,
