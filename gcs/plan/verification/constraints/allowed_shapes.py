@@ -31,7 +31,7 @@ class AllowedShapes:
         if not autos and scenario.formation.frame == "inertial":
             return None
         least = getattr(autos.get("shrink"), "scale", 1.0)
-        turn_rad = np.radians(abs(getattr(autos.get("rotate"), "angle_deg", 0.0)))
+        turn_rad = np.radians(getattr(autos.get("rotate"), "angle_deg", 0.0))
         return cls(
             scale=(least - _SLACK, 1.0 + _BEYOND * (1.0 - least) + _SLACK) if "shrink" in autos else (1.0, 1.0),
             turn_rad=np.pi if scenario.formation.frame == "course" else turn_rad * (1.0 + _SLACK),

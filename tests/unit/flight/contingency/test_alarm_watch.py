@@ -105,6 +105,15 @@ def test_a_sensor_that_fails_in_flight_is_told_once_and_one_that_was_ailing_befo
     assert told(ours.look(103.2, place=ALOFT)) == [(IncidentKind.BATTERY_LOW, "the vehicle says: battery not healthy")]
 
 
+def test_a_sensor_that_is_not_the_battery_says_nothing_of_the_charge() -> None:
+    ours = watch()
+    beat(ours, 100.0)
+    senses(ours, 100.1, 0)
+    senses(ours, 100.6, GYRO)
+    senses(ours, 101.1, GYRO)
+    assert [kind for kind, _ in told(ours.look(104.0, place=ALOFT))] == [IncidentKind.ALARM]
+
+
 def test_a_battery_failsafe_that_takes_over_is_one_incident() -> None:
     ours = watch()
     beat(ours, 100.0)

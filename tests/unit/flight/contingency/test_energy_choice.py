@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,21 @@ def test_the_model_is_the_plans_energy(field: tuple[Plan, ReturnPlan]) -> None:
     assert model.planned_use(0, plan.t_start_s - 100.0, plan.t_start_s) == pytest.approx(100.0 * model.hover_per_s)
     assert model.use_per_s(0.0) == pytest.approx(model.hover_per_s)
     assert model.use_per_s(3.0, 1.5) > model.hover_per_s
+
+
+def test_a_return_takes_the_time_of_its_parts(field: tuple[Plan, ReturnPlan]) -> None:
+    """A way that is 40 m longer takes as much longer at the speed of the return, and a faster start longer to brake."""
+    plan, _ = field
+    near, far = (adviser(field, way_m) for way_m in (20.0, 60.0))
+    here = at(plan, 100.0, 80.0)
+
+    def returns_s(ours: EnergyAdviser, state: EnergySituation) -> float:
+        return next(o.duration_s for o in ours.alternatives(state) if o.outcome is Outcome.RETURN)
+
+    gained_s = returns_s(far, here) - returns_s(near, here)
+    assert 2.0 < 40.0 / gained_s < 15.0  # the speed of the return, m/s
+    lower = replace(here, place_ned_m=np.add(here.place_ned_m, [0.0, 0.0, 5.0]))
+    assert returns_s(near, lower) > returns_s(near, here)  # it has to climb
 
 
 def test_the_rest_of_the_plan_needs_its_own_energy(field: tuple[Plan, ReturnPlan]) -> None:

@@ -50,6 +50,7 @@ def rich_program(scenario: Scenario) -> tuple[Problem, Program, np.ndarray]:
 def test_derivatives_over_several_legs_are_casadis_own(simulation1: Scenario, kind: str) -> None:
     _, program, y = rich_program(flight_through(simulation1, *RICH, **KINDS[kind]))
     assert len(program.y_low) == program.layout.size + 4  # the stretches of four legs
+    assert len(program.g_low) == len(program.g_high) == len(program.g_ids)
     assert_casadis_own(program, y)
 
 

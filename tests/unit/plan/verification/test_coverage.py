@@ -74,6 +74,8 @@ def test_a_laid_survey_that_is_flown_covers_its_area(scenario: Scenario) -> None
     assert found.is_complete and found.share == 1.0 and not found.gaps()
     assert found.overlap > 0.2  # that of the passes, and the legs between them
     assert found.covered_ha == pytest.approx(FIELD.area / 1e4)
+    seen_m2 = SWATH_M * sum(shapely.intersection(track, found.area).length for track in found.tracks.geoms)
+    assert found.overlap == pytest.approx(seen_m2 / FIELD.area - 1.0)
 
 
 def test_a_pass_that_is_left_out_is_found_where_it_is(scenario: Scenario) -> None:

@@ -64,6 +64,8 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((CLEARANCE, 'clearance_min_m = "5 m"')), "clearance_min_m = 5 m: has a unit", "write clearance_min_m = 5"),
     (edit(("radius_m = 50.0", "radius_m = 50.0m")), "radius_m = 50.0m: has a unit", "write radius_m = 50"),
     (edit((SEPARATION, "separation_min_m = 20 ft")), "is in ft; this key is in m", "write separation_min_m = 6.096"),
+    (edit((CLEARANCE, "clearance_min_m = 0.002 mi")), "is in mi; this key is in m", "write clearance_min_m = 3.219"),
+    (edit((CLEARANCE, "clearance_min_m = 0.002 nmi")), "is in nmi; this key is in m", "write clearance_min_m = 3.704"),
     (edit((SEPARATION, SPEED + "[18 km/h, 18 km/h, 6 km/h]")), "is in km/h; this key is in m/s", "write [5, 5, 1.667]"),
     (edit((FLIGHT, 'flight_s = "90s"')), "has a unit", "write flight_s = 90"),
     (edit((FLIGHT, "flight_s = 1:30")), "flight_s = 1:30: must be one number", "write flight_s = 90"),

@@ -78,6 +78,18 @@ def test_the_support_is_never_below_a_sample_of_the_patch(name: str, size_m: flo
         assert sampled(ground, patch, direction) <= bound + 1e-9
 
 
+def test_the_highest_pixel_is_found_in_a_table_that_is_longer_than_wide() -> None:
+    heights = packed(np.random.default_rng(2).uniform(0.0, 9.0, (60, 20)))
+    long = Relief.model_validate(hills().model_dump() | {"rows": 60, "columns": 20, "heights": heights})
+    pixels = np.asarray(long.pixels_m)
+    assert pixels.shape == (60, 20)
+    for k, table in enumerate(ReliefGround(long)._peaks):
+        expected = np.empty_like(pixels)
+        for row, column in np.ndindex(pixels.shape):
+            expected[row, column] = pixels[row : row + 2**k, column : column + 2**k].max()
+        np.testing.assert_array_equal(table, expected)
+
+
 @pytest.mark.parametrize("name", GROUNDS)
 def test_halves_cover_the_patch_and_lead_to_a_tight_bound(name: str) -> None:
     ground = ground_patches(GROUNDS[name])
