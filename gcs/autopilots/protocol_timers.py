@@ -24,7 +24,7 @@ class MissionTimers:
     item_s: float = 0.25  # for a requested item, before the request is repeated
     retries: int = 5
     give_up_s: float = 9.0  # without progress; longer than any autopilot's own timeout (8 s)
-    ack_s: float = 2.5  # the MISSION_ACK timeout, from the last item on; ArduPilot repeats its request once a second
+    ack_s: float = 2.5  # from the last item to its MISSION_ACK; ArduPilot repeats its request once a second
     doubt_s: float = 1.2  # after a refusal that may belong to an older message: is the transfer going on?
     busy_s: float = 6.0  # before another upload to a busy vehicle: PX4 forgets an interrupted transfer after 5 s
     request_again_min_s: float = 0.15  # a copy of an item may arrive so late

@@ -147,7 +147,7 @@ def fly(
 
 
 def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
-    """Fly, judge emulated vehicles by their true states, and write the folder. Raises as `fly`."""
+    """Fly, judge by true states (emulated vehicles) or reports (on a link), and write the folder. Raises as `fly`."""
     plan = order.plan
     if order.keeping.mode is FlightMode.MISSION:
         refuse_late_starts(plan.scenario)

@@ -44,7 +44,10 @@ class GeoPoint:
 
 @dataclass(frozen=True)
 class FencePolygon:
-    """Vertices in order, the last joined to the first."""
+    """A polygon of a fence: vertices in order, the last joined to the first.
+
+    `inclusion`: vehicles stay inside it, else outside.
+    """
 
     points: tuple[GeoPoint, ...]
     inclusion: bool

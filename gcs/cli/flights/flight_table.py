@@ -191,7 +191,7 @@ class ShownVehicles:
         self._left = 0
 
     def choose(self, vehicles: Sequence[VehicleNow], most: int) -> tuple[VehicleNow, ...]:
-        """Return all vehicles if at most `most`, else the worst of each column in turn; in the order given."""
+        """At most `most` vehicles in the given order: all, or the worst of each column in turn, kept for 12 redraws."""
         if len(vehicles) <= most:
             return tuple(vehicles)
         self._left -= 1

@@ -85,13 +85,13 @@ def say_lines(screen: Screen, plan: Plan) -> None:
     screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}")
     drawn = leg_lines(plan.scenario)
     drawn = drawn[len(drawn) - len(plan.lines) + (plan.begin_state is not None) :]
-    for key, what in (("corridor_m", "beside"), ("height_m", "in height")):
+    for key, what in (("corridor_m", "sideways"), ("height_m", "in height")):
         kept_lines = {line.number: getattr(line.limits, key) for line in plan.lines}
         left = [str(d.number) for d in drawn if getattr(d.limits, key) < kept_lines[d.number]]
         if left:
             screen.warn(
-                f"leg{'s' * (len(left) > 1)} {', '.join(left)} of the route: not kept to the line {what}, because of a "
-                "zone, the ground or too little time; draw round it, or give more time"
+                f"leg{'s' * (len(left) > 1)} {', '.join(left)}: the leader leaves the drawn line {what}, because a "
+                "zone, the ground or the time requires it; draw round it, or give more time"
             )
 
 
@@ -144,7 +144,7 @@ def say_battery(screen: Screen, plan: Plan) -> None:
             ways.append(f"[time] flight_s = {fits_s:.0f}, {mean_mps:.1f} m/s in the mean")
         if plan.scenario.survey is not None:
             ways.append("more vehicles, or a wider swath or less overlap, for fewer passes")
-    screen.warn(f"{most:.0%} of a battery are more than the {usable:.0%} that may be used. This would fit:")
+    screen.warn(f"the flight needs {most:.0%} of a full battery, {usable:.0%} may be used. This would fit:")
     for way in filter(None, ways):
         screen.warn(f"  {way}")
 

@@ -1,7 +1,7 @@
 """The verdict on a flight: the criteria of the scenario's `[judge]`, from true states, or from what vehicles reported.
 
 True states decide every criterion. Reports are only known within an uncertainty: where that spans a limit, the
-criterion is not known (`gcs.flight.assessment.judge`).
+criterion is not known.
 """
 
 from __future__ import annotations

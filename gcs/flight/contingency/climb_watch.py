@@ -18,7 +18,11 @@ GROUND_M, REST_MPS = 0.5, 0.5  # lower and slower it stands
 
 
 class ClimbWatch:
-    """One vehicle from its accepted take-off on. `failure` says in words what is wrong, empty while it climbs."""
+    """Watches the climb of one vehicle from its accepted take-off; `failure` is empty, or the first fault in words.
+
+    Faults are less than 1 m (or half the ordered height) within 8 s, sinking faster than 0.8 m/s in two reports, a tilt
+    above 60 degrees, and motors that stopped.
+    """
 
     def __init__(self, height_m: float, before: Message | None = None) -> None:
         """`before`: its last LOCAL_POSITION_NED on the pad; without it, the next one."""

@@ -1,7 +1,8 @@
 """The contingency policy as one table: incident, state of the vehicle and choice -> new state, order and rule.
 
 `gcs.flight.contingency.decisions` executes `POLICY`; tools/reference.py prints it into docs/flying.md. The first row
-that applies counts.
+that applies counts. Thresholds are in `detection.DetectionLimits`; `energy_choice.choose` decides between the rows of a
+low battery.
 """
 
 from gcs.flight.contingency import policy as p

@@ -78,7 +78,7 @@ class Streamer:
         self._hushed_until_s = -math.inf  # local time
 
     def wake(self) -> None:
-        """A message came from a vehicle: its time may have advanced."""
+        """Look for due setpoints now: a message may have advanced the vehicle's time. No effect on real vehicles."""
         if self._emulated:
             self._woken.set()
 

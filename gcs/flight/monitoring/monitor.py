@@ -54,7 +54,10 @@ class Lateness:
 
 
 def lateness_s(flown_m: Array, planned_m: Array, rate_mps: Array) -> float:
-    """Return the delay of a vehicle behind its plan; reported and planned positions and velocities (N, 3)."""
+    """The delay behind the plan, s, positive if late, by least squares along the planned velocities.
+
+    All arguments are (N, 3); instants slower than 0.3 m/s do not count; NaN if none is left.
+    """
     lateness = Lateness()
     lateness.add(flown_m, planned_m, rate_mps)
     return lateness.late_s
@@ -85,7 +88,10 @@ class VehicleView:
         return self.position_ned_m if error is None else self.position_ned_m - error
 
     def stands_on(self, pad_ned_m: Array) -> None:
-        """Note that the vehicle stands on its pad (3,), whatever it reports."""
+        """Take reported position less pad (3,), NED, m, as the standing error of this vehicle.
+
+        `place_ned_m` subtracts it. No effect before the first report.
+        """
         if np.isfinite(self.position_ned_m).all():
             self.standing_error_ned_m = self.position_ned_m - pad_ned_m
 
@@ -238,7 +244,10 @@ class Completion:
         self._broke_off = False
 
     def receive(self, sysid: int, boot_ms: int, *, armed: bool) -> None:
-        """Take in the boot time of a vehicle's report."""
+        """Add the boot time since the last report to the time flown, if the vehicle is armed and the plan has begun.
+
+        Steps back, and steps above 600 s, are jumps of the clock and add nothing.
+        """
         boot_s = boot_ms / 1e3
         step_s = boot_s - self._boot_s.get(sysid, boot_s)
         self._boot_s[sysid] = boot_s

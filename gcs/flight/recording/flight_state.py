@@ -54,10 +54,9 @@ class FlightState:
 
 @contextmanager
 def held_folder(folder: Path) -> Iterator[None]:
-    """Hold the folder of a flight: one process flies it at a time. Raises UsageError if another one holds it.
+    """Lock a flight's folder, so that one process flies it; the operating system frees the lock when the process ends.
 
-    The system ends this with the process, however it ends. Where folders cannot be locked, the process number in
-    `flight.json` decides. An error within names the folder.
+    Raises UsageError if another process holds the lock, or if the process in `flight.json` still runs.
     """
     handle: int | None = None
     try:

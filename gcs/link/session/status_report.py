@@ -117,7 +117,10 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
 
 
 def not_ready_texts(session: VehicleSession, since_s: float | None) -> tuple[str, ...]:
-    """Return the reasons against arming of the last REPEATED_S, and after event loop time `since_s`; None: none."""
+    """The texts of the last 35 s in which the vehicle said why it cannot be armed, each once.
+
+    Texts before `since_s` (event loop time) do not count; with None there are none.
+    """
     now_s = asyncio.get_running_loop().time()
     return session.texts.startup(max(now_s - REPEATED_S, now_s if since_s is None else since_s))
 

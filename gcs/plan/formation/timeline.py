@@ -36,7 +36,7 @@ _DOWN = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Move:
-    """One change of shape as it is flown, for reports."""
+    """One planned change of shape: when, what limits its duration, and the least distance of two vehicles in it."""
 
     kind: str
     name: str

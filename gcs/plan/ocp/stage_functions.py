@@ -1,4 +1,4 @@
-"""The functions of one instant z = (state, control): motion (Eq. 1), cost rate (Eq. 35), path constraints.
+"""Path constraints (Eqs. 18, 20, 21, 23-25, 51), motion (Eq. 1) and cost rate (Eq. 35) of one instant.
 
 Path constraints are those of the active vehicles in the leader's variables: turning radius (Eq. 18, Eq. 25), clearance
 (Eq. 20, Eq. 23), no-fly zones (Eq. 21, Eq. 24), limits (Eq. 51). CasADi makes exact derivatives.

@@ -70,7 +70,7 @@ def _check_turn(problem: Problem) -> None:
     away_rad = abs(float(np.angle(np.exp(1j * away_rad))))
 
     def fits(scenario: Scenario, away_rad: float, duration_s: float) -> bool:
-        """Whether the most that it flies towards the end, which it has to turn to first, is enough."""
+        """Whether it covers the distance in `duration_s`, where its speed is limited until it faces the end."""
         fastest_mps = float(np.abs(way / max(length_m, 1e-9)) @ np.array(scenario.limits.speed_ned_mps[:2]))
         t_s = np.linspace(0.0, duration_s, 2001)
         turned_rad = next(c.most[0] for c in coordinates(scenario) if c.free_end) * t_s

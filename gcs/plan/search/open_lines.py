@@ -40,8 +40,8 @@ def _opened(problem: Problem, line: LegLine, leg: int, guess: Trajectory) -> Leg
     blocked = [
         _first_below(margins, -_SHARE * m) for margins, m in ((beside, limits.corridor_m), (above, limits.height_m))
     ]
-    for hit, is_said in zip(blocked, line.is_said, strict=True):
-        if hit is not None and is_said:
+    for hit, set_by_scenario in zip(blocked, line.set_by_scenario, strict=True):
+        if hit is not None and set_by_scenario:
             raise Infeasible.because(
                 f"{problem.leg_words(leg)}: on the drawn line {hit.name} is missed by {-hit.value.min():.1f} m, more "
                 "than the leg's limits give way",

@@ -44,7 +44,10 @@ class LegLine:
     to_ned_m: Array  # (3,)
     yaw_ned_rad: float
     limits: LegLimits
-    is_said: tuple[bool, bool] = (False, False)  # whether the scenario gives the corridor, and the height's tolerance
+    set_by_scenario: tuple[bool, bool] = (
+        False,
+        False,
+    )  # whether the scenario gives the corridor, and the height's tolerance
 
     @cached_property
     def rows(self) -> Array:
@@ -82,8 +85,8 @@ class LegLine:
 
     def within(self, limits: LegLimits) -> "LegLine":
         """The line with other limits in place of its defaults; what the scenario says stays."""
-        corridor_m = self.limits.corridor_m if self.is_said[0] else limits.corridor_m
-        height_m = self.limits.height_m if self.is_said[1] else limits.height_m
+        corridor_m = self.limits.corridor_m if self.set_by_scenario[0] else limits.corridor_m
+        height_m = self.limits.height_m if self.set_by_scenario[1] else limits.height_m
         return replace(self, limits=LegLimits(corridor_m, height_m, limits.yaw_rad))
 
     def opened(self, *, beside: bool, above: bool) -> "LegLine":
@@ -130,7 +133,7 @@ def leg_lines(scenario: Scenario) -> tuple[LegLine, ...]:
 def remaining_lines(lines: Sequence[LegLine], count: int) -> tuple[LegLine, ...]:
     """The lines of the last `count` legs for a flight that begins in the air, anywhere: its first leg is free."""
     rest = tuple(lines[len(lines) - count :])
-    return (replace(rest[0], limits=NO_LIMITS, is_said=(False, False)), *rest[1:]) if rest else ()
+    return (replace(rest[0], limits=NO_LIMITS, set_by_scenario=(False, False)), *rest[1:]) if rest else ()
 
 
 def _number(value: float | str) -> float:

@@ -54,9 +54,9 @@ def passages(scenario: Scenario, route_s: tuple[float, ...]) -> tuple[Passage, .
 def passages_contradiction(
     scenario: Scenario, route_s: tuple[float, ...], span_s: tuple[float, float], *, in_the_air: bool
 ) -> str:
-    """What is wrong with the times of a plan whose mission has this span, in words; empty if nothing is.
+    """The first contradiction between arrival times `route_s` and the span of the mission (s), in words; empty if none.
 
-    Of a plan that begins in the air, the first passage may be a hold that has begun before.
+    In a plan that begins in the air, the first hold may have begun before the span.
     """
     count = len(route_points(scenario))
     if len(route_s) > count or (len(route_s) < count and not in_the_air):

@@ -1,4 +1,4 @@
-"""Exact checks at instants: ends, joints, pads, route points, begin of changes, assignment of places."""
+"""Exact checks at instants: ends, joints, pads, route points, times of changes, assignment of places, battery."""
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def _joint_checks(plan: Plan) -> list[Check]:
 
 
 def _control_joints(plan: Plan, joints: Array, steps: Array) -> list[Check]:
-    """IntegrationSteps (V, N, 4) of the controls at joints: none within a phase.
+    """Controls do not jump within a phase; `steps` (V, N, 4) are their jumps at the joints.
 
     Where a scheduled change begins or ends, snap steps, and with it the moments U2 to U4, by design: they are limited,
     thrust and rates are continuous.
@@ -118,7 +118,7 @@ def _battery_checks(plan: Plan) -> list[Check]:
 
 
 def _change_checks(plan: Plan) -> list[Check]:
-    """Scheduled changes begin on time, and vehicles take the places with the shortest longest way."""
+    """Scheduled changes begin on time, and vehicles take the places whose longest path is shortest (Eq. 14)."""
     checks: list[Check] = []
     if late := late_s(plan):
         worst_s, t_s = max(late)

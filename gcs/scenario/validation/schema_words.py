@@ -1,4 +1,4 @@
-"""Describes a key by its JSON Table, and words pydantic's errors."""
+"""Describes a key from the JSON Schema, and rewrites pydantic's errors for people."""
 
 from collections.abc import Iterator
 from functools import lru_cache

@@ -1,8 +1,10 @@
 """Comparison of the mission that was read back with the mission that was sent, by meaning.
 
-What an autopilot makes of each field of each item stands in its row (`LinkBehaviour.item_storage`). Allowed everywhere:
-float32 rounding; NaN for NaN; the frame of items without a position; integer frames for float ones and back (5 = 0,
-6 = 3, 11 = 10); `autocontinue` of fences and rally points, where it has no meaning.
+Compared are the number of items and, per item, command, parameters 1 to 4, latitude, longitude, altitude, frame (of
+items with a position) and autocontinue (of missions). What an autopilot makes of each field of each item stands in its
+row (`LinkBehaviour.item_storage`). Allowed everywhere: float32 rounding; NaN for NaN; the frame of items without a
+position; integer frames for float ones and back (5 = 0, 6 = 3, 11 = 10); `autocontinue` of fences and rally points,
+where it has no meaning.
 """
 
 from collections.abc import Sequence

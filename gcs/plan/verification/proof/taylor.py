@@ -204,7 +204,10 @@ class Taylor:
 
 
 def arctan2(y: Taylor, x: Taylor) -> Taylor:
-    """The angle (...) of (x, y), continuous over the interval: seen from the direction in its middle."""
+    """The angle of (x, y), rad, relative to its direction at the middle of the interval: it does not jump.
+
+    Infinitely wide where a turn of 90 degrees cannot be excluded.
+    """
     middle = np.arctan2(y.c[0], x.c[0])
     c, s = np.cos(middle), np.sin(middle)
     across: Taylor = y * c - x * s

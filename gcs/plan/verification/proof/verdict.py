@@ -65,7 +65,7 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """Whether the criterion is met."""
+        """Whether it is proved, or was only sampled and no sample violates it; undecided counts as failed."""
         return self.verdict in OK
 
     def __str__(self) -> str:

@@ -32,7 +32,7 @@ def test_one_that_does_not_fit_says_what_would(simulation1_plan: Plan, capsys: p
     plan = with_battery(simulation1_plan, 1.25)
     say_battery(Screen(), plan)
     told = capsys.readouterr()
-    assert "125% of a battery are more than the 75% that may be used" in told.out
+    assert "the flight needs 125% of a full battery, 75% may be used" in told.out
     # 60 % of the time from ground to ground, less what is not flight
     whole_s = plan.t_end_s - plan.t_start_s
     fits_s = 0.6 * whole_s - (whole_s - plan.flight_s)

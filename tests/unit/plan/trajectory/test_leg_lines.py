@@ -70,7 +70,7 @@ def test_a_point_says_more_than_the_table_and_that_more_than_the_default(simulat
     own, table, last = leg_lines(flight_through(simulation1, *route, legs=legs))
     assert (own.limits.corridor_m, own.limits.height_m) == (0.4, np.inf)
     assert table.limits == last.limits == LegLimits(np.inf, 0.2, table.limits.yaw_rad)
-    assert own.is_said == table.is_said == (True, True)
+    assert own.set_by_scenario == table.set_by_scenario == (True, True)
     assert own.opened(beside=True, above=True).limits == own.limits  # what is said stays
 
 
