@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gcs.autopilots.traits import Autopilot as Autopilot
     from gcs.errors import GcsError as GcsError
     from gcs.flight.assessment.judge import Truth as Truth
     from gcs.flight.assessment.judge import Verdict as Verdict
@@ -28,34 +29,52 @@ if TYPE_CHECKING:
     from gcs.flight.setup.simulator_process import Emulated as Emulated
     from gcs.link.session.connection import Connection as Connection
     from gcs.mission.export.export import export as export
+    from gcs.mission.export.index import ExportIndex as ExportIndex
     from gcs.mission.export.setpoint_stream import build_stream as build_stream
+    from gcs.mission.model import Altitude as Altitude
+    from gcs.mission.model import SetpointStream as SetpointStream
+    from gcs.mission.model import VehicleMission as VehicleMission
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
     from gcs.plan.cost_terms import cost_terms as cost_terms
+    from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
     from gcs.plan.plan_file import load_plan as load_plan
     from gcs.plan.plan_file import save_plan as save_plan
     from gcs.plan.planner import make_plan as make_plan
     from gcs.plan.replanning.replanner import Replanner as Replanner
+    from gcs.plan.trajectory.plan import MeshRound as MeshRound
     from gcs.plan.trajectory.plan import Plan as Plan
+    from gcs.plan.verification.proof.verdict import Check as Check
     from gcs.plan.verification.verify import Report as Report
     from gcs.plan.verification.verify import verify as verify
+    from gcs.scenario.schema.places import NoFlyZone as NoFlyZone
     from gcs.scenario.schema.scenario import Scenario as Scenario
     from gcs.scenario.sources.load import load_scenario as load_scenario
+    from gcs.scenario.sources.load import with_keys as with_keys
 
 _HOME = {
+    "Altitude": "gcs.mission.model",
+    "Autopilot": "gcs.autopilots.traits",
+    "Check": "gcs.plan.verification.proof.verdict",
     "Connection": "gcs.link.session.connection",
     "CostTerm": "gcs.plan.cost_terms",
     "Emulated": "gcs.flight.setup.simulator_process",
+    "ExportIndex": "gcs.mission.export.index",
     "FlightReports": "gcs.flight.recording.record_table",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
+    "MeshRound": "gcs.plan.trajectory.plan",
     "NamedStates": "gcs.physics.states",
+    "NoFlyZone": "gcs.scenario.schema.places",
+    "ObjectiveTerm": "gcs.plan.ocp.problem",
     "Plan": "gcs.plan.trajectory.plan",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
+    "SetpointStream": "gcs.mission.model",
     "Truth": "gcs.flight.assessment.judge",
+    "VehicleMission": "gcs.mission.model",
     "Verdict": "gcs.flight.assessment.judge",
     "Watcher": "gcs.flight.monitoring.progress",
     "build_missions": "gcs.mission.waypoints.mission_items",
@@ -70,6 +89,7 @@ _HOME = {
     "make_plan": "gcs.plan.planner",
     "save_plan": "gcs.plan.plan_file",
     "verify": "gcs.plan.verification.verify",
+    "with_keys": "gcs.scenario.sources.load",
 }
 __all__ = sorted(_HOME)  # noqa: PLE0605 (one table names them all)
 

@@ -85,6 +85,24 @@ def load_scenario(path: Path | str) -> Scenario:
     return with_changes_of_route(scenario)
 
 
+def with_keys(scenario: Scenario, **tables: Any) -> Scenario:
+    """The scenario with other values of some keys, checked as a file is: `with_keys(s, time={"flight_s": 90.0})`.
+
+    A table keeps the keys that are not named; lists and other values are replaced as a whole. Raises ScenarioError
+    with every mistake.
+    """
+
+    def merged(old: Any, new: Any) -> Any:
+        if not isinstance(new, dict) or not isinstance(old, dict):
+            return new
+        return old | {key: merged(old.get(key), value) for key, value in new.items()}
+
+    changed, mistakes = _judged(merged(scenario.model_dump(), tables), Path(), set())
+    if mistakes or changed is None:
+        raise _error_report(Path(f"scenario {scenario.name}, changed"), mistakes)
+    return with_changes_of_route(changed)
+
+
 def load_vehicle(file: Path) -> VehicleFile:
     """The vehicle type of a file, checked by the rules of physics. Raises ScenarioError like `load_scenario`."""
     text = _read(file)
