@@ -58,6 +58,7 @@ LEAST_S = 5.0  # least remaining time of the mission for a re-plan
 _MESHES = (1.4, 1.0, 0.7, 0.45, 0.3)  # numbers of intervals, as shares of that of the whole flight
 _FEWEST = 8
 _ROUNDS = 5
+_RESERVED_S = 30.0  # from the start, until when reserves grow
 # Reserves at the nodes to limits at which the first plan is active: then a second solve is seldom needed.
 CLEARANCE_RESERVE_M, ZONE_RESERVE_M, RATE_RESERVE = 0.06, 0.01, 0.04
 
@@ -300,9 +301,11 @@ def _with_reserves(program: Program) -> Program:
     rates = (np.arange(1, layout.state_points)[:, None] * layout.nx + np.arange(9, 12)).ravel()
     y_low[rates] *= 1.0 - RATE_RESERVE
     y_high[rates] *= 1.0 - RATE_RESERVE
-    for row, (constraint, _) in enumerate(program.g_ids):
+    start_s = float(layout.mesh.joints_s[0])
+    for row, (constraint, t_s) in enumerate(program.g_ids):
         if isinstance(constraint.of, ZoneName) and not constraint.of.keep_in:
-            g_low[row] += ZONE_RESERVE_M
+            # The flight may begin as near to a zone as its plan passes.
+            g_low[row] += ZONE_RESERVE_M * min((t_s - start_s) / _RESERVED_S, 1.0)
     return replace(program, y_low=y_low, y_high=y_high, g_low=g_low)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -318,3 +319,13 @@ def test_a_gentle_flight_is_changed_gently(simulation1: Scenario) -> None:
     report = verify(changed)
     assert report.ok, report.failures
     assert min(c.worst for c in report.checks if c.name == "jerk") >= -1e-3 * limits["jerk_max_mps3"]
+
+
+@pytest.mark.parametrize("at_s", [48.0, 72.0, 167.0])
+def test_beside_a_zone_that_the_plan_touches_it_goes_on_as_planned(plan_of: Callable[[str], Plan], at_s: float) -> None:
+    plan = plan_of("field/scenario.toml")
+    assert plan.zone_distances_m(np.array([at_s])).min() < 30.0
+    new = Replanner(plan).replan(plan.leader_trajectory.state(at_s), at_s)
+    assert verify(new).ok, verify(new)
+    t_s = np.linspace(at_s, plan.flight_s, 200)
+    np.testing.assert_allclose(new.states(t_s)[..., :3], plan.states(t_s)[..., :3], atol=0.5)
