@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
+from gcs.errors import PlanningError
 from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, Options, Solver, solver
 from gcs.plan.nlp.mesh import Mesh
@@ -82,6 +83,11 @@ class ParametricNlp:
         stand = replace(self.whole, shape=problem.shape)
         shares = cost_shares(stand, times, quadrature / self.whole.duration_s, quadrature * weight / self.weight_s)
         parameters = np.concatenate([lengths, shares.ravel(order="F"), slots.ravel()])
+        if len(parameters) != self.nlp.size1_in(1):
+            raise PlanningError.because(
+                "other vehicles are near a limit than those that the programs of this plan were built for",
+                hint="land, return or hold (`gcs attach`); the old plan has not changed",
+            )
         functions = self.nlp, self.derivatives
         return bounded_program(problem, layout, chosen, functions, parameters=parameters, unused=free)
 
