@@ -131,6 +131,8 @@ def fly(
     from gcs.flight.monitoring.preflight_check import known_checks
     from gcs.flight.run import FlightRun, refuse_late_starts
     from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
+    from gcs.plan.trajectory.constraint_id import Kind
+    from gcs.plan.verification.verify import refusal
 
     waived = known_checks(waive or ())
     watch = Stopwatch(BEGAN_S)
@@ -151,6 +153,8 @@ def fly(
             refuse_wrong_options(scenario, emulated)
 
     plan, report = plan_for(mission, screen, watch, unverified=unverified, refuse=refuse)
+    if any(check.constraint.kind is Kind.BATTERY for check in report.failures):
+        raise refusal(report)  # no inspection is worth a vehicle that falls
     limits = plan.scenario.preflight
     if share is not None:
         limits = limits.model_copy(update={"reserve": share})

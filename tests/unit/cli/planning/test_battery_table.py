@@ -2,13 +2,17 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from gcs.cli.main import run
 from gcs.cli.planning.plan_tables import say_battery
 from gcs.cli.shared.console import Screen
+from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.energy import charge_needed
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import verify
 from tests.unit.plan.problems import changed
 
 
@@ -42,3 +46,13 @@ def test_one_that_does_not_fit_says_what_would(simulation1_plan: Plan, capsys: p
     power = plan.scenario.vehicle.power
     assert power is not None
     assert enough_Wh == pytest.approx(power.battery_Wh * 1.25 / 0.75, abs=0.5)
+
+
+def test_no_vehicle_flies_a_plan_that_empties_its_battery(
+    simulation1_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = with_battery(simulation1_plan, 1.25)
+    save_plan(plan, verify(plan), path := tmp_path / "empty.skein")
+    assert run(["fly", str(path), "--sim", "--unverified", "--to", str(tmp_path / "flights")]) == 5
+    assert "battery at the last touch-down" in capsys.readouterr().err
+    assert not (tmp_path / "flights").exists()
