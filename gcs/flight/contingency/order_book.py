@@ -17,8 +17,8 @@ class FailedOrder:
     what: str
     reason: str
     attempts: int
+    planned: bool  # by the plan, not in a crisis
     carried_out: bool = False  # by a later repetition
-    planned: bool = False  # by the plan, not in a crisis
 
     def __str__(self) -> str:
         times = "once" if self.attempts == 1 else f"{self.attempts} times"
@@ -32,10 +32,10 @@ class StandingOrder:
 
     sysid: int
     what: str
-    due_s: float = 0.0
+    due_s: float
+    planned: bool
     attempts: int = 0
     reason: str = ""
-    planned: bool = False
     _pause_s: float = field(default=FIRST_PAUSE_S)
 
     def wait_s(self, now_s: float) -> float:
@@ -59,7 +59,7 @@ class OrderBook:
 
     def give(self, sysid: int, what: str, now_s: float, *, planned: bool = False) -> StandingOrder:
         """Begin an order, due at once."""
-        order = StandingOrder(sysid, what, now_s, planned=planned)
+        order = StandingOrder(sysid, what, now_s, planned)
         self._orders[sysid] = order
         return order
 
@@ -75,7 +75,7 @@ class OrderBook:
         """Take in an attempt that failed."""
         order.failed(now_s, reason)
         self._failed[order.sysid, order.what] = FailedOrder(
-            order.sysid, order.what, reason, order.attempts, planned=order.planned
+            order.sysid, order.what, reason, order.attempts, order.planned
         )
 
     def carried_out(self, order: StandingOrder) -> None:
