@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE
+from gcs.plan.verification.constraints.ground_clearance import CLEARANCE as CLEARANCE_ROW
+from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE, GroundClearance
+from gcs.plan.verification.proof.ground_patches import ground_patches
+from gcs.plan.verification.proof.subdivision import plain_cells
+from gcs.plan.verification.proof.vehicle_tree import vehicle_tree
 from gcs.scenario.schema.heightmap import Relief, packed
 from tests.unit.plan.problems import changed
 from tests.unit.plan.verification.constraints.even_flights import assert_margin, check_of, even
@@ -36,6 +40,19 @@ def lowest_m(plan: Plan) -> float:
 def test_over_level_ground_it_is_the_height(meadow_plan: Plan) -> None:
     plan = over(meadow_plan, {}, 4.0)
     assert_margin(check_of(plan, CLEARANCE), 4.0 + lowest_m(plan) - clearance_m(plan))
+
+
+def test_over_level_ground_one_look_at_all_vehicles_and_the_whole_time_is_enough(meadow_plan: Plan) -> None:
+    """The way out of level ground is straight up, however far vehicles are spread over it."""
+    plan = over(meadow_plan, {}, 4.0)
+    no_pads_m = np.zeros((len(plan.phases), len(plan.sysids)))
+    ground, whole_fleet = ground_patches(plan.scenario.terrain), np.zeros((1, 1), dtype=np.intp)
+    family = GroundClearance(plan, vehicle_tree(plan.shape), ground, np.zeros(1, dtype=np.intp), no_pads_m)
+    cells = plain_cells(whole_fleet, np.array([0.0]), np.array([20.0]))
+    (low_m,), _ = (margins[CLEARANCE_ROW] for margins in family.bounds(family.around(cells)))
+    margin_m = 4.0 + lowest_m(plan) - clearance_m(plan)
+    spread_m = float(np.ptp(plan.shape.at(0.0)[:, 2]))
+    assert margin_m - spread_m - 1e-9 <= low_m <= margin_m + 1e-9
 
 
 def slope(rise: float, bend_m: float = 0.0) -> Relief:
@@ -98,3 +115,13 @@ def test_on_a_pad_nothing_is_required_and_above_it_a_share_of_the_height(meadow_
     standing = over(meadow_plan, {}, -lowest_m(plan), speed_mps=0.0)
     assert check_of(standing, BESIDE, "takeoff").verdict == "proved"
     assert check_of(standing, "height above ground", "takeoff").worst == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_needle_beside_the_pad_of_any_vehicle_is_too_near(meadow_plan: Plan) -> None:
+    """All stand still 1.25 m above their pads, and the needle's side is 0.1 m from one; 0.25 m are required."""
+    needle = {"height_m": [40.0], "spread_north_m": [0.05], "spread_east_m": [0.05]}
+    width_m = 0.05 * float(np.sqrt(np.log(40.0 / 1.25)))
+    for north_m, east_m, _ in meadow_plan.shape.at(0.0):
+        place = {"north_m": [float(north_m)], "east_m": [float(east_m) + 1.0 + width_m + 0.1]}
+        plan = over(meadow_plan, {"mountains": needle | place}, 1.25, speed_mps=0.0)
+        assert check_of(plan, BESIDE, "takeoff").verdict == "violated"
