@@ -300,6 +300,22 @@ def test_the_fastest_is_found_beside_others_who_are_faster_along_every_axis(simu
     assert "speed in the shape" in brute
 
 
+@pytest.mark.parametrize("count", [5, 60])
+def test_the_fastest_along_an_axis_is_found_beside_one_who_is_faster_across(simulation1: Scenario, count: int) -> None:
+    """One moves north in the shape and one west; one moves north-east, and one south-west, a little farther."""
+    problem = crossing(simulation1, count, limits={"speed_ned_mps": [4.85, 0.85, 1.5]})
+    start = problem.shape.at(problem.start_s)
+    there = start.copy()
+    for vehicle, ways_m in ((1, (3.4, 0.0)), (2, (0.0, -3.4)), (3, (2.5, 2.5)), (4, (-2.6, -2.6))):
+        there[vehicle, :2] += ways_m
+    shape = joined(
+        [rigid(start, 0.0, 10.0), stretched(straight_leg(start, there), 10.0, 18.0), rigid(there, 18.0, problem.end_s)]
+    )
+    brute = everything(problem, straight(problem), shape)
+    assert {"north speed", "east speed"} <= set(brute)
+    assert set(found(problem, shape)) == set(brute)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_of_a_few_everything_is_found_that_a_look_at_everyone_finds(simulation1: Scenario, seed: int) -> None:
     """Random motions of random shapes under random limits: the same constraints, to the same amount."""
