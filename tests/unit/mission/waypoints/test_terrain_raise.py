@@ -103,6 +103,14 @@ def test_ends_of_a_leg_over_the_ridge_are_raised_until_it_is_clear(
     assert short_m(lower) > 0.0
 
 
+def test_waypoints_beside_the_leg_over_the_ridge_stay_where_they_are(
+    simulation1: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = along((0.0, 9.0), (15.0, 9.0), (30.0, 5.5), (70.0, 5.5), (85.0, 9.0), (100.0, 9.0))
+    made, _ = raised(monkeypatch, plan_of(ridge(simulation1)), points, [0, 1, 2, 3, 4], 5)
+    assert (made.by_waypoint_m > 0.0).tolist() == [False, False, True, True, False, False]
+
+
 def test_nothing_is_raised_over_ground_that_is_clear_and_no_first_or_last_waypoint(
     simulation1: Scenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
