@@ -273,6 +273,13 @@ def test_vehicles_with_legs_of_their_own_have_their_own_speeds_and_rests(simulat
         assert mission.leaves_s == 0.0
 
 
+def test_only_the_last_waypoint_is_held_until_the_landing_begins(simulation1_plan: Plan) -> None:
+    """At corrected speeds too: the legs end 3 s before it."""
+    early = replace(GATED, t_s=np.array([0.0, 10.0, 30.0, 32.0]), speeds_mps=np.array([[2.5, 1.0, 4.5]]), gates=())
+    items = build_missions(stop_and_go(simulation1_plan, 0.0), early)[0].items
+    assert [item.params[0] for item in items if item.command == Command.NAV_WAYPOINT] == [0.0, 0.0, 3.0]
+
+
 def test_a_leg_too_slow_for_an_autopilot_is_flown_faster_and_waited_out(simulation1_plan: Plan) -> None:
     """1 m in 10 s at 0.2 m/s, then 5 s of delay; the last waypoint is held until the landing begins."""
     plan = stop_and_go(simulation1_plan, 0.0)
