@@ -190,6 +190,16 @@ def test_a_mistake_in_a_mistyped_table_has_its_own_line(tmp_path: Path) -> None:
     assert "scenario.toml:17: limits.clearance_min_m = -5.0: must be a number from 0" in error.message
 
 
+@pytest.mark.parametrize("centre", ["lat = 47.4, lon = 8.55", "center = [0.0, 0.0]"])
+def test_a_disk_whose_centre_has_other_keys_is_still_checked_against_the_start(tmp_path: Path, centre: str) -> None:
+    lines = told(tmp_path, edit((ZONE, f"{centre}, radius_m = 50.0"))).message.splitlines()
+    assert [line.partition(": ")[2].partition(":")[0] for line in lines[1:]] == [
+        f"no_fly[0].{centre.partition(' ')[0]}",
+        "no_fly[0].radius_m = 50.0",
+    ]
+    assert "contains vehicle 1 at its start" in lines[2]
+
+
 def test_metres_at_an_origin_of_zero_degrees_are_metres(tmp_path: Path) -> None:
     text = scenario_text(tmp_path / "mine", 0.0, 0.0, 0.0)
     (tmp_path / "scenario.toml").write_text(text.replace(START, "position_m = [0.25, 0.25, 15.0]"))
