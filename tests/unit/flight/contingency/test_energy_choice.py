@@ -128,8 +128,11 @@ def test_the_model_is_the_plans_energy(field: tuple[Plan, ReturnPlan]) -> None:
 
 
 def test_a_return_takes_the_time_of_its_parts(field: tuple[Plan, ReturnPlan]) -> None:
-    """A way that is 40 m longer takes as much longer at the speed of the return, and a faster start longer to brake."""
-    plan, _ = field
+    """A way that is 40 m longer takes as much longer at the speed of the return, and a faster start longer to brake.
+
+    Where there is nothing to brake, climb or fly, what is left is the wait, and a landing from there.
+    """
+    plan, returns = field
     near, far = (adviser(field, way_m) for way_m in (20.0, 60.0))
     here = at(plan, 100.0, 80.0)
 
@@ -140,6 +143,13 @@ def test_a_return_takes_the_time_of_its_parts(field: tuple[Plan, ReturnPlan]) ->
     assert 2.0 < 40.0 / gained_s < 15.0  # the speed of the return, m/s
     lower = replace(here, place_ned_m=np.add(here.place_ned_m, [0.0, 0.0, 5.0]))
     assert returns_s(near, lower) > returns_s(near, here)  # it has to climb
+    faster = replace(here, velocity_ned_mps=2.0 * here.velocity_ned_mps)
+    assert returns_s(near, faster) > returns_s(near, here)
+    above_ned_m = plan.pads_ned_m[0] - [0.0, 0.0, returns.altitudes_m[0] + 10.0]
+    still = replace(here, place_ned_m=above_ned_m, velocity_ned_mps=np.zeros(3))
+    lands_s = next(o.duration_s for o in near.alternatives(still) if o.outcome is Outcome.LAND)
+    assert returns.speeds.wait_s > 0.0
+    assert returns_s(adviser(field, 0.0), still) == pytest.approx(returns.speeds.wait_s + lands_s, abs=1.0)
 
 
 def test_the_rest_of_the_plan_needs_its_own_energy(field: tuple[Plan, ReturnPlan]) -> None:
