@@ -247,6 +247,8 @@ def _contradiction(plan: Plan) -> str:
         return wrong
     if plan.leg_limits and len(plan.leg_limits) != len(plan.route_s) + 1:
         return f"it has limits of {len(plan.leg_limits)} legs for {len(plan.route_s)} route points"
+    if not all(most > 0.0 for limits in plan.leg_limits for most in astuple(limits)):  # not a number either
+        return "the limits of a leg are not numbers above 0"
     span = (expected[0].start_s, expected[-1].end_s)
     for name, part in (("leader's track", motion), ("shape", shape)):
         if not np.allclose((part.start_s, part.end_s), span, rtol=0.0, atol=1e-6):

@@ -52,20 +52,22 @@ def replan(
     from gcs.cli.shared.plan_argument import Stopwatch, plan_path, solve_line
     from gcs.plan.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.replanning.replanner import Replanner
+    from gcs.util.long_work import shown
     from gcs.plan.verification.verify import refusal, verify
 
     watch = Stopwatch(BEGAN_S)
-    old, old_report = load_plan(plan, screen.warn)
-    if not old_report.ok:
-        screen.warn(f"{plan}: the old plan fails verification: {old_report.failures[0]}")
-    leader, disks = _state(state, old, at), tuple(_disk(text) for text in disk or ())
-    watch.lap("load")
-    replanner = Replanner(old, spare_disks=len(disks))
-    watch.lap("build")
-    made = replanner.replan(leader, at, disks, on_round=lambda done: screen.say(solve_line(done)))
-    watch.lap("re-plan")
-    report = verify(made)
-    watch.lap("verify")
+    with shown(screen.say):
+        old, old_report = load_plan(plan, screen.warn)
+        if not old_report.ok:
+            screen.warn(f"{plan}: the old plan fails verification: {old_report.failures[0]}")
+        leader, disks = _state(state, old, at), tuple(_disk(text) for text in disk or ())
+        watch.lap("load")
+        replanner = Replanner(old, spare_disks=len(disks))
+        watch.lap("build")
+        made = replanner.replan(leader, at, disks, on_round=lambda done: screen.say(solve_line(done)))
+        watch.lap("re-plan")
+        report = verify(made)
+        watch.lap("verify")
     path = plan_path(to, plan.with_name(f"{plan.stem}-at-{at:g}{SUFFIX}"))
     save_plan(made, report, path)
     if picture is not None:

@@ -62,7 +62,8 @@ def plan_for(
     if is_plan_file(mission):
         if refuse is not None:
             refuse(read_plan(mission)[0].scenario)
-        plan, report = load_plan(mission, screen.warn)
+        with shown(screen.say):
+            plan, report = load_plan(mission, screen.warn)
         if plan.begin_state is not None and not from_the_air:
             raise UsageError(
                 f"{mission}: this plan begins in the air, at t = {plan.t_start_s:g} s, not on the ground",

@@ -34,6 +34,7 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.types import Array
+from gcs.util.long_work import report
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,7 @@ def transcribe(
     problem: Problem, mesh: Mesh, last: Trajectory, control_form: ControlForm = ControlForm.LINEAR
 ) -> Program:
     """The program of one problem on one mesh. The leader's `last` trajectory decides which vehicles are active when."""
+    report("building the program")
     layout = VariableLayout(mesh, control_form, tuple(c.name for c in problem.coordinates))
     nx = layout.nx
     unit, shift = scales(problem, layout)

@@ -20,6 +20,7 @@ from gcs.plan.ocp.problem import Problem, Tightening, control_bounds
 from gcs.plan.trajectory.constraint_id import ANGLES, COLUMNS, ConstraintId, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.types import Array
+from gcs.util.long_work import report
 
 Evaluate = Callable[[Array], list[tuple[Margin, float]]]
 
@@ -78,6 +79,7 @@ def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> t
     """All violations of the constraints that exceed their tolerance at some instant."""
     found = []
     for coarse_s, evaluate in _checks(problem, trajectory, shape):
+        report("looking between the nodes")
         times, checked = _finely(coarse_s, evaluate)
         for margin, tolerance in checked:
             lowest = margin.value.min(axis=0)

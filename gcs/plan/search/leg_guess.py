@@ -12,6 +12,7 @@ from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.routes import MAX_ROUTES, Map, Route, is_clear, routes_between, survey
 from gcs.types import Array
+from gcs.util.long_work import report
 
 _STOP_S = 2.0  # that a guess allows for each end at rest
 _SLACK_S = 1e-6
@@ -155,6 +156,7 @@ def routes_through(problem: Problem) -> tuple[Route, ...]:
     moving = any(zone.moves for zone in problem.scenario.no_fly)
     legs = []
     for number, (start_s, _) in enumerate(problem.legs_s):
+        report("searching ways past zones and high ground")
         leg = one_leg(problem, number)
         if moving:
             whole, rigid = survey(leg), survey(leg, at_rest=True) if problem.coordinates else None

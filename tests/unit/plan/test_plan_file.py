@@ -192,6 +192,9 @@ def test_what_a_plan_keeps_of_its_lines_comes_back(tmp_path: Path, meadow_plan: 
     save_plan(replace(routed, leg_limits=(free,)), meadow_report, path)
     with pytest.raises(FileFormatError, match="limits of 1 legs for 1 route points"):
         read_plan(path)
+    save_plan(replace(routed, leg_limits=(free, LegLimits(-1.0, 1.0))), meadow_report, path)
+    with pytest.raises(FileFormatError, match="not numbers above 0"):
+        read_plan(path)
 
 
 def test_a_plan_without_a_route_is_written_without_one(saved: Path) -> None:
