@@ -82,6 +82,8 @@ def say_lines(screen: Screen, plan: Plan) -> None:
         if kept := [m for m in limits_m if np.isfinite(m)]:
             spread = f"{min(kept):g}" if min(kept) == max(kept) else f"{min(kept):g} to {max(kept):g}"
             parts.append(f"{spread} m {what} (on {counted(len(kept), 'leg')} of {len(limits_m)})")
+    if above := sum(line.ground is not None for line in plan.lines):
+        parts[-1] += f"; {counted(above, 'line')} at a height above the ground"
     screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}")
     drawn = leg_lines(plan.scenario)
     drawn = drawn[len(drawn) - len(plan.lines) + (plan.begin_state is not None) :]
@@ -170,9 +172,11 @@ def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     area_ha = float(found.area.area) / _SQUARE_M_PER_HA
     # Cut, not rounded: 99.96 % is not all of it.
     percent = int(1e3 * found.share) / 10.0
+    height = plan.scenario.survey and plan.scenario.survey.height_above_ground_m
+    seen = f" (swath by the height flown, {found.swath_m:g} m from {height:g} m)" if height else ""
     screen.say(
-        f"coverage: {percent:g} % of {area_ha:.2f} ha proved, {found.overlap:.0%} of it flown over more than once; "
-        f"{found.ha_per_battery:.2f} ha per battery, {found.reserve:.0%} of it in reserve"
+        f"coverage{seen}: {percent:g} % of {area_ha:.2f} ha proved, {found.overlap:.0%} of it flown over more than "
+        f"once; {found.ha_per_battery:.2f} ha per battery, {found.reserve:.0%} of it in reserve"
     )
     if gaps:
         missed_m2 = sum(gap.area_m2 for gap in gaps)

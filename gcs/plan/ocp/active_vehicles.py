@@ -26,7 +26,7 @@ NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
 # a no-fly zone, the displacement (2) of the zone; for a spare disk, the position of its centre (2) and its radius. Near
 # the ground, the place of the ground's nearest point (2) beside the vehicle's and the height to keep over that point.
 SLOT = 15
-LINE = 20  # numbers of a drawn line: its begin, and the rows of what is off it over their limits, column by column
+LINE = 21  # numbers of a drawn line: `LegLine.parameters`
 MOVED, RADIUS = slice(12, 14), 14
 FOOT, LIFT = slice(12, 14), 14
 _ASIDE_M = 8.0  # the next solution may pass so far from the last one
@@ -71,7 +71,7 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
     parameters, legs = parameters.reshape(len(times_s), -1), np.full(len(times_s), -1)
     if problem.lines:
         legs = problem.leg_of(times_s)
-        drawn = [np.append(line.begin, line.scaled_rows.ravel(order="F")) for line in problem.lines]
+        drawn = [line.parameters for line in problem.lines]
         parameters = np.hstack([parameters, np.array([*drawn, np.zeros(LINE)])[legs]])
     return ActiveVehicles(ground, near, moving, used, leaning, legs, parameters)
 

@@ -230,6 +230,11 @@ class Problem:
         return bool(self.shape.basis_ned_m[..., 2].any() or self.target_ned_m[:, 2].any())
 
     @property
+    def follows_ground(self) -> bool:
+        """Whether the line of some leg follows the ground."""
+        return any(line.ground is not None for line in self.lines)
+
+    @property
     def winds_differ(self) -> bool:
         """Whether vehicles at different heights fly in different winds."""
         return self.quadrotor.wind.has_shear and self.has_heights

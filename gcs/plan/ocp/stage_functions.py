@@ -110,11 +110,13 @@ def _path_functions(
     for slot in each[:near_ground]:
         north, east, _ = _place(problem, x, slot)
         places.append((x[0] + north + slot[FOOT][0], x[1] + east + slot[FOOT][1]))
+    if problem.follows_ground:
+        places.append((x[0], x[1]))
     if terrain.relief is None:
         heights = [ground_envelope_m(terrain, north, east, ca) for north, east in places]
         return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_zone)))
     # A spline takes no scalar symbols (SX): here the path is a function of matrix symbols (MX).
-    ground = ca.SX.sym("ground", near_ground)
+    ground = ca.SX.sym("ground", len(places))
     values = ca.vertcat(*_path(problem, z, motion, each, ca.vertsplit(ground), near_zone))
     with_ground = ca.Function("with_ground", [z, slots, ground], [values])
     below = ca.Function("below", [z, slots], [ca.horzcat(*(ca.vertcat(*place) for place in places))])
@@ -196,7 +198,8 @@ def _path(
     remaining = iter(slots if line is None else slots[:-1])
     values: list[ca.SX] = []
     # Clearance: Eq. 20 for the leader, Eq. 23 for a follower. `height` is that of the ground's nearest point.
-    for height in ground:
+    below_leader = ground[-1] if problem.follows_ground else 0.0
+    for height in ground[:-1] if problem.follows_ground else ground:
         slot = next(remaining)
         _, _, down = _place(problem, x, slot)
         values.append(-(x[2] + down) - height - slot[LIFT])
@@ -226,7 +229,8 @@ def _path(
         values.append((sine**2 * squared + slow - lateral**2) / problem.objective.speed_ref_mps**2)
         values.append((ahead + floor) / problem.objective.speed_ref_mps)
     if line is not None:
-        off = ca.mtimes(ca.reshape(line[4:], 4, 4), ca.vertcat(*x[:3], x[8]) - line[:4])
+        down = x[2] + line[LINE - 1] * below_leader
+        off = ca.mtimes(ca.reshape(line[4 : LINE - 1], 4, 4), ca.vertcat(*x[:2], down, x[8]) - line[:4])
         values += [1.0 - off[0] ** 2 - off[1] ** 2, 1.0 - off[2] ** 2, 1.0 - off[3] ** 2]
     return values
 

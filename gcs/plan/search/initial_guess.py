@@ -59,6 +59,8 @@ def _through(problem: Problem, route: Route) -> tuple[Array, Array]:
         share = np.linspace(0.0, 1.0, count)
         flown = stops[number] + share[:, None] * (stops[number + 1] - stops[number])
         flown[:, :2] = _rounded(leg.place(share))
+        if problem.lines and problem.lines[number].ground is not None:
+            flown[:, 2] = problem.lines[number].places(share)[:, 2]
         again = bool(number and not problem.points[number - 1].hold_s)  # the end of the leg before
         times.append(np.linspace(start_s, end_s, count)[again:])
         states.append(flown[again:])

@@ -28,11 +28,17 @@ def open_where_blocked(problem: Problem, guess: Trajectory) -> Problem:
 def _opened(problem: Problem, line: LegLine, leg: int, guess: Trajectory) -> LegLine:
     if line.limits.is_free:
         return line
+    if line.is_too_rough:
+        raise Infeasible.because(
+            f"{problem.leg_words(leg)}: the ground below varies by {line.envelope_gap_m:.1f} m within metres, too much "
+            f"to be followed within {line.limits.height_m:g} m",
+            hint="give the leg a larger height_tolerance_m, or its points heights that do not follow the ground",
+        )
     start_s, end_s = problem.legs_s[leg]
     count = max(int(np.linalg.norm(line.to_ned_m - line.from_ned_m) / _EVERY_M), 1) + 1
-    times, share = np.linspace(start_s, end_s, count), np.linspace(0.0, 1.0, count)[:, None]
+    times, share = np.linspace(start_s, end_s, count), np.linspace(0.0, 1.0, count)
     states = guess.state(times)
-    states[:, POSITION] = line.from_ned_m + share * (line.to_ned_m - line.from_ned_m)
+    states[:, POSITION] = line.places(share)
     places = states[:, POSITION] + offsets_at(problem, problem.shape.offsets(times), states)
     scenario, limits = problem.scenario, line.limits
     beside = [*no_fly(scenario, places, times), *(box(scenario, places) if problem.has_box else [])]

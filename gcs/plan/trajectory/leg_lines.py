@@ -1,4 +1,7 @@
-"""The straight lines between the points of a drawn route, and how far the leader may leave them."""
+"""The lines between the points of a drawn route, and how far the leader may leave them.
+
+A line is straight, or follows the ground where both of its ends have a height above the ground.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from gcs.plan.formation.coordinates import coordinates
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m
+from gcs.scenario.schema.scenario import Scenario, Terrain
 from gcs.scenario.values.si import NED_FROM_UP, quadrotor, route_points
 from gcs.types import Array
 
@@ -16,6 +20,9 @@ _HEIGHT_M = 1.0
 _LEAST_CORRIDOR_M = 1.0  # where no corner needs more
 _EASE, _REST_M = 1.5, 0.5  # of what the corner's circle needs: attitude takes time to change
 _FASTER = 1.25  # than the mean speed of the flight, where a point gives none
+_EVERY_M, _ACROSS, _BESIDE_MOST_M = 1.0, 5, 5.0  # where the ground and its envelope are compared
+_GROUND_RESERVE_M = 0.01  # of the height's tolerance, so that the proof need not look at every millimetre
+_ROUGHEST = 0.75  # of the height's tolerance that the envelope may take
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,46 @@ class LegLine:
         False,
         False,
     )  # whether the scenario gives the corridor, and the height's tolerance
+    ground: Terrain | None = None  # that the line follows; None: it is straight
+
+    def flattened(self, places: Array) -> Array:
+        """Places (..., 3), NED, with `down` from the ground below them where the line follows it."""
+        if self.ground is None:
+            return places
+        north, east, down = np.moveaxis(places, -1, 0)
+        return np.stack([north, east, down + ground_height_m(self.ground, north, east)], axis=-1)
+
+    def places(self, share: Array) -> Array:
+        """Places (..., 3), NED, on the line, from its begin (0) to its end (1)."""
+        first, last = self._ends
+        found = np.asarray(first + share[..., None] * (last - first))
+        if self.ground is not None:
+            found[..., 2] -= ground_height_m(self.ground, found[..., 0], found[..., 1])
+        return found
+
+    @cached_property
+    def _ends(self) -> Array:
+        return self.flattened(np.stack([self.from_ned_m, self.to_ned_m]))
+
+    @cached_property
+    def envelope_gap_m(self) -> float:
+        """How far the optimiser's smooth ground is above the true one, at most, along a line that follows it."""
+        if self.ground is None:
+            return 0.0
+        first, last = self._ends[:, :2]
+        along = last - first
+        share = np.linspace(0.0, 1.0, int(np.linalg.norm(along) / _EVERY_M) + 2)
+        beside_m = min(self.limits.corridor_m, _BESIDE_MOST_M)
+        across = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+        places = first + share[:, None, None] * along + np.linspace(-beside_m, beside_m, _ACROSS)[:, None] * across
+        north, east = np.moveaxis(places, -1, 0)
+        gap_m = ground_envelope_m(self.ground, north, east) - ground_height_m(self.ground, north, east)
+        return float(gap_m.max())
+
+    @property
+    def is_too_rough(self) -> bool:
+        """Whether the ground is too rough to be followed within the height's tolerance."""
+        return 0.5 * self.envelope_gap_m + _GROUND_RESERVE_M > _ROUGHEST * self.limits.height_m
 
     @cached_property
     def rows(self) -> Array:
@@ -56,7 +103,7 @@ class LegLine:
         The first two are beside it, the third below it, the fourth is the yaw. A leg that climbs or sinks more steeply
         than 45 degrees is left sideways only: its first two rows are north and east of the line at the same height.
         """
-        north, east, down = self.to_ned_m - self.from_ned_m
+        north, east, down = np.diff(self._ends, axis=0)[0]
         length_m = float(np.hypot(north, east))
         if abs(down) > length_m:
             return np.array(
@@ -69,18 +116,27 @@ class LegLine:
 
     @property
     def begin(self) -> Array:
-        """Place and yaw (4,) that differences are from."""
-        return np.append(self.from_ned_m, self.yaw_ned_rad)
+        """Place and yaw (4,) that differences are from; `down` is that of `flattened`."""
+        return np.append(self._ends[0], self.yaw_ned_rad)
 
     @property
-    def scaled_rows(self) -> Array:
-        """The same rows (4, 4) over the limits: the leader keeps the line where all parts are within 1."""
-        kept = self.limits
-        return np.asarray(self.rows / np.array([[kept.corridor_m], [kept.corridor_m], [kept.height_m], [kept.yaw_rad]]))
+    def parameters(self) -> Array:
+        """Numbers (21,) of the program: begin, rows over the limits column by column, whether it follows the ground.
+
+        The leader keeps the line where the rows are within 1. The program has the smooth ground, which is up to
+        `envelope_gap_m` higher: it aims at the middle of what that leaves.
+        """
+        kept, begin, gap_m = self.limits, self.begin.copy(), self.envelope_gap_m
+        height_m = kept.height_m
+        if self.ground is not None:
+            begin[2] += 0.5 * gap_m
+            height_m -= 0.5 * gap_m + _GROUND_RESERVE_M
+        scaled = self.rows / np.array([[kept.corridor_m], [kept.corridor_m], [height_m], [kept.yaw_rad]])
+        return np.concatenate([begin, scaled.ravel(order="F"), [float(self.ground is not None)]])
 
     def off(self, states: Array) -> tuple[Array, Array, Array]:
         """How far states (..., 9 or more) are beside the line (...), above or below it, m, and off its yaw, rad."""
-        off = (np.concatenate([states[..., :3], states[..., 8:9]], axis=-1) - self.begin) @ self.rows.T
+        off = (np.concatenate([self.flattened(states[..., :3]), states[..., 8:9]], axis=-1) - self.begin) @ self.rows.T
         return np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2]), np.abs(off[..., 3])
 
     def within(self, limits: LegLimits) -> "LegLine":
@@ -103,6 +159,11 @@ def leg_lines(scenario: Scenario) -> tuple[LegLine, ...]:
         return ()
     places = scenario.start.position_m, *(point.position_m for point in points), scenario.end.position_m
     stops = np.array(places) * NED_FROM_UP
+    above = [
+        scenario.start.height_above_ground_m is not None,
+        *(point.height_above_ground_m is not None for point in points),
+        scenario.end.height_above_ground_m is not None,
+    ]
     headings_deg = (
         scenario.start.roll_pitch_yaw_deg[2],
         *(point.heading_deg for point in points),
@@ -126,7 +187,8 @@ def leg_lines(scenario: Scenario) -> tuple[LegLine, ...]:
             tolerance_rad if same else np.inf,
         )
         said = corridor is not None, height is not None
-        lines.append(LegLine(leg + 1, begin, end, _turned_rad(yaw_deg or 0.0), limits, said))
+        ground = scenario.terrain if all(above[leg : leg + 2]) else None
+        lines.append(LegLine(leg + 1, begin, end, _turned_rad(yaw_deg or 0.0), limits, said, ground))
     return tuple(lines)
 
 

@@ -4,6 +4,8 @@ A vehicle sees all places within half the swath of its track between T0 and the 
 the track is a chain of chords, and the radius is smaller by as much as the true track may be away from them. Between
 instants `h` apart it is within h² / 8 times the largest acceleration, which Taylor models bound. Dropping a corner of
 the chain moves it by at most `_CHORD_M`. Circles are polygons inside of them.
+
+Where [survey] gives a height above the ground, the swath of a piece of track is that of the lowest height in it.
 """
 
 from dataclasses import dataclass
@@ -16,11 +18,14 @@ from gcs.physics.states import POSITION
 from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.scenario.environment.ground_distance import steepness
+from gcs.scenario.environment.terrain import ground_height_m
 from gcs.types import Array
 from gcs.util.cache import once
 
 _STEP_S = 0.1
 _CHORD_M = 0.005
+_PIECE = 20  # instants in a piece of track with one swath
 _QUARTER = 32  # corners of a quarter of a circle: it is too small by 0.03 % of its radius
 _SEEN_M2 = 1e-4  # a smaller remainder is rounding: 1 cm by 1 cm
 _SQUARE_M_PER_HA = 10_000.0
@@ -92,10 +97,15 @@ def coverage(plan: Plan) -> Coverage | None:
     joints = plan.joints_s[(plan.joints_s > 0.0) & (plan.joints_s < plan.flight_s)]
     t_s = np.unique(np.concatenate([even, joints]))
     slack_m = _bow_m(plan, t_s) + _CHORD_M
-    places = plan.states(t_s)[..., POSITION][..., :2]  # (V, N, 2)
-    tracks = [shapely.simplify(shapely.LineString(track), _CHORD_M, preserve_topology=False) for track in places]
-    radius_m = max(survey.swath_m / 2.0 - slack_m, 0.0)
-    covered = shapely.union_all([_swept(track, radius_m) for track in tracks])
+    places = plan.states(t_s)[..., POSITION]  # (V, N, 3)
+    tracks = [shapely.simplify(shapely.LineString(t), _CHORD_M, preserve_topology=False) for t in places[..., :2]]
+    half_m = 0.5 * survey.swath_m
+    if survey.height_above_ground_m is None:
+        swept = [_swept(track, max(half_m - slack_m, 0.0)) for track in tracks]
+    else:
+        shares = _heights_m(plan, t_s, places) / survey.height_above_ground_m
+        swept = [_swept_by_height(*one, slack_m) for one in zip(places[..., :2], half_m * shares, strict=True)]
+    covered = shapely.union_all(swept)
     parts = shapely.get_parts(shapely.difference(survey.area, covered))
     left = [part for part in parts if part.area > _SEEN_M2]
     return Coverage(
@@ -112,12 +122,33 @@ def coverage(plan: Plan) -> Coverage | None:
 
 def _bow_m(plan: Plan, t_s: Array) -> float:
     """How far the track of any vehicle may be from its chords between instants (N,), horizontally."""
-    start_s, end_s = t_s[:-1], t_s[1:]
-    leader = enclosed(plan.leader_trajectory.state, start_s, end_s, 2, 2)[:2].size()  # (2, N)
-    factors = enclosed(plan.shape.functions, start_s, end_s, 2, 2).size()  # (K, N)
-    own = np.einsum("kva,kn->van", np.abs(plan.shape.basis_ned_m[..., :2]), factors)  # (V, 2, N)
-    accel_mps2 = np.hypot(*np.moveaxis(leader + own, 1, 0))  # (V, N)
-    return float(np.max((end_s - start_s) ** 2 / 8.0 * accel_mps2))
+    accel_mps2 = np.hypot(*np.moveaxis(_largest(plan, t_s, 2)[:, :2], 1, 0))  # (V, N)
+    return float(np.max(np.diff(t_s) ** 2 / 8.0 * accel_mps2))
+
+
+def _largest(plan: Plan, t_s: Array, derivative: int) -> Array:
+    """Bounds (V, 3, N - 1) of a derivative of every vehicle's place between instants (N,)."""
+    leader = enclosed(plan.leader_trajectory.state, t_s[:-1], t_s[1:], 2, derivative)[:3].size()
+    factors = enclosed(plan.shape.functions, t_s[:-1], t_s[1:], 2, derivative).size()  # (K, N - 1)
+    return np.asarray(leader + np.einsum("kva,kn->van", np.abs(plan.shape.basis_ned_m), factors))
+
+
+def _heights_m(plan: Plan, t_s: Array, places: Array) -> Array:
+    """Least heights (V, N - 1) above the ground between instants (N,) with places (V, N, 3)."""
+    terrain, speeds = plan.scenario.terrain, _largest(plan, t_s, 1)
+    above_m = -places[..., 2] - ground_height_m(terrain, places[..., 0], places[..., 1])
+    falls_mps = speeds[:, 2] + steepness(terrain) * np.hypot(speeds[:, 0], speeds[:, 1])
+    return np.asarray(np.minimum(above_m[:, :-1], above_m[:, 1:]) - 0.5 * np.diff(t_s) * falls_mps)
+
+
+def _swept_by_height(track: Array, half_m: Array, slack_m: float) -> BaseGeometry:
+    """What is within half of its swath (N - 1,) of each piece of a track (N, 2)."""
+    swept = []
+    for first in range(0, len(half_m), _PIECE):
+        piece = shapely.LineString(track[first : first + _PIECE + 1])
+        radius_m = float(half_m[first : first + _PIECE].min()) - slack_m
+        swept.append(_swept(shapely.simplify(piece, _CHORD_M, preserve_topology=False), max(radius_m, 0.0)))
+    return shapely.union_all(swept)
 
 
 def _swept(track: shapely.LineString, radius_m: float) -> BaseGeometry:

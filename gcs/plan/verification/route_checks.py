@@ -11,15 +11,19 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
+from gcs.plan.trajectory.leg_lines import LegLine
 from gcs.plan.trajectory.passages import Passage
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.verdict import ANGLE_TOLERANCE_DEG, LENGTH_TOLERANCE_M, SPEED_TOLERANCE_MPS, Check
+from gcs.scenario.environment.ground_distance import steepness
 from gcs.scenario.values.si import route_points
 from gcs.types import Array
 
 TIME_TOLERANCE_S = 1e-3
+_FIRST_S, _SHORTEST_S = 0.05, 5e-5  # between instants at which the height above the ground is computed
+_NEAR_M = 0.002  # how much the bound may be above what is reached
 _PARTS = 16  # of a hold's polynomials, each bounded on its own
 _ORDER = 3
 _PLACE_AND_YAW = [0, 1, 2, 8]
@@ -71,7 +75,10 @@ def _line_checks(plan: Plan, sysid: int) -> list[Check]:
         ):
             if np.isinf(most) or not start_s < end_s:
                 continue
-            seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), rows)
+            if kind is Kind.LEG_HEIGHT and line.ground is not None:
+                seen, bound, t_s = _farthest_from_ground_line(plan, line, (start_s, end_s))
+            else:
+                seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), rows)
             margin, proved = (float(m) if unit == "m" else float(np.degrees(m)) for m in (most - seen, most - bound))
             if kind not in worst or proved < worst[kind][0]:
                 name = ConstraintId(kind, of=line.number)
@@ -151,3 +158,33 @@ def _farthest(
     middle = np.linalg.norm(model.middle, axis=0)
     worst = int(np.argmax(middle))
     return float(middle[worst]), bound, float(0.5 * (edges_s[worst] + edges_s[worst + 1]))
+
+
+def _farthest_from_ground_line(plan: Plan, line: LegLine, span_s: tuple[float, float]) -> tuple[float, float, float]:
+    """The largest distance above or below a line that follows the ground: one that is reached, a bound, and when.
+
+    Between two instants it changes by no more than the leader's speeds and the steepest ground allow. Intervals are
+    halved where that is not enough.
+    """
+    assert line.ground is not None
+    every = plan.leader_trajectory.state
+    joints_s = every.x[(every.x > span_s[0]) & (every.x < span_s[1])]
+    edges_s = np.unique(np.concatenate([np.arange(span_s[0], span_s[1], _FIRST_S), joints_s, [span_s[1]]]))
+    start_s, end_s = edges_s[:-1], edges_s[1:]
+    velocity = PPoly(every.c[..., POSITION], every.x).derivative()
+    slope, steepest = line.rows[2], steepness(line.ground)
+    seen, bound, when_s = -np.inf, -np.inf, span_s[0]
+    while len(start_s):
+        middle_s = 0.5 * (start_s + end_s)
+        off_m = line.off(every(middle_s))[1]
+        speeds = enclosed(velocity, start_s, end_s, _ORDER)
+        horizontal_mps = np.linalg.norm(speeds[:2].size(), axis=0)
+        along_mps = (speeds[0] * slope[0] + speeds[1] * slope[1] + speeds[2] * slope[2]).size()
+        most_m = off_m + 0.5 * (end_s - start_s) * (along_mps + steepest * horizontal_mps)
+        worst = int(np.argmax(off_m))
+        if off_m[worst] > seen:
+            seen, when_s = float(off_m[worst]), float(middle_s[worst])
+        wide = (most_m > seen + _NEAR_M) & (end_s - start_s > _SHORTEST_S)
+        bound = max(bound, float(most_m[~wide].max(initial=-np.inf)))
+        start_s, end_s = np.append(start_s[wide], middle_s[wide]), np.append(middle_s[wide], end_s[wide])
+    return seen, bound, when_s

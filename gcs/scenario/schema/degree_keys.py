@@ -30,6 +30,7 @@ _LISTED = 4  # places that a message writes out
 _WRITTEN_MAX = 1e12  # larger numbers were not typed by a person
 _DIGITS = 6  # of metres: a place that is given twice is the same place
 _HEIGHT = 2  # index in a position
+ABOVE_GROUND = "height_above_ground_m"  # instead of a height in a position, in metres or in degrees
 _EARTH_M, _WIDER_M = 6.37e6, 0.05
 _ROUNDING_M = 0.02  # of degrees with seven digits
 
@@ -137,19 +138,25 @@ class _Position(DegreeKeys):
 
     def converted(self, values: Values, origin: Origin) -> Table:
         lat_deg, lon_deg = values["position_deg"]
-        if "height_m" in values:
-            return {"position_m": _rounded(place_up_m(lat_deg, lon_deg, values["height_m"], origin))}
+        if "alt_amsl_m" not in values:
+            up_m = place_up_m(lat_deg, lon_deg, values.get("height_m", 0.0), origin)
+            return {"position_m": _rounded(up_m)}
         ned_m = geodetic_to_ned(lat_deg, lon_deg, values["alt_amsl_m"], origin)
         return {"position_m": _rounded(ned_m * [1.0, 1.0, -1.0])}
 
     def in_file(self, key: Key, values: Values) -> Key:
-        return (next(name for name in self.heights if name in values) if key[1:] == (_HEIGHT,) else "position_deg",)
+        height = next((name for name in self.heights if name in values), ABOVE_GROUND)
+        return (height if key[1:] == (_HEIGHT,) else "position_deg",)
 
     def changed(self, name: str, key: Key, value: Any, metres: Values, origin: Origin) -> Any:
         position, axis = np.array(metres["position_m"]), int(key[1])
         position[axis] = value + (np.sign(value - position[axis]) * _ROUNDING_M if axis != _HEIGHT else 0.0)
         lat_deg, lon_deg, alt_amsl_m = map(float, ned_to_geodetic(position * [1.0, 1.0, -1.0], origin))
         return {"position_deg": [lat_deg, lon_deg], "height_m": value, "alt_amsl_m": alt_amsl_m}[name]
+
+    def add_to(self, schema: Table) -> None:
+        super().add_to(schema)
+        schema["properties"]["position_m"]["minItems"] = _HEIGHT  # beside a height above the ground
 
 
 class _Centre(DegreeKeys):

@@ -159,6 +159,10 @@ class RoutePoint(Part):
 
     name: Annotated[str, Field(max_length=100)] | None = left_out("name, as reports and maps show it")
     position_m: Place = Field(description="north, east, height, m")
+    height_above_ground_m: Length | None = left_out(
+        "instead of a height in position_m or position_deg: height above the ground there, m; between two such points "
+        "the leader follows the ground"
+    )
     radius_m: Length | None = Field(
         default=None,
         description="the leader passes within this distance, in any direction; left out: through the point, m",
@@ -205,6 +209,9 @@ class LegsTable(Part):
     height_tolerance_m: Length | Literal["free"] | None = left_out(
         "largest distance of the leader above or below the line, m; left out: 1 m"
     )
+    height_above_ground_m: Length | None = left_out(
+        "of start, points and end whose position gives no height, m above the ground there"
+    )
     heading_tolerance_deg: Annotated[Number, Field(ge=0.1, le=180)] | Literal["free"] = Field(
         default=5.0,
         description="largest difference of the leader's yaw where both ends of a leg have one heading, degrees",
@@ -244,6 +251,10 @@ class SurveyTable(Part):
     degree_keys = (POLYGON,)
 
     swath_m: Length = Field(description="a vehicle sees all places within half of this width, m")
+    height_above_ground_m: Length | None = left_out(
+        "height above the ground from which swath_m is seen: from half of it, half of the width; left out: swath_m is "
+        "seen from every height, m"
+    )
     polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
     hole: tuple[SurveyHole, ...] = Field(default=(), max_length=100, description="parts that need no coverage")
 

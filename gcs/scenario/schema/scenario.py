@@ -235,6 +235,9 @@ class Boundary(Part):
     degree_keys = (POSITION,)
 
     position_m: Place = Field(description="north, east, height, m")
+    height_above_ground_m: Length | None = left_out(
+        "instead of a height in position_m or position_deg: height above the ground there, m"
+    )
     velocity_mps: tuple[Velocity, Velocity, Velocity] = Field(
         default=(0.0, 0.0, 0.0), description="north, east, up, m/s"
     )

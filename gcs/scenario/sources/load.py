@@ -18,6 +18,13 @@ from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 from gcs.scenario.validation.cross_table import check
+from gcs.scenario.validation.ground_heights import (
+    above_ground,
+    in_ground_keys,
+    sound_above_ground,
+    with_room_for_heights,
+    without_ground_heights,
+)
 from gcs.scenario.validation.schema_words import from_pydantic
 from gcs.scenario.validation.slips import UNIT, Meant, as_meant
 from gcs.scenario.validation.to_metres import in_degree_keys, in_metres
@@ -63,7 +70,7 @@ def load_scenario(path: Path | str) -> Scenario:
     file = scenario_file(Path(path))
     text = _read(file)
     meant = _meant(file, text, Scenario, (KEY,))
-    converted = in_metres(meant.data)
+    converted = in_metres(with_room_for_heights(meant.data))
     data, mistakes, elsewhere = converted.data, [*meant.mistakes], None
     mistakes += [one for one in converted.mistakes if not meant.follows(one)]
     meant.guessed |= converted.spoilt
@@ -97,7 +104,8 @@ def with_keys(scenario: Scenario, **tables: Any) -> Scenario:
             return new
         return old | {key: merged(old.get(key), value) for key, value in new.items()}
 
-    changed, mistakes = _judged(merged(scenario.model_dump(), tables), Path(), set())
+    every = with_room_for_heights(merged(without_ground_heights(scenario.model_dump()), tables))
+    changed, mistakes = _judged(every, Path(), set())
     if mistakes or changed is None:
         raise _error_report(Path(f"scenario {scenario.name}, changed"), mistakes)
     return with_changes_of_route(changed)
@@ -163,10 +171,12 @@ def _judged(data: Table, folder: Path, certain: set[Key]) -> tuple[Scenario | No
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        sound = _sound_tables(data)
+        sound = sound_above_ground(_sound_tables(data))
         return None, [*from_pydantic(error), *check(Scenario.model_construct(**sound), sound, certain)]
     scenario, lacking = _with_relief(scenario, folder)
-    return scenario, lacking or check(scenario, certain=certain)
+    if not lacking:
+        scenario, lacking = above_ground(scenario)
+    return scenario, lacking or [in_ground_keys(one, scenario) for one in check(scenario, certain=certain)]
 
 
 def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from gcs.frames import Origin, geodetic_to_ned
-from gcs.scenario.schema.degree_keys import DegreeKeys, Pair, adapter, is_number, numbers
+from gcs.scenario.schema.degree_keys import ABOVE_GROUND, DegreeKeys, Pair, adapter, is_number, numbers
 from gcs.scenario.schema.fields import FARTHEST_M, tables
 from gcs.scenario.schema.mistake import KeyChange, Mistake, from_e7, plain, value_at
 from gcs.scenario.schema.scenario import OriginTable, Scenario
@@ -70,7 +70,8 @@ class InMetres:
         if not values:
             return
         in_metres = [name for name in keys.metres if table.get(name) is not None]
-        mistakes = list(_place_mistakes(keys, values, in_metres, self.origin, key))
+        is_above = table.get(ABOVE_GROUND) is not None
+        mistakes = list(_place_mistakes(keys, values, in_metres, self.origin, key, is_above=is_above))
         self.mistakes += mistakes
         if not mistakes and self.origin is not None:
             metres = keys.converted(values, self.origin)
@@ -95,9 +96,12 @@ def in_metres(data: Table) -> InMetres:
 
 
 def _place_mistakes(
-    keys: DegreeKeys, values: Table, in_metres: list[str], origin: Origin | None, key: Key
+    keys: DegreeKeys, values: Table, in_metres: list[str], origin: Origin | None, key: Key, *, is_above: bool
 ) -> Iterator[Mistake]:
-    """The mistakes of one place in degrees: of its keys, of where it is, and of each number."""
+    """The mistakes of one place in degrees: of its keys, of where it is, and of each number.
+
+    With `is_above` its height is that above the ground, in a key that tables in metres have too.
+    """
     names, heights = list(keys.degrees), [name for name in keys.heights if name in values]
     lacking, first = [name for name in names if name not in values], next(iter(values))
     third = numbers(values.get(names[0]), 3) if keys.heights else None
@@ -110,12 +114,13 @@ def _place_mistakes(
         yield Mistake((*key, lacking[0]), f"missing; {first} needs it", remedy=step)
     if in_metres or lacking:
         return
-    if keys.heights and not heights and not third:
-        text = f"missing; {first} needs a height: height_m above the origin, or alt_amsl_m above the sea"
+    if keys.heights and not heights and not third and not is_above:
+        text = f"missing; {first} needs a height: height_m above the origin, alt_amsl_m above the sea"
+        text += ", or height_above_ground_m"
         yield Mistake((*key, "height_m"), text, remedy="add height_m, in m")
-    if heights[1:]:
-        text = f"stands beside {heights[0]}; both are the height"
-        yield Mistake((*key, heights[1]), text, values[heights[1]], "keep one of the two")
+    if beside := [*[ABOVE_GROUND] * is_above, *heights][1:]:
+        text = f"stands beside {ABOVE_GROUND if is_above else heights[0]}; both are the height"
+        yield Mistake((*key, beside[0]), text, values[beside[0]], "keep one of the two")
     found = list(_misplaced(keys, values, third, origin, key))
     yield from found
     for name in heights if found else values:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gcs.plan.trajectory.leg_lines import LegLimits, LegLine, leg_lines, remaining_lines
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m
+from gcs.scenario.schema.scenario import Mountains, Ripple, Scenario, Terrain
 from tests.unit.plan.route_flights import flight_through
 
 KEPT = LegLimits(2.0, 1.0, 0.5)
@@ -44,8 +45,57 @@ def test_what_is_off_a_line(
 def test_the_scaled_rows_are_one_at_the_limits() -> None:
     drawn = line(30.0, 40.0, -10.0, yaw_rad=1.0)
     at = state(15.0 - 1.6, 20.0 + 1.2, -6.0, yaw_rad=1.5)
-    off = drawn.scaled_rows @ (np.append(at[:3], at[8]) - drawn.begin)
-    np.testing.assert_allclose(np.abs(off), [2.0 / 2.0, 0.0, 1.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(np.abs(in_program(drawn, at)), [2.0 / 2.0, 0.0, 1.0, 1.0], atol=1e-12)
+
+
+def in_program(drawn: LegLine, at: np.ndarray, ground_m: float = 0.0) -> np.ndarray:
+    """What the program computes for one state, over a smooth ground of this height: kept where all are within 1."""
+    begin, rows, follows = np.split(drawn.parameters, [4, 20])
+    place = np.append(at[:3] + np.array([0.0, 0.0, follows[0] * ground_m]), at[8])
+    return np.asarray(rows.reshape(4, 4, order="F") @ (place - begin))
+
+
+HILL = Terrain(
+    mountains=Mountains(
+        north_m=(25.0, 40.0), east_m=(30.0, 55.0), height_m=(9.0, -4.0), spread_north_m=(20.0, 9.0),
+        spread_east_m=(15.0, 8.0),
+    )
+)  # fmt: skip
+
+
+def test_a_line_above_the_ground_is_its_height_above_every_place_below() -> None:
+    begin, end = np.array([10.0, 20.0, 0.0]), np.array([40.0, 60.0, 0.0])
+    for place, above_m in ((begin, 12.0), (end, 17.0)):
+        place[2] = -ground_height_m(HILL, place[0], place[1]) - above_m
+    drawn = LegLine(1, begin, end, 0.0, KEPT, ground=HILL)
+    places = drawn.places(np.array([0.0, 0.3, 1.0]))
+    np.testing.assert_allclose(places[[0, 2]], [begin, end], atol=1e-12)
+    above_m = -places[:, 2] - ground_height_m(HILL, places[:, 0], places[:, 1])
+    np.testing.assert_allclose(above_m, [12.0, 13.5, 17.0], atol=1e-12)
+    states = np.zeros((3, 12))
+    states[:, :3] = places + np.array([-0.48, 0.36, 0.0])  # 0.6 m beside, where the ground is another
+    states[:, 2] = -ground_height_m(HILL, states[:, 0], states[:, 1]) - above_m - 0.7
+    beside_m, off_m, _ = drawn.off(states)
+    np.testing.assert_allclose(beside_m, 0.6, atol=1e-12)
+    np.testing.assert_allclose(off_m, 0.7, atol=1e-12)
+
+
+def test_the_program_keeps_within_the_limit_whatever_the_envelope_hides() -> None:
+    """With a ripple the smooth ground is above the true one by up to its peak; both ends of that must be within."""
+    ripple = Ripple(a=0.0, b=0.1, c=0.0, d=0.0, e=0.0, f=0.0, g=0.0)
+    rippled = Terrain(ripple=ripple, mountains=HILL.mountains)
+    begin, end = np.array([10.0, 20.0, -30.0]), np.array([40.0, 60.0, -35.0])
+    drawn = LegLine(1, begin, end, 0.0, LegLimits(2.0, 3.0, 0.5), ground=rippled)
+    assert 0.5 < drawn.envelope_gap_m < 1.2 and not drawn.is_too_rough
+    assert LegLine(1, begin, end, 0.0, LegLimits(2.0, 0.5, 0.5), ground=rippled).is_too_rough
+    for share in np.linspace(0.0, 1.0, 60):
+        (place,) = drawn.places(np.array([share]))
+        smooth_m = float(ground_envelope_m(rippled, place[0], place[1]))
+        for off_m in np.linspace(-4.0, 4.0, 81):
+            at = np.zeros(12)
+            at[:3] = place + np.array([0.0, 0.0, off_m])
+            if np.abs(in_program(drawn, at, smooth_m)).max() <= 1.0:
+                assert abs(off_m) <= 3.0
 
 
 def test_by_default_the_corridor_is_what_the_corner_needs(simulation1: Scenario) -> None:

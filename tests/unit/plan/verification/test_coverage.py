@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from gcs.plan.trajectory.phases import phases_of
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.coverage import Coverage, coverage
-from gcs.scenario.schema.scenario import Power, Scenario
+from gcs.scenario.schema.scenario import Mountains, Power, Scenario, Terrain
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.sources.survey_flight import SurveyOrder, survey_flight
 from gcs.scenario.sources.template import scenario_text
@@ -153,3 +154,27 @@ def test_the_battery_of_a_survey_is_that_of_the_whole_flight(scenario: Scenario)
     plan = flown(scenario, corners_of(scenario)[:3])
     hovers = battery_model(plan).hover_per_s * (plan.t_end_s - plan.t_start_s)
     assert proved(plan).used == pytest.approx([hovers] * len(plan.sysids), rel=5e-3)
+
+
+def test_the_swath_is_that_of_the_height_flown(scenario: Scenario) -> None:
+    """From 60 % of the height at which the swath counts, 60 % of it is seen; a bump below takes some of that, too."""
+    survey = scenario.survey
+    assert survey is not None
+    flown_m = scenario.start.position_m[2]
+    lower = survey.model_copy(update={"height_above_ground_m": flown_m / 0.6})
+    same = survey.model_copy(update={"swath_m": 0.6 * SWATH_M})
+    plan = flown(scenario, corners_of(scenario))
+    by_height, by_width = (
+        proved(replace(plan, scenario=scenario.model_copy(update={"survey": table}))) for table in (lower, same)
+    )
+    assert by_height.share == pytest.approx(by_width.share, abs=1e-5)
+    assert by_width.share < 0.9
+    hill = Terrain(
+        mountains=Mountains(
+            north_m=(50.0,), east_m=(60.0,), height_m=(6.0,), spread_north_m=(20.0,), spread_east_m=(20.0,)
+        )
+    )
+    over_hill = proved(replace(plan, scenario=scenario.model_copy(update={"survey": lower, "terrain": hill})))
+    worst = shapely.Point(50.0, 60.0).buffer(25.0)
+    missed = [found.uncovered.intersection(worst).area for found in (over_hill, by_height)]
+    assert missed[0] > 1.5 * missed[1]

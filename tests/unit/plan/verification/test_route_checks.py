@@ -16,6 +16,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.route_checks import route_checks
 from gcs.plan.verification.verify import verify
+from gcs.scenario.schema.scenario import Mountains, Terrain
 from tests.unit.plan.routed import with_route
 
 AT_S = (4.0, 10.0, 15.0)
@@ -179,3 +180,35 @@ def test_who_leaves_the_line_fails_by_leg(meadow_plan: Plan, limits: LegLimits, 
 def test_what_the_scenario_says_of_a_leg_no_plan_gives_away(meadow_plan: Plan) -> None:
     beside = aside(with_route(meadow_plan, {4.0: {}, 10.0: {}}), 2.0, radius_m=2.1, corridor_m=1.5)
     assert failed(replace(beside, leg_limits=(NO_LIMITS,) * 3)) == ["leg 2: distance beside the line"]
+
+
+def over_a_bump(plan: Plan, height_m: float, spread_m: float) -> Plan:
+    """Level at 8 m above height 0 for 20 s at 1 m/s, over a bump at 10.3 m, drawn 8 m above the ground."""
+    state = np.zeros((2, 1, 12))
+    state[0, 0, 0], state[1, 0, 2], state[1, 0, 3] = 1.0, -8.0, 1.0
+    motion = Trajectory(PPoly(state, [0.0, 20.0]), PPoly(np.zeros((1, 1, 4)), [0.0, 20.0]))
+    level = with_route(replace(plan, leader_trajectory=motion), {5.0: {"height_above_ground_m": 8.0}})
+    bump = Mountains(
+        north_m=(10.3,), east_m=(0.0,), height_m=(height_m,), spread_north_m=(spread_m,), spread_east_m=(1.0,)
+    )
+    ends = {
+        name: end.model_copy(update={"position_m": place, "height_above_ground_m": 8.0})
+        for name, end, place in (
+            ("start", level.scenario.start, (0.0, 0.0, 8.0)), ("end", level.scenario.end, (20.0, 0.0, 8.0)),
+        )
+    }  # fmt: skip
+    scenario = level.scenario.model_copy(update=ends | {"terrain": Terrain(mountains=bump)})
+    return replace(level, scenario=scenario, leg_limits=(LegLimits(1.0, 0.5), LegLimits(1.0, 0.5)))
+
+
+@pytest.mark.parametrize("spread_m", [1.0, 0.2, 0.01])
+@pytest.mark.parametrize(("height_m", "said"), [(0.49, []), (0.51, ["leg 2: distance above or below the line"])])
+def test_a_bump_that_no_sample_meets_is_found(
+    meadow_plan: Plan, spread_m: float, height_m: float, said: list[str]
+) -> None:
+    plan = over_a_bump(meadow_plan, height_m, spread_m)
+    assert failed(plan) == said
+    check = next(c for c in route_checks(plan) if c.name == "leg 2: distance above or below the line")
+    assert check.proved is not None
+    assert check.proved <= 0.5 - height_m <= check.worst + 1e-6
+    assert check.proved == pytest.approx(0.5 - height_m, abs=2.5e-3)
