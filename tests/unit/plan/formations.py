@@ -145,6 +145,7 @@ FLIGHTS: dict[str, Callable[[Scenario], Scenario]] = {
     "turn": lambda s: fleet(s, changes=(at(TURN, 2.0),)),
     "shrink": lambda s: fleet(s, changes=(at(SHRINK, 0.0),), time={"flight_s": 25.0}),
     "reshape": lambda s: fleet(s, 5, changes=(at(TO_ROW, 2.0),)),
+    "reshape and turn": lambda s: fleet(s, 5, changes=(at(TO_ROW, 2.0), at(TURN, 16.0)), time={"flight_s": 45.0}),
     "tight turn": lambda s: fleet(s, changes=(at(TURN, 2.0),), **TIGHT),
     "tight shrink": lambda s: fleet(s, changes=(at({**SHRINK, "scale": 3.0}, 4.0),), **TIGHT),
     "lanes": lambda s: fleet(

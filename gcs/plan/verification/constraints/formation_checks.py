@@ -66,14 +66,19 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     changes = [change for change in plan.scenario.formation.change if not change.auto]
     found = [(np.inf, mission.end_s)] * abs(len(changes) - len(plan.scheduled_moves))
     for change, move in zip(changes, plan.scheduled_moves, strict=False):
-        if plan.begin_state is not None and move.start_s < plan.t_start_s:
-            continue  # it began before this plan
+        if began_before(plan, move.start_s):
+            continue
         required = _required_s(plan, change)
         begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
         found.append(
             (np.inf, move.start_s) if required is None else (float(np.ptp([move.start_s, begun, required])), required)
         )
     return found
+
+
+def began_before(plan: Plan, start_s: float) -> bool:
+    """Whether a change began before a plan that begins in the air."""
+    return plan.begin_state is not None and start_s < plan.t_start_s
 
 
 def _required_s(plan: Plan, change: ChangeTable) -> float | None:
@@ -118,6 +123,8 @@ def assignments_m(plan: Plan) -> list[tuple[float, float]]:
     for change, move in zip(changes, plan.scheduled_moves, strict=False):
         if change.kind != "reshape" or change.assignment == "fixed" or bends(plan):
             continue
+        if began_before(plan, move.start_s):
+            continue
         before, after = plan.shape.at(move.start_s), plan.shape.at(move.end_s)
         ways = cdist(before, after)
         others = np.arange(len(ways)) != plan.leader
@@ -142,7 +149,8 @@ def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s
     fixed = np.arange(len(targets))
     if change.assignment == "fixed":
         return fixed
-    if bends(plan):  # rotated and scaled, the shape does not tell which vehicle is where
+    # Rotated and scaled, or before the plan begins, the shape does not tell which vehicle is where.
+    if bends(plan) or began_before(plan, end_s):
         limits, leader = plan.scenario.limits, plan.leader
         try:
             return reshape(places, targets, leader, limits.separation_min_m).places

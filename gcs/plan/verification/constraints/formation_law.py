@@ -13,9 +13,9 @@ import numpy as np
 
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.formation_checks import expected_places
+from gcs.plan.verification.constraints.formation_checks import began_before, expected_places
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
-from gcs.plan.verification.constraints.scheduled_shape import Stretch
+from gcs.plan.verification.constraints.scheduled_shape import Stretch, legs_of
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, total
@@ -57,8 +57,12 @@ def spans(plan: Plan) -> list[Span]:
             axis = down if change.axis is None else np.array(change.axis) * NED_FROM_UP
             found.append(Span(move.start_s, move.end_s, "rotate", expected, after, axis / np.linalg.norm(axis)))
             continue
-        edges = _standstills(plan, move.start_s, move.end_s)
-        stops = [expected, *(plan.shape.at(t_s) for t_s in edges[1:-1]), after]
+        if began_before(plan, move.start_s):  # of which the shape no longer tells its first standstills
+            stops, ends = legs_of(plan, change, expected, after)
+            edges = (move.start_s + (move.end_s - move.start_s) * ends).tolist()
+        else:
+            edges = _standstills(plan, move.start_s, move.end_s)
+            stops = [expected, *(plan.shape.at(t_s) for t_s in edges[1:-1]), after]
         for low, high, a, b in zip(edges[:-1], edges[1:], stops[:-1], stops[1:], strict=True):
             found.append(Span(low, high, "in step", a, b, down))
     return found

@@ -64,7 +64,7 @@ def stretches(plan: Plan) -> list[Stretch]:
         if change.kind == "rotate":
             found.append(_rotation(change, move.start_s, move.end_s, before))
         else:
-            stops, ends = _legs(plan, change, before, after)
+            stops, ends = legs_of(plan, change, before, after)
             edges = move.start_s + (move.end_s - move.start_s) * ends
             for (low, high), (a, b) in zip(pairwise(edges.tolist()), pairwise(stops), strict=True):
                 found.append(Stretch(low, high, "in step", np.stack([a, b])))
@@ -82,7 +82,7 @@ def _rotation(change: ChangeTable, start_s: float, end_s: float, before: Array) 
     return Stretch(start_s, end_s, "rotate", tables, float(np.radians(change.angle_deg)))
 
 
-def _legs(plan: Plan, change: ChangeTable, before: Array, after: Array) -> tuple[list[Array], Array]:
+def legs_of(plan: Plan, change: ChangeTable, before: Array, after: Array) -> tuple[list[Array], Array]:
     """Where the legs of a shrink or a reshape begin and end: shapes (V, 3), and shares (L+1,) of its duration."""
     scenario = plan.scenario
     if change.kind == "shrink":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from gcs.plan.formation import followers
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation.transforms import rotation, shrinking, straight
+from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.constraints.formation_checks import crossing_s, nearest_pair_m
@@ -64,6 +67,33 @@ def nudged(plan: Plan, vehicle: int, by_m: float, start_s: float, end_s: float) 
     table = np.zeros((1, *shape.basis_ned_m.shape[1:]))
     table[0, vehicle, 1] = by_m
     return replace(plan, shape=Shape(PPoly(c, joints), np.concatenate([shape.basis_ned_m, table])))
+
+
+def rest_of(plan: Plan, from_s: float) -> Plan:
+    """What is left of a plan at an instant of its mission, as a re-plan has it."""
+    mission = plan.phase(PhaseKind.MISSION)
+    return replace(
+        plan,
+        leader_trajectory=trajectory_part(plan.leader_trajectory, from_s, plan.t_end_s),
+        shape=shape_part(plan.shape, from_s, plan.t_end_s),
+        phases=(replace(mission, start_s=from_s), *(p for p in plan.phases if p.start_s >= mission.end_s)),
+        begin_state=tuple(plan.leader_trajectory.state(from_s).tolist()),
+    )
+
+
+@pytest.mark.parametrize("flight", ["reshape and turn", "lanes"])
+def test_what_is_left_of_a_plan_passes_before_during_and_after_a_change(planned: Planned, flight: str) -> None:
+    """What has flown is in no track any more: not the places before the change, nor where its first legs ended."""
+    plan, _ = planned(flight)
+    move = plan.moves[-1]
+    inside = plan.shape.joints_s[(plan.shape.joints_s > move.start_s) & (plan.shape.joints_s < move.end_s)]
+    edges = [move.start_s, *inside.tolist(), move.end_s]
+    during = [0.3 * a + 0.7 * b for a, b in pairwise(edges)]
+    assert len(during) > 1 or flight != "lanes"
+    for from_s in (0.5 * move.start_s, *during, move.end_s + 2.0, plan.flight_s - 1.0):
+        assert failing(rest_of(plan, from_s)) == set(), from_s
+    off = nudged(rest_of(plan, move.end_s + 2.0), 1, 1.5e-3, move.end_s + 3.0, move.end_s + 4.0)
+    assert PLACE in failing(off)
 
 
 def test_a_vehicle_out_of_place_after_a_change_fails(planned: Planned) -> None:
