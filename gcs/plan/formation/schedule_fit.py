@@ -58,8 +58,8 @@ def _first_late(scenario: Scenario, made: tuple[MadeChange, ...], end_s: float) 
     now_s = 0.0
     for number, change in enumerate(made):
         duration_s = sum(least_duration(leg, limit)[0] for leg, _ in change.legs)
-        at_s = change.change.at_s
-        begin_s = now_s if at_s is None else at_s
+        given_s = change.change.begin_s(duration_s)
+        begin_s = now_s if given_s is None else given_s
         if begin_s < now_s - _SLACK_S:
             return _Late(number, begin_s, duration_s, now_s, now_s - begin_s, overlaps=True)
         if begin_s + duration_s > end_s + _SLACK_S:
@@ -72,11 +72,13 @@ def _what(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s: 
     change = made[late.number]
     words = f"the change {change.name} ({trigger_words(change.change)}) "
     if late.overlaps:
+        if not late.number:
+            return f"{words}takes {late.duration_s:.2f} s and would begin {late.over_s:.2f} s before the flight does"
         before = made[late.number - 1]
         return (
             f"{words}would begin {late.over_s:.2f} s before the change {before.name} has ended, at {late.ready_s:.2f} s"
         )
-    begins = "begins at" if change.change.at_s is not None else "cannot begin before"
+    begins = "begins at" if change.begins_s is not None else "cannot begin before"
     text = (
         f"{words}{begins} {late.begin_s:.2f} s and takes {late.duration_s:.2f} s, limited by {change.limited_by}: "
         f"it would end {late.over_s:.2f} s after the flight of {end_s:g} s"
@@ -90,14 +92,16 @@ def _times(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s:
     """Another time for the change, or for the flight."""
     change = made[late.number].change
     index = scenario.formation.change.index(change)
-    if change.at_s is not None:
-        earliest_s = math.ceil(100.0 * late.ready_s - _SLACK_S) / 100.0
-        latest_s = math.floor(100.0 * (end_s - late.duration_s)) / 100.0
-        at_s, more = (earliest_s, "or more") if late.overlaps else (latest_s, "or less")
-        moved = replace(made[late.number], change=change.model_copy(update={"at_s": at_s}))
+    key, given_s = change.timed
+    if given_s is not None:
+        takes_s = late.duration_s if key == "done_at_s" else 0.0
+        earliest_s = math.ceil(100.0 * (late.ready_s + takes_s) - _SLACK_S) / 100.0
+        latest_s = math.floor(100.0 * (end_s - late.duration_s + takes_s)) / 100.0
+        time_s, more = (earliest_s, "or more") if late.overlaps else (latest_s, "or less")
+        moved = replace(made[late.number], change=change.model_copy(update={key: time_s}))
         others = (*made[: late.number], moved, *made[late.number + 1 :])
-        if at_s >= late.ready_s - _SLACK_S and _first_late(scenario, others, end_s) is None:
-            yield f"formation.change[{index}].at_s to {at_s:g} {more}"
+        if time_s - takes_s >= late.ready_s - _SLACK_S and _first_late(scenario, others, end_s) is None:
+            yield f"formation.change[{index}].{key} to {time_s:g} {more}"
     if not late.overlaps and not scenario.time.free:
         longer_s = end_s
         while (miss := _first_late(scenario, made, longer_s)) is not None and not miss.overlaps:

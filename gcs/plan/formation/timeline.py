@@ -76,6 +76,11 @@ class MadeChange:
         """How long it takes within its budget."""
         return sum(seconds for _, seconds in self.legs)
 
+    @property
+    def begins_s(self) -> float | None:
+        """When it begins, where the scenario gives its time."""
+        return self.change.begin_s(self.duration_s)
+
 
 def scheduled(scenario: Scenario) -> tuple[ChangeTable, ...]:
     """The changes that begin at a time or a gate, in order."""
@@ -91,7 +96,8 @@ def starts_at_points(scenario: Scenario, point_s: tuple[float, ...]) -> tuple[fl
     if all(change.at_point is None for change in changes) or any(change.gate_m is not None for change in changes):
         return None
     return tuple(
-        point_s[change.at_point - 1] if change.at_point is not None else change.at_s or 0.0 for change in changes
+        made.begins_s or 0.0 if made.change.at_point is None else point_s[made.change.at_point - 1]
+        for made in made_changes(scenario)
     )
 
 
@@ -103,16 +109,16 @@ def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
 def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tuple[float, ...]:
     """Start times nearest to `starts_s` at which changes at gates and points neither overlap nor outlast the flight.
 
-    For estimated times; times given by `at_s` stay.
+    For estimated times; times given by `at_s` and `done_at_s` stay.
     """
     made = made_changes(scenario)
     starts = list(starts_s)
     for i in reversed(range(len(starts))):
-        if made[i].change.at_s is None:
+        if made[i].begins_s is None:
             next_s = starts[i + 1] if i + 1 < len(starts) else end_s
             starts[i] = min(starts[i], next_s - made[i].duration_s)
     for i in range(len(starts)):
-        if made[i].change.at_s is None:
+        if made[i].begins_s is None:
             ready_s = starts[i - 1] + made[i - 1].duration_s if i > 0 else 0.0
             starts[i] = max(starts[i], ready_s)
     return tuple(starts)
@@ -285,7 +291,7 @@ def trigger_words(change: ChangeTable) -> str:
         return f"gate ({n1:g}, {e1:g})-({n2:g}, {e2:g})"
     if change.at_point is not None:
         return f"at point {change.at_point}"
-    return f"at {change.at_s:g} s"
+    return f"at {change.at_s:g} s" if change.done_at_s is None else f"complete at {change.done_at_s:g} s"
 
 
 def _begin(made: MadeChange, wanted_s: float, now_s: float, before: str) -> float:

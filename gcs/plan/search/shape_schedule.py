@@ -14,7 +14,16 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.coordinates import COORDINATE_OF_CHANGE, Coordinate, CoordinateName, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
-from gcs.plan.formation.timeline import AUTO, Move, gate_crossing_s, in_turn, lay, scheduled, starts_at_points
+from gcs.plan.formation.timeline import (
+    AUTO,
+    Move,
+    gate_crossing_s,
+    in_turn,
+    lay,
+    made_changes,
+    scheduled,
+    starts_at_points,
+)
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh_refinement import (
     DEGREE,
@@ -119,9 +128,9 @@ def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Tr
     times = np.arange(problem.start_s, problem.end_s, _EVERY_S)
     places = trajectory.state(times)[:, :3]
     starts = []
-    for change in changes:
-        if change.at_s is not None:
-            starts.append(change.at_s)
+    for change, made in zip(changes, made_changes(problem.scenario), strict=True):
+        if made.begins_s is not None:
+            starts.append(made.begins_s)
             continue
         if change.at_point is not None:
             starts.append(problem.point_s[change.at_point - 1])

@@ -87,6 +87,9 @@ class ChangeTable(Part):
     at_s: Annotated[Number, Field(ge=0, le=FLIGHT_MAX_S)] | None = Field(
         default=None, description="begins at this time, s"
     )
+    done_at_s: Annotated[Number, Field(gt=0, le=FLIGHT_MAX_S)] | None = left_out(
+        "is complete at this time, s: it begins as much earlier as it takes"
+    )
     gate_m: tuple[Point, Point] | None = Field(
         default=None, description="begins when the leader crosses the line between these two points (north, east), m"
     )
@@ -114,6 +117,15 @@ class ChangeTable(Part):
         default=None, description="auto: cost of a whole flight in the fully changed shape, in units of Eq. 35"
     )
 
+    @property
+    def timed(self) -> tuple[str, float | None]:
+        """The key that gives its time, and that time; None where a gate, a point or the planner gives it."""
+        return ("at_s", self.at_s) if self.done_at_s is None else ("done_at_s", self.done_at_s)
+
+    def begin_s(self, duration_s: float) -> float | None:
+        """When it begins, if it takes so long; None where a gate, a point or the planner gives its time."""
+        return self.at_s if self.done_at_s is None else self.done_at_s - duration_s
+
     def _disagreements(self) -> Findings:
         yield from self._when()
         yield from self._what()
@@ -123,10 +135,11 @@ class ChangeTable(Part):
             yield ("weight",), "is the cost of auto = true", "remove it, or set auto = true"
 
     def _when(self) -> Findings:
-        times = {name: getattr(self, name) is not None for name in ("at_s", "gate_m", "at_point")} | {"auto": self.auto}
+        triggers = "at_s", "done_at_s", "gate_m", "at_point"
+        times = {name: getattr(self, name) is not None for name in triggers} | {"auto": self.auto}
         given = [key for key, is_given in times.items() if is_given]
         if not given:
-            yield (), "has no time", "give one of at_s, gate_m, at_point and auto = true"
+            yield (), "has no time", "give one of at_s, done_at_s, gate_m, at_point and auto = true"
         for key in given[1:]:
             yield (key,), f"{given[0]} sets the time already", "keep one of the two"
         if self.gate_m is not None and self.gate_m[0] == self.gate_m[1]:
@@ -262,11 +275,13 @@ class Formation(Part):
                 if change.kind == "rotate" and self.frame == "course":
                     text = 'with frame = "course" the heading follows the course'
                     yield ("change", index, "auto"), text, "give at_s or gate_m, or remove it"
-            if change.at_s is not None:
-                before = self.change[latest].at_s
-                if before is not None and change.at_s < before:
-                    text = f"is before change[{latest}], which begins at {before:g} s"
-                    yield ("change", index, "at_s"), text, "give changes in order of time"
+            key, time_s = change.timed
+            if time_s is not None:
+                before_key, before_s = self.change[latest].timed
+                if before_s is not None and time_s < before_s:
+                    does = "begins" if before_key == "at_s" else "is complete"
+                    text = f"is before change[{latest}], which {does} at {before_s:g} s"
+                    yield ("change", index, key), text, "give changes in order of time"
                 latest = index
 
 

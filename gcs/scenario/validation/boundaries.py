@@ -304,7 +304,7 @@ def last_shape(scenario: Scenario) -> str | None:
     scheduled = [change for change in formation.change if not change.auto]
     if any(point.shape for point in scenario.route) or formation.frame != "inertial" or not scheduled:
         return None
-    if len(scheduled) > 1 and any(change.at_s is None for change in scheduled):
+    if len(scheduled) > 1 and any(change.timed[1] is None for change in scheduled):
         return None  # which one is the last is known when the leader's track is
     return scheduled[-1].to
 

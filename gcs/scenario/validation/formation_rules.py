@@ -84,10 +84,11 @@ def _shrinking_keeps_vehicles_apart(scenario: Scenario) -> Mistakes:
 def _changes_begin_in_flight(scenario: Scenario) -> Mistakes:
     flight = scenario.time.flight_s
     for index, change in enumerate(scenario.formation.change):
-        if change.at_s is not None and change.at_s >= flight:
+        key, time_s = change.timed
+        if time_s is not None and (time_s >= flight if key == "at_s" else time_s > flight):
             text = f"is after the flight, which ends at time.flight_s = {flight:g}"
-            step = f"set formation.change[{index}].at_s to less than {plain(flight)}"
-            yield Mistake(("formation", "change", index, "at_s"), text, change.at_s, remedy=step)
+            step = f"set formation.change[{index}].{key} to less than {plain(flight)}"
+            yield Mistake(("formation", "change", index, key), text, time_s, remedy=step)
 
 
 @RULES.needs("formation", "limits")

@@ -67,7 +67,7 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         (['kind = "spin"'], '10: formation.change[0].kind = "spin": must be one of "rotate", "shrink", "reshape"'),
         (
             ['kind = "shrink"', "scale = 0.5"],
-            "9: formation.change[0]: has no time. Give one of at_s, gate_m, at_point and auto = true",
+            "9: formation.change[0]: has no time. Give one of at_s, done_at_s, gate_m, at_point and auto = true",
         ),
         (
             ['kind = "shrink"', "scale = 0.5", "auto = true", "at_s = 0.0"],

@@ -68,7 +68,7 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     for change, move in zip(changes, plan.scheduled_moves, strict=False):
         if began_before(plan, move.start_s):
             continue
-        required = _required_s(plan, change)
+        required = _required_s(plan, change, move.end_s - move.start_s)
         begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
         found.append(
             (np.inf, move.start_s) if required is None else (float(np.ptp([move.start_s, begun, required])), required)
@@ -81,13 +81,13 @@ def began_before(plan: Plan, start_s: float) -> bool:
     return plan.begin_state is not None and start_s < plan.t_start_s
 
 
-def _required_s(plan: Plan, change: ChangeTable) -> float | None:
+def _required_s(plan: Plan, change: ChangeTable, duration_s: float) -> float | None:
     """When a scheduled change should begin; None if its gate is not crossed, or its route point not passed."""
     if change.gate_m is not None:
         return crossing_s(plan, change.gate_m)
     if change.at_point is not None:
         return next((each.arrives_s for each in plan.passages if each.number == change.at_point), None)
-    return change.at_s
+    return change.begin_s(duration_s)
 
 
 def crossing_s(plan: Plan, gate_m: tuple[tuple[float, float], tuple[float, float]]) -> float | None:

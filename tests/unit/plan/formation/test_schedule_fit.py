@@ -54,6 +54,12 @@ CASES: dict[str, tuple[tuple[dict[str, Any], ...], dict[str, Any], set[str]]] = 
         COURSE | {"change_speed_mps": 0.25},
         {"time.flight_s", "formation.change_speed_mps"},
     ),
+    "complete too soon": (({**TO_FILE, "done_at_s": 3.0},), {}, {"formation.change[0].done_at_s"}),
+    "complete before there is room": (
+        (at(TURN, 2.0), {**SHRINK, "done_at_s": 14.0}),
+        {},
+        {"formation.change[1].done_at_s"},
+    ),
     "two that overlap": ((at(TURN, 2.0), at(SHRINK, 6.0)), {}, {"formation.change[1].at_s"}),
     "a gate": (({**TURN, "gate_m": GATE}, at(SHRINK, 20.0)), {"change_speed_mps": 0.3}, {"formation.change_speed_mps"}),
 }

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
 from gcs.plan.formation.time_scaling import budget, least_duration
-from gcs.plan.formation.timeline import Timeline, gate_crossing_s, lay, scheduled
+from gcs.plan.formation.timeline import Timeline, gate_crossing_s, in_turn, lay, made_changes, scheduled
 from gcs.plan.formation.transforms import shrinking
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import offsets_ned_m, shape_offsets_ned_m
@@ -194,3 +194,15 @@ TRACK = np.array([[0.0, 0.0, -5.0], [4.0, 0.0, -9.0], [8.0, 4.0, -9.0], [2.0, 4.
 def test_a_gate_is_crossed_where_the_track_meets_it(gate: Any, crossed_s: float | None) -> None:
     found = gate_crossing_s(gate, TIMES, TRACK)
     assert found is None if crossed_s is None else found == pytest.approx(crossed_s)
+
+
+def test_a_change_that_is_complete_at_a_time_begins_as_much_earlier_as_it_takes(simulation1: Scenario) -> None:
+    timed = {key: value for key, value in TO_LINE.items() if key != "at_s"} | {"done_at_s": 100.0}
+    scenario = scenario_with(simulation1, TURN, timed)
+    first, second = made_changes(scenario)
+    assert first.begins_s == 20.0
+    assert second.begins_s == pytest.approx(100.0 - second.duration_s)
+    assert in_turn(scenario, (20.0, 40.0), 300.0) == (20.0, 40.0)  # given times are nobody's to move
+    _, move = laid(scenario, 20.0, second.begins_s or 0.0).moves
+    assert move.end_s == pytest.approx(100.0, abs=1e-9)
+    assert move.trigger == "complete at 100 s"

@@ -96,6 +96,14 @@ def test_what_is_left_of_a_plan_passes_before_during_and_after_a_change(planned:
     assert PLACE in failing(off)
 
 
+@pytest.mark.parametrize(("late_s", "said"), [(0.0, set()), (0.1, {BEGINS})])
+def test_a_change_is_complete_when_it_should_be(planned: Planned, late_s: float, said: set[str]) -> None:
+    plan, _ = planned("turn")
+    (move,) = plan.moves
+    done = {**TURN, "done_at_s": move.end_s - late_s}
+    assert failing(replace(plan, scenario=changed(plan.scenario, formation={"change": [done]}))) == said
+
+
 def test_a_vehicle_out_of_place_after_a_change_fails(planned: Planned) -> None:
     plan, _ = planned("turn")
     (move,) = plan.moves
