@@ -14,11 +14,14 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gcs.flight.assessment.comparison import LandingError
+    from gcs.flight.assessment.flown_coverage import FlownCoverage
     from gcs.flight.assessment.judge import Truth, Verdict
     from gcs.flight.assessment.route_passing import Track
     from gcs.flight.monitoring.progress import PlanTime
     from gcs.plan.trajectory.plan import Plan
     from gcs.types import JsonObject
+
+_NAMED = 5  # parts of a survey that were not seen
 
 
 def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
@@ -37,6 +40,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
 
     from gcs.errors import FileFormatError
     from gcs.flight.assessment.comparison import compare, landing_errors
+    from gcs.flight.assessment.flown_coverage import flown_coverage
     from gcs.flight.assessment.judge import judge, judge_reports, load_truth, reported_tracks
     from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.monitoring.monitor import skew_s
@@ -72,9 +76,13 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     if shape is not None:
         screen.say(f"formation error: at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, from telemetry)")
     landings, landing_limit_m = landing_errors(plan, record), plan.scenario.judge.arrival_position_m
-    passed = points_passed(plan, _tracks(plan, record, truth, plan_time))
+    flown = _tracks(plan, record, truth, plan_time)
+    passed = points_passed(plan, flown)
     if passed:
         screen.show(flown_table(plan, passed, "true states" if truth is not None else "telemetry"))
+    surveyed = flown_coverage(plan, flown)
+    if surveyed is not None:
+        _say_coverage(screen, surveyed)
     screen.show(_landing_table(landings, landing_limit_m))
     tracks = reported_tracks(plan, record, plan_time)
     verdict, judged = None if tracks is None else judge_reports(plan, tracks), REPORTS
@@ -100,6 +108,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
             "skew_s": None if math.isnan(skew) else skew,
             "landing_limit_m": landing_limit_m,
             **({"route_points": [each.data(plan.sysids[plan.leader]) for each in passed]} if passed else {}),
+            **({} if surveyed is None else {"coverage": surveyed.data()}),
             "formation_error_max_m": None if shape is None else shape[0],
             "judged": None
             if verdict is None
@@ -131,6 +140,13 @@ def _tracks(plan: Plan, record: pa.Table, truth: Truth | None, plan_time: PlanTi
     places = np.stack([columns[name] for name in ("north_m", "east_m", "down_m")], axis=1)
     mine = ((sysid, columns["sysid"] == sysid) for sysid in plan.sysids)
     return {sysid: (columns["t_s"][rows], places[rows]) for sysid, rows in mine}
+
+
+def _say_coverage(screen: Screen, found: FlownCoverage) -> None:
+    percent = int(1e3 * found.share) / 10.0  # cut, not rounded
+    screen.say(f"survey: {percent:g} % of {found.area_m2 / 1e4:.2f} ha was seen from the tracks flown")
+    for north_m, east_m, area_m2 in found.missed[:_NAMED]:
+        screen.warn(f"  not seen: {area_m2:.3g} m² at north {north_m:.1f} m, east {east_m:.1f} m")
 
 
 def verdict_table(verdict: Verdict, judged: str) -> Table:

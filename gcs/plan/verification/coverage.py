@@ -20,6 +20,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.scenario.environment.ground_distance import steepness
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.places import SurveyTable
 from gcs.types import Array
 from gcs.util.cache import once
 
@@ -99,15 +100,13 @@ def coverage(plan: Plan) -> Coverage | None:
     slack_m = _bow_m(plan, t_s) + _CHORD_M
     places = plan.states(t_s)[..., POSITION]  # (V, N, 3)
     tracks = [shapely.simplify(shapely.LineString(t), _CHORD_M, preserve_topology=False) for t in places[..., :2]]
-    half_m = 0.5 * survey.swath_m
     if survey.height_above_ground_m is None:
-        swept = [_swept(track, max(half_m - slack_m, 0.0)) for track in tracks]
+        swept = [_swept(track, max(0.5 * survey.swath_m - slack_m, 0.0)) for track in tracks]
     else:
-        shares = _heights_m(plan, t_s, places) / survey.height_above_ground_m
-        swept = [_swept_by_height(*one, slack_m) for one in zip(places[..., :2], half_m * shares, strict=True)]
+        heights_m = _heights_m(plan, t_s, places)
+        swept = [seen(survey, track, above, slack_m) for track, above in zip(places[..., :2], heights_m, strict=True)]
     covered = shapely.union_all(swept)
-    parts = shapely.get_parts(shapely.difference(survey.area, covered))
-    left = [part for part in parts if part.area > _SEEN_M2]
+    left = uncovered(survey.area, covered)
     return Coverage(
         area=survey.area,
         covered=covered,
@@ -141,9 +140,21 @@ def _heights_m(plan: Plan, t_s: Array, places: Array) -> Array:
     return np.asarray(np.minimum(above_m[:, :-1], above_m[:, 1:]) - 0.5 * np.diff(t_s) * falls_mps)
 
 
-def _swept_by_height(track: Array, half_m: Array, slack_m: float) -> BaseGeometry:
-    """What is within half of its swath (N - 1,) of each piece of a track (N, 2)."""
-    swept = []
+def uncovered(area: BaseGeometry, covered: BaseGeometry) -> list[BaseGeometry]:
+    """The parts of an area that are not covered."""
+    parts = shapely.get_parts(shapely.difference(area, covered))
+    return [part for part in parts if part.area > _SEEN_M2]
+
+
+def seen(survey: SurveyTable, track: Array, heights_m: Array, slack_m: float = 0.0) -> BaseGeometry:
+    """What is within half of the swath, less a slack, of each piece of a track (N, 2), north and east.
+
+    The swath is that of the least heights (N - 1,) above the ground between two instants.
+    """
+    share = np.ones(len(heights_m))
+    if survey.height_above_ground_m is not None:
+        share = heights_m / survey.height_above_ground_m
+    half_m, swept = 0.5 * survey.swath_m * share, []
     for first in range(0, len(half_m), _PIECE):
         piece = shapely.LineString(track[first : first + _PIECE + 1])
         radius_m = float(half_m[first : first + _PIECE].min()) - slack_m
