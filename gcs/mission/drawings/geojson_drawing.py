@@ -16,7 +16,7 @@ from gcs.mission.drawings.drawing import (
     part_of,
     tidy,
 )
-from gcs.mission.drawings.line_pieces import Piece
+from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
 from gcs.util.bounded_file import read_json
 
@@ -127,7 +127,7 @@ def _add_line(feature: _Feature, pieces: list[list[Any]], found: Sketch) -> None
     if isinstance(counts, list) and len(counts) == len(pieces):
         pieces = [piece[:count] if count == 1 else piece for piece, count in zip(pieces, counts, strict=True)]
     own = [part_of(feature.label, "line", number, len(pieces)) for number in range(1, len(pieces) + 1)]
-    drawn = [Piece(label, tuple(_line(piece, label))) for label, piece in zip(own, pieces, strict=True)]
+    drawn = [LinePiece(label, tuple(_line(piece, label))) for label, piece in zip(own, pieces, strict=True)]
     heights = feature.properties.get("altitude_amsl_m")
     total = sum(len(piece.points) for piece in drawn)
     if not isinstance(heights, list) or len(heights) != total or not all(map(_is_number, heights)):
@@ -135,7 +135,7 @@ def _add_line(feature: _Feature, pieces: list[list[Any]], found: Sketch) -> None
         return
     left = iter(heights)
     at_heights = [
-        Piece(
+        LinePiece(
             piece.label,
             tuple(replace(point, height_m=float(next(left)), datum=Datum.SEA) for point in piece.points),
         )

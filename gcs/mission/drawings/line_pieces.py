@@ -18,7 +18,7 @@ _SAME_M = 0.3
 
 
 @dataclass(frozen=True)
-class Piece:
+class LinePiece:
     """Points in order, at least one. `label` names them in sentences."""
 
     label: str
@@ -34,7 +34,7 @@ class _Chain:
     labels: list[str]  # of the pieces at its two ends
 
 
-def joined(pieces: Sequence[Piece], *, recorded: bool = False) -> tuple[Piece, list[LeftOut]]:
+def joined(pieces: Sequence[LinePiece], *, recorded: bool = False) -> tuple[LinePiece, list[LeftOut]]:
     """The first piece with all that touch it, and sentences about gaps, turned pieces and those that lie apart.
 
     Pieces of a recorded line are joined in their own order only: it is that of time.
@@ -58,7 +58,7 @@ def joined(pieces: Sequence[Piece], *, recorded: bool = False) -> tuple[Piece, l
             f"not flown: it begins {away_m:.0f} m from the end of {chain.labels[1]}; a file per route carries it over"
         )
         said.append(LeftOut(pieces[number].label, text))
-    return Piece(pieces[0].label, tuple(chain.points)), said
+    return LinePiece(pieces[0].label, tuple(chain.points)), said
 
 
 def _next(chain: _Chain, ends_m: Array, widest_m: float, *, in_order: bool) -> tuple[int, int, bool, float]:
@@ -73,7 +73,9 @@ def _next(chain: _Chain, ends_m: Array, widest_m: float, *, in_order: bool) -> t
     return found[0] if found[0][3] <= widest_m else found[1]
 
 
-def _joined(chain: _Chain, piece: Piece, at: int, turned: bool, gap_m: float, *, out_of_order: bool) -> list[LeftOut]:
+def _joined(
+    chain: _Chain, piece: LinePiece, at: int, turned: bool, gap_m: float, *, out_of_order: bool
+) -> list[LeftOut]:
     """Add a piece at an end of the chain; return what is to be said about it."""
     beside = chain.labels[at]
     points = list(piece.points[::-1] if turned else piece.points)

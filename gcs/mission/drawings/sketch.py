@@ -12,7 +12,7 @@ import numpy as np
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, LeftOut, Place, ring
-from gcs.mission.drawings.line_pieces import Piece, joined
+from gcs.mission.drawings.line_pieces import LinePiece, joined
 
 _SAME_M = 5.0  # a named point so near to a corner of the line names it
 _LEAST = 2  # points of a line
@@ -38,7 +38,7 @@ class Sketch:
     surveys: list[DrawnArea] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
 
-    def add_line(self, label: str, pieces: Sequence[Piece], *, recorded: bool = False) -> None:
+    def add_line(self, label: str, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
         """Add a line that a file has in pieces, each with its own label; those that touch are one.
 
         Pieces with less than two points, and those that lie apart, are left out with a sentence.

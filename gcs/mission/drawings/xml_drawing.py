@@ -23,7 +23,7 @@ from gcs.mission.drawings.drawing import (
     part_of,
     tidy,
 )
-from gcs.mission.drawings.line_pieces import Piece
+from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
 from gcs.util.archives import BadArchive, member_names, read_member
 from gcs.util.bounded_file import MIB
@@ -146,10 +146,10 @@ class _KmlReader:
                 what = f"its <{tidy(child.tag)[:40]}> on line {line_of(child)} is no geometry of KML; not carried over"
                 self.found.leave_out(label, what)
 
-    def _pieces(self, shapes: Sequence[Element], what: str, label: str) -> Iterator[Piece]:
+    def _pieces(self, shapes: Sequence[Element], what: str, label: str) -> Iterator[LinePiece]:
         for number, shape in enumerate(shapes, start=1):
             own = part_of(label, what, number, len(shapes))
-            yield Piece(own, tuple(self._points(shape, own)))
+            yield LinePiece(own, tuple(self._points(shape, own)))
 
     def _points(self, shape: Element, label: str, name: str = "") -> Iterator[DrawnPoint]:
         """The points of a geometry, at heights that count as its own altitude mode says."""
@@ -244,14 +244,14 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
         root = _root(data, "gpx")
         for number, route in enumerate(root.findall("rte"), start=1):
             label = labelled("route", number, tidy(text_of(route, "name")))
-            sketch.add_line(label, [Piece(label, _gpx_points(route.findall("rtept"), label))])
+            sketch.add_line(label, [LinePiece(label, _gpx_points(route.findall("rtept"), label))])
         for number, track in enumerate(root.findall("trk"), start=1):
             label, segments = labelled("track", number, tidy(text_of(track, "name"))), track.findall("trkseg")
             own = [part_of(label, "segment", part, len(segments)) for part in range(1, len(segments) + 1)]
             pieces = [
-                Piece(one, _gpx_points(seg.findall("trkpt"), one)) for one, seg in zip(own, segments, strict=True)
+                LinePiece(one, _gpx_points(seg.findall("trkpt"), one)) for one, seg in zip(own, segments, strict=True)
             ]
-            sketch.add_line(label, pieces or [Piece(label, ())], recorded=True)
+            sketch.add_line(label, pieces or [LinePiece(label, ())], recorded=True)
         sketch.points += _gpx_points(root.findall("wpt"), "")
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as GPX") from error
