@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+from gcs.frames import wrapped_deg
 from gcs.mission.model import Home
 
 NAME_MAX = 100
@@ -101,7 +102,7 @@ def on_earth(lat_deg: float, lon_deg: float) -> Place:
     """A place, with a longitude from -180 to 180. Raises ValueError for one that is not on Earth."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 360.0):
         raise ValueError(f"latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
-    return lat_deg, lon_deg if abs(lon_deg) <= 180.0 else (lon_deg + 180.0) % 360.0 - 180.0
+    return lat_deg, float(wrapped_deg(lon_deg))
 
 
 def ring(corners: Sequence[Place], label: str) -> tuple[Place, ...]:
