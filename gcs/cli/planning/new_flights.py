@@ -148,7 +148,7 @@ def _sentences(flight: SurveyFlight, areas: AreaTables) -> list[str]:
         f"about {flight.flight_s:g} s" + "".join(f", {one}" for one in tables)
     ]
     if areas.no_fly and flight.seen < _WHOLE:
-        notes.append(f"about {flight.seen:.1%} of it is seen: no pass is flown beside a no-fly zone")
+        notes.append(f"passes see about {flight.seen:.0%} of it, the ways round no-fly zones perhaps more")
     if holes and not areas.no_fly:
         notes.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
     return notes

@@ -18,12 +18,14 @@ from gcs.mission.drawings.drawing import (
 )
 from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
+from gcs.mission.formats.vendor_quirks import MARK, decoded
 from gcs.util.bounded_file import read_json
 
 GEOJSON_TYPES = (
     *("FeatureCollection", "Feature", "GeometryCollection", "LineString", "MultiLineString", "Point", "MultiPoint"),
     *("Polygon", "MultiPolygon"),
 )
+_PARTS = ("LineString", "Polygon", "Point")
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")
 _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of GeoJSON
@@ -40,7 +42,7 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     """The drawing in a GeoJSON file. Raises `FileFormatError`."""
     found = Sketch(source)
     try:
-        document = read_json(data.decode("utf-8-sig"))
+        document = read_json(decoded(data, source).removeprefix(MARK))
         crs = document.get("crs") if isinstance(document, dict) else None
         if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
             raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
@@ -93,7 +95,8 @@ def _geometries(label: str, geometry: Any, depth: int = 0) -> Iterator[tuple[str
             yield from _geometries(label, one, depth + 1)
         return
     if kind not in GEOJSON_TYPES or kind.startswith("Feature"):
-        raise ValueError(f"{label} is of the unknown type '{tidy(kind)}'")
+        yield kind, []
+        return
     coordinates = _list(geometry, "coordinates")
     if kind.startswith("Multi"):
         for part in coordinates:
@@ -107,7 +110,9 @@ def _feature(feature: _Feature, geometry: Any, found: Sketch) -> None:
     parts = [] if geometry is None else [*_geometries(feature.label, geometry)]
     if not parts:  # a feature may have no place
         found.leave_out(feature.label, "has no place; not carried over")
-    of_kind = {kind: [one for other, one in parts if other == kind] for kind in ("LineString", "Polygon", "Point")}
+    for kind in dict.fromkeys(kind for kind, _ in parts if kind not in _PARTS):
+        found.leave_out(feature.label, f"of the unknown type '{tidy(kind)[:40]}'; not carried over")
+    of_kind = {kind: [one for other, one in parts if other == kind] for kind in _PARTS}
     if of_kind["LineString"]:
         _add_line(feature, of_kind["LineString"], found)
     for kind in ("Polygon", "Point"):

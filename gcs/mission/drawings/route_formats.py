@@ -17,7 +17,7 @@ from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import is_mission_json
 from gcs.mission.formats.table_rows import HEADER
-from gcs.mission.formats.vendor_quirks import first_line
+from gcs.mission.formats.vendor_quirks import MARK, decoded, first_line
 from gcs.util.bounded_file import DRAWING_FILE, as_utf8, read_file, read_json
 from gcs.util.bounded_xml import root_of
 
@@ -53,7 +53,8 @@ class DrawnFile:
     def members(self) -> dict[str, object]:
         """The members of a JSON object; none for every other file. Raises `FileFormatError` for broken JSON."""
         try:
-            document = read_json(self.data.decode("utf-8-sig"), not_finite=True) if self.is_json else None
+            text = decoded(self.data, self.source).removeprefix(MARK) if self.is_json else ""
+            document = read_json(text, not_finite=True) if text else None
         except json.JSONDecodeError as error:
             raise FileFormatError(f"{self.source}, line {error.lineno}: not JSON: {error.msg}.") from error
         except ValueError as error:

@@ -99,7 +99,10 @@ class _KmlReader:
         name = tidy(text_of(placemark, "name"))
         label = labelled("Placemark", number, name)
         marks = {data.get("name", ""): text_of(data, "value") for data in placemark.iter("Data")}
+        before = len(self.found.left_out)
         shapes = [*self._shapes(placemark, label)]
+        if not shapes and len(self.found.left_out) == before:
+            self.found.leave_out(label, "has no geometry; not carried over")
         lines = [shape for shape in shapes if shape.tag in _LINES]
         if lines:
             self.found.add_line(label, [*self._pieces(lines, "line", label)])

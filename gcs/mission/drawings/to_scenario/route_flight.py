@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,7 @@ from gcs.types import Array
 _TYPE = "quad500"  # of the template
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed
 _ROOM_M = 60.0  # beside the formation, for detours
+_KEY_OF_POINT = re.compile(r"^(?:(start|end)|route\[([0-9]+)\])(?:\.\w+)?(?: = .*?)?: ", re.MULTILINE)
 _SAID_MAX = 40  # sentences in the scenario
 _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
 CRUISE_MPS = 10.0 / 3.0  # where no speed is drawn
@@ -102,6 +104,19 @@ class RouteFlight:
             "TAKEOFF": repr(max(20.0, float(math.ceil(20.0 / 15.0 * ends[0])))),
             "LANDING": repr(max(30.0, float(math.ceil(2.0 * ends[1])))),
         }
+
+    def in_words(self, reason: str) -> str:
+        """A reason of the scenario's rules with the labels of points and areas in place of their keys."""
+        points = [point.drawn.label for point in self.route.points]
+        interior = points[1:] if self.route.returns else points[1:-1]
+        ends = {"start": points[0], "end": points[0 if self.route.returns else -1]}
+
+        def label(found: re.Match[str]) -> str:
+            if found[2] is not None:
+                return f"{interior[int(found[2])]}: " if int(found[2]) < len(interior) else found[0]
+            return f"{ends[found[1]]}: "
+
+        return _KEY_OF_POINT.sub(label, self.areas.in_words(reason))
 
     @property
     def _course_m(self) -> Array:
@@ -206,7 +221,8 @@ def route_text(folder: Path, flight: RouteFlight) -> str:
         return scenario_text(folder, *place, flight=flight, template="template_route.toml")
     except ImpossibleFlight as error:
         which = f"a {flight.shape} of {flight.count}, {flight.spacing_m:g} m apart"
-        text = f"{flight.drawing.source}: {which}, is not possible: {flight.areas.in_words(error.reason)}"
+        reason = flight.in_words(error.reason)
+        text = f"{flight.drawing.source}: {which}, is not possible: {reason}"
         hint = "give a smaller --count or --spacing, or another --shape; or draw the area larger"
         raise ImpossibleFlight(text, hint=hint, reason=error.reason) from None
 

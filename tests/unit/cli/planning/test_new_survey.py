@@ -138,7 +138,7 @@ def test_everything_else_of_a_drawing_is_kept_or_said(capsys: pytest.CaptureFixt
     assert scenario.survey is not None
     zones = [shapely.Polygon(polygon.polygon_m), shapely.Point(disk.north_m, disk.east_m).buffer(7.9)]
     assert all(scenario.survey.area.intersection(zone).area < 1.0 for zone in zones)
-    assert "2 no-fly zones" in told and "of it is seen" in told
+    assert "2 no-fly zones" in told and "passes see about" in told
     assert "item 1 (NAV_WAYPOINT): not flown" in told and "fence polygon 1: surveyed" in told
 
 

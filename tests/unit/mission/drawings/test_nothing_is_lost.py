@@ -205,6 +205,20 @@ def test_a_pause_of_a_receiver_is_bridged_with_its_length() -> None:
     assert "segment 2 of track 1: joined to segment 1 of track 1 over a gap of 44." in said(drawing)
 
 
+def test_what_is_no_geometry_is_said_and_hides_nothing() -> None:
+    shapes = [
+        {"type": "Circle", "coordinates": [9.2, 46.1]},
+        {"type": "LineString", "coordinates": [[9.2, 46.1], [9.2, 46.2]]},
+    ]
+    drawing = drawing_in(json.dumps({"type": "GeometryCollection", "geometries": shapes}).encode(), "x")
+    assert len(drawing.points) == 2 and said(drawing) == "feature 1: of the unknown type 'Circle'; not carried over"
+    bare = kml(f"<Placemark><name>e</name></Placemark><Folder><LineString>{coordinates(line(0))}</LineString></Folder>")
+    assert said(bare).split(" | ") == [
+        'Placemark 1 ("e"): has no geometry; not carried over',
+        "<coordinates> on line 1: not carried over: in no known geometry",
+    ]
+
+
 def test_a_line_without_points_does_not_hide_the_route() -> None:
     empty = "<Placemark><name>empty</name><LineString><coordinates>\n</coordinates></LineString></Placemark>"
     drawing = kml(f"{empty}<Placemark><LineString>{coordinates(line(0, 3))}</LineString></Placemark>")

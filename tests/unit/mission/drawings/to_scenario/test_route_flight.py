@@ -232,6 +232,13 @@ def test_a_fence_too_narrow_for_the_formation_is_refused_in_the_words_of_the_dra
     assert "--count" in refused.value.hint and "--spacing" in refused.value.hint and "--shape" in refused.value.hint
 
 
+def test_reasons_name_points_and_areas_of_the_drawing() -> None:
+    areas = (DrawnArea(square(900, -400, -400), "fence polygon 1", True),)
+    flight = route_flight(drawing(point(0, 0), point(100, 0), point(100, 100), areas=areas))
+    told = "keep_in[0].polygon_deg = [[47.1, 8.5]]: a\nroute[0].hold_s = 3.0: b\nend: c\nkeep_in[7]: d"
+    assert flight.in_words(told) == "fence polygon 1: a\nitem 100: b\nitem 100: c\nkeep_in[7]: d"
+
+
 def test_what_was_left_out_is_said_where_no_route_is_left() -> None:
     drawn = drawing(left_out=(LeftOut('Placemark 1 ("empty")', "has no point; not carried over"),))
     with pytest.raises(FileFormatError, match=r'it has no point to fly to \(Placemark 1 \("empty"\): has no point'):
