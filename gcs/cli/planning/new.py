@@ -86,7 +86,7 @@ def new(
         Path | None,
         option(
             "Route drawn in another program: .plan, .waypoints, .kml, .kmz, .gpx or .geojson. Instead of --course, "
-            "--distance and --end. --height counts for points without a height.",
+            "--distance and --end. --height counts for points without a height, or on the ground.",
             metavar="FILE",
             shown=False,
         ),
@@ -94,8 +94,8 @@ def new(
     survey: Annotated[
         Path | None,
         option(
-            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan), which vehicles abreast survey in parallel "
-            "passes. They start at --at, or where the first pass begins, and come back.",
+            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan, also of a survey pattern), which vehicles "
+            "abreast survey in parallel passes. They start at --at, or where the first pass begins, and come back.",
             metavar="AREA",
             shown=False,
         ),

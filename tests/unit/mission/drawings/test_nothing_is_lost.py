@@ -179,6 +179,19 @@ def test_every_item_fence_and_rally_point_of_a_plan_is_found_again(
     assert {f"rally point {n}" for n in range(1, rally + 1)} <= labels
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.lists(COMMANDS, min_size=1, max_size=12))
+def test_every_row_of_a_table_is_found_again(commands: list[int]) -> None:
+    rows = ["QGC WPL 110", "0\t1\t0\t16\t0\t0\t0\t0\t46.1\t9.2\t500\t1"]
+    for n, command in enumerate(commands, start=1):
+        cells = (n, 0, 3, command, 0, 3 * (command == 178), 0, 0, round(46.1 + n / 1000, 6), 9.2, 20, n % 2)
+        rows.append("\t".join(map(str, cells)))
+    drawing = drawing_in("\n".join(rows).encode(), "x.waypoints")
+    labels = [point.label for point in drawing.points] + [one.label for one in drawing.left_out]
+    for n, command in enumerate(commands, start=1):
+        assert command == 178 or any(label.startswith(f"item {n} ") for label in labels)
+
+
 # One line of a file in pieces
 
 
