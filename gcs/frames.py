@@ -12,6 +12,7 @@ import pymap3d
 from gcs.types import Array
 
 _STEP_M = 1000.0
+_TURN_DEG = 360.0
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,22 @@ def place_up_m(lat_deg: Array | float, lon_deg: Array | float, height_m: Array |
     low, high = (geodetic_to_ned(lat_deg, lon_deg, origin.alt_amsl_m + step_m, origin) for step_m in (0.0, _STEP_M))
     steps = (-np.asarray(height_m) - low[..., 2]) / (high[..., 2] - low[..., 2])
     return np.asarray((low + steps[..., None] * (high - low)) * [1.0, 1.0, -1.0])
+
+
+def unwrapped_deg(lon_deg: Array) -> Array:
+    """Return longitudes (..., N) without the jump at 180 degrees: each within half a turn of the first of its row.
+
+    Areas, windings, means and differences are right for these; on Earth they may be beyond 180 degrees.
+    """
+    lon = np.asarray(lon_deg, dtype=np.float64)
+    return np.asarray(lon - _TURN_DEG * np.round((lon - lon[..., :1]) / _TURN_DEG))
+
+
+def wrapped_deg(lon_deg: Array | float) -> Array:
+    """Return longitudes from -180 to 180 degrees; those that are already are not changed."""
+    lon = np.asarray(lon_deg, dtype=np.float64)
+    half_deg = _TURN_DEG / 2.0
+    return np.where(np.abs(lon) <= half_deg, lon, (lon + half_deg) % _TURN_DEG - half_deg)
 
 
 def to_degE7(angle_deg: float) -> int:

@@ -4,6 +4,7 @@ Which command an autopilot executes, and how that is known, stands in its row (`
 """
 
 import math
+from enum import StrEnum
 
 import numpy as np
 
@@ -56,6 +57,47 @@ def has_position(command: int) -> bool:
 def known_position(command: int) -> bool:
     """Return whether this is a known mission command that names a position."""
     return command in _MISSION_COMMANDS and has_position(command)
+
+
+_AIR_OR_GROUND, _CLIMB_OR_SINK = (0.0, 1.0), (2.0, 3.0)  # kinds of speed in DO_CHANGE_SPEED
+SPEED_KEPT, SPEED_OWN = -1.0, -2.0  # speeds in it that mean no change, and the autopilot's own
+_KMH = 3.6  # of 1 m/s
+
+
+class SpeedFault(StrEnum):
+    """What is wrong with an item that changes the speed."""
+
+    KIND = "kind"
+    TOO_SLOW = "too slow"
+    TOO_FAST = "too fast"
+    NO_NUMBER = "no number"
+
+
+def changes_course_speed(kind: float) -> bool:
+    """Return whether DO_CHANGE_SPEED with this kind changes the speed along the course, not that of climbs."""
+    return kind in _AIR_OR_GROUND
+
+
+def speed_fault(kind: float, speed_mps: float, firmware: Autopilot | None) -> tuple[SpeedFault, str] | None:
+    """Return what is wrong with DO_CHANGE_SPEED of this kind, and a sentence; None where it is flown as written."""
+    if kind not in (*_AIR_OR_GROUND, *_CLIMB_OR_SINK):
+        return SpeedFault.KIND, f"unknown speed type {kind:g}"
+    if math.isnan(speed_mps):
+        return SpeedFault.NO_NUMBER, "the speed is not a number"
+    if speed_mps == SPEED_KEPT or kind in _CLIMB_OR_SINK:
+        return None  # climbing and sinking have limits of their own
+    if firmware is None:
+        return (SpeedFault.TOO_SLOW, f"{speed_mps:g} m/s is no speed") if speed_mps <= 0.0 else None
+    slowest, fastest = firmware.traits.missions.speed_mps
+    if speed_mps < slowest - 1e-6:
+        text = f"{firmware.title} ignores {speed_mps:g} m/s; its minimum is {slowest:g} m/s"
+        return SpeedFault.TOO_SLOW, text
+    if speed_mps <= fastest:
+        return None
+    text = f"{speed_mps:g} m/s; {firmware.title} allows at most {fastest:g} m/s"
+    if speed_mps / _KMH <= fastest:
+        text += f". Is it in km/h? {speed_mps:g} km/h are {speed_mps / _KMH:.1f} m/s"
+    return SpeedFault.TOO_FAST, text
 
 
 _MILLIMETRES = 3

@@ -108,6 +108,25 @@ def _refuse_place(path: Path, mode: int, error: type[GcsError], pipes: bool) -> 
             raise error(f"{path}: {reason}", hint="name a regular file", reason=reason)
 
 
+def as_utf8(data: bytes) -> bytes:
+    """The bytes of a text as UTF-8, also where a program wrote UTF-16. Raises ValueError for broken UTF-16.
+
+    UTF-16 is recognised by its byte order mark, or by the zero bytes beside its first two characters.
+    """
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encoding = "utf-16"
+    elif len(data) >= 4 and data[1] == data[3] == 0 and data[0] and data[2]:
+        encoding = "utf-16-le"
+    elif len(data) >= 4 and data[0] == data[2] == 0 and data[1] and data[3]:
+        encoding = "utf-16-be"
+    else:
+        return data
+    try:
+        return data.decode(encoding).encode()
+    except UnicodeError as error:
+        raise ValueError("begins as UTF-16, and is none; save it as UTF-8") from error
+
+
 def read_json(data: bytes | str, *, not_finite: bool = False) -> Any:
     """The value of a JSON text. Raises ValueError, also for too many values, deep nesting and numbers without end.
 

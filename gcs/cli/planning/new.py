@@ -86,7 +86,7 @@ def new(
         Path | None,
         option(
             "Route drawn in another program: .plan, .waypoints, .kml, .kmz, .gpx or .geojson. Instead of --course, "
-            "--distance and --end. --height counts for points without a height.",
+            "--distance and --end. --height counts for points without a height, or on the ground.",
             metavar="FILE",
             shown=False,
         ),
@@ -94,8 +94,8 @@ def new(
     survey: Annotated[
         Path | None,
         option(
-            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan), which vehicles abreast survey in parallel "
-            "passes. They start at --at, or where the first pass begins, and come back.",
+            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan, also of a survey pattern), which vehicles "
+            "abreast survey in parallel passes. They start at --at, or where the first pass begins, and come back.",
             metavar="AREA",
             shown=False,
         ),
@@ -195,27 +195,26 @@ def new(
     wanted = {key: value for key, value in given.items() if value is not None}
     origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
     flight: Flight | None = FirstFlight(**wanted) if wanted else None
+    left_out: dict[str, list[str]] = {}
     if positions is not None:
         from gcs.cli.planning.new_flights import flight_of_sheets
 
         flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
+    drawn_at = None if at is None else parse_place(at)
     if survey is not None:
-        from gcs.cli.planning.new_flights import flight_of_survey
+        from gcs.cli.planning.new_flights import text_of_survey
 
-        flight, place = flight_of_survey(survey, surveyed, origin, count, height, screen)
-        lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
-    left_out = {}
-    if route is not None:
+        text, left_out["left_out"] = text_of_survey(folder, survey, surveyed, drawn_at, count, height, screen)
+    elif route is not None:
         from gcs.cli.planning.new_flights import text_of_drawing
 
-        drawn_at = None if at is None else parse_place(at)
         text, left_out["left_out"] = text_of_drawing(folder, route, wanted, drawn_at, screen)
     else:
         text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
     atomic_write(file, text)
     screen.say(f"wrote {file}")
-    if alt_amsl_m is None and route is None:
+    if alt_amsl_m is None and route is None and survey is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
     screen.say(f"next: gcs plan {folder}")
     screen.result({"scenario": file, **left_out})

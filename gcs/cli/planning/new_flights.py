@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import shapely
 
 from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
 from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError, counted
-from gcs.frames import Origin, place_up_m
-from gcs.mission.drawings.drawing import DrawnArea, sentences
+from gcs.frames import Origin
+from gcs.mission.drawings.drawing import sentences
 from gcs.mission.drawings.route_formats import read_drawing
-from gcs.mission.drawings.to_scenario.route_flight import route_flight
+from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables
+from gcs.mission.drawings.to_scenario.route_flight import route_flight, route_text
+from gcs.mission.drawings.to_scenario.survey_area import survey_area
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight
-from gcs.scenario.sources.template import FirstFlight, scenario_text
+from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
 
 if TYPE_CHECKING:
     from gcs.scenario.sources.survey_flight import SurveyFlight
     from gcs.types import JsonObject
 
-_NAMED = 5  # polygons that a sentence names
+ALTITUDE_UNKNOWN = "its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m"
+_WHOLE = 0.999  # a survey that sees as much of an area sees all
 _FARTHEST_M = 5_000.0  # from the origin to the area
 _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
 
@@ -36,20 +39,10 @@ def text_of_drawing(
     Raises FileFormatError for a file that is no drawing of a route, and UsageError for a flight that is not possible.
     """
     flight = route_flight(read_drawing(file), at, wanted.pop("height_m", None), **wanted)
-    origin = flight.route.origin
-    text = scenario_text(
-        folder, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m, flight=flight, template="template_route.toml"
-    )
-    areas = [
-        counted(len(tables), noun, plural)
-        for tables, noun, plural in (
-            (flight.areas.keep_in, "area to stay in", "areas to stay in"),
-            (flight.areas.no_fly, "no-fly zone", ""),
-        )
-        if tables
-    ]
+    text = route_text(folder, flight)
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
-    screen.say(f"{file}: {', '.join([way, f'{flight.length_m:.0f} m in {flight.flight_s:.0f} s', *areas])}")
+    length = f"{flight.length_m:.0f} m in {flight.flight_s:.0f} s"
+    screen.say(f"{file}: {', '.join([way, length, *_counted_areas(flight.areas)])}")
     left_out = sentences(flight.left_out)
     for sentence in left_out:
         screen.say(f"  {sentence}")
@@ -90,77 +83,86 @@ def flight_of_sheets(
     return flight, (read.origin.lat_deg, read.origin.lon_deg, None)
 
 
-def flight_of_survey(
+def text_of_survey(
+    folder: Path,
     file: Path,
     options: SurveyOptions,
-    at: tuple[float, float, float] | None,
+    at: tuple[float, float, float | None] | None,
     count: int | None,
     height_m: float | None,
     screen: Screen,
-) -> tuple[SurveyFlight, tuple[float, float, None] | None]:
-    """The flight; and its origin where that is the area's first corner. Raises UsageError for what cannot be flown."""
+) -> tuple[str, list[str]]:
+    """The text of the scenario, and the sentences about what is not carried over.
+
+    Raises UsageError for what cannot be flown, and FileFormatError for a file that is no drawing.
+    """
     from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
 
-    areas = [area for area in read_drawing(file).areas if area.inside is not False and area.radius_m is None]
-    if not areas:
-        raise UsageError(f"{file} has no polygon.", hint="draw the area as a polygon")
-    if len(areas) > 1:
-        named = ", ".join(area.label for area in areas[:_NAMED]) + (", ..." if len(areas) > _NAMED else "")
-        raise UsageError(f"{file} has {len(areas)} polygons: {named}.", hint="keep one of them in the file")
-    drawn = areas[0]
-    first_lat_deg, first_lon_deg = drawn.corners[0]
-    origin = Origin(*at) if at is not None else Origin(first_lat_deg, first_lon_deg, 0.0)
-    area = _in_metres(file, drawn, origin)
-    away_m = float(area.distance(shapely.Point(0.0, 0.0)))
+    drawn = survey_area(read_drawing(file), at, avoid_holes=options.holes == "avoid")
+    away_m = float(drawn.surveyed.distance(shapely.Point(0.0, 0.0)))
     if away_m > _FARTHEST_M:
         text = f"{file} is {away_m:,.0f} m from --at; a survey begins at most {_FARTHEST_M:,.0f} m away."
         raise UsageError(text, hint="leave --at out to begin at the area, or give a place near it")
-    plain = SurveyOrder(area, 1.0)
+    plain = SurveyOrder(drawn.surveyed, 1.0)
     assert options.swath is not None
     order = SurveyOrder(
-        area,
+        drawn.surveyed,
         options.swath,
         overlap_share(options.overlap),
         pass_course_deg(options.angle),
         COUNTS if count is None else tuple(range(1, count + 1)),
         plain.height_m if height_m is None else height_m,
         plain.speed_mps if options.speed is None else _speed_mps(options.speed),
-        options.holes == "avoid",
+        drawn.avoided,
         starts_at_origin=at is not None,
     )
     flight = survey_flight(order)
-    for sentence in _sentences(flight):
+    areas = drawn.tables([("the start", flight.start_m), *flight.points()])
+    flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
+    for sentence in _sentences(flight, areas):
         screen.say(sentence)
-    if at is not None:
-        return flight, None
-    screen.say(f"the origin is the first corner of {file}")
-    return flight, (origin.lat_deg, origin.lon_deg, None)
+    left_out = sentences((*drawn.left_out, *areas.left_out))
+    for sentence in left_out:
+        screen.say(f"  {sentence}")
+    place = drawn.origin
+    if at is None:
+        screen.say(f"the origin is the first corner of {file}")
+    if drawn.altitude_is == "the planned home":
+        screen.say(f"its altitude is that of the planned home: {place.alt_amsl_m:g} m above the sea")
+    elif not drawn.altitude_is:
+        screen.say(ALTITUDE_UNKNOWN)
+    try:
+        return scenario_text(folder, place.lat_deg, place.lon_deg, place.alt_amsl_m, flight=flight), left_out
+    except ImpossibleFlight as error:
+        text = f"{file}: such a survey is not possible: {areas.in_words(error.reason)}"
+        raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None
 
 
-def _sentences(flight: SurveyFlight) -> list[str]:
-    mown, order = flight.mowing, flight.order
-    holes = len(order.area.interiors)
+def _sentences(flight: SurveyFlight, areas: AreaTables) -> list[str]:
+    mown = flight.mowing
+    holes = len(flight.order.area.interiors)
+    tables = _counted_areas(areas)
     notes = [
         f"{flight.area_ha:.2f} ha: {counted(mown.count, 'vehicle')} {mown.spacing_m:.2f} m apart, "
         f"{counted(len(mown.passes), 'pass', 'passes')} at {mown.course_deg % 180.0:.1f} degrees, "
-        f"about {flight.flight_s:g} s"
+        f"about {flight.flight_s:g} s" + "".join(f", {one}" for one in tables)
     ]
-    if holes and not order.avoid_holes:
+    if areas.no_fly and flight.seen < _WHOLE:
+        notes.append(f"passes see about {flight.seen:.0%} of it, the ways round no-fly zones perhaps more")
+    if holes and not areas.no_fly:
         notes.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
     return notes
 
 
-def _in_metres(file: Path, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
-    """The area (north, east), m, from the origin. Raises UsageError for one that crosses itself."""
-    rings = []
-    for ring in (drawn.corners, *drawn.holes):
-        lat_deg, lon_deg = np.array(ring).T
-        rings.append(np.round(place_up_m(lat_deg, lon_deg, 0.0, at)[:, :2], 2))
-    area = shapely.Polygon(rings[0], rings[1:])
-    if not area.is_valid or area.area <= 0.0:
-        reason = shapely.is_valid_reason(area) if not area.is_valid else "it has no area"
-        raise UsageError(f"{file}: not an area: {reason} (north east, m).", hint="draw its corners in order")
-    return area
+def _counted_areas(areas: AreaTables) -> list[str]:
+    return [
+        counted(len(tables), noun, plural)
+        for tables, noun, plural in (
+            (areas.keep_in, "area to stay in", "areas to stay in"),
+            (areas.no_fly, "no-fly zone", ""),
+        )
+        if tables
+    ]
 
 
 def _speed_mps(speed_mps: float) -> float:

@@ -28,6 +28,7 @@ from gcs.types import Array, JsonObject
 
 _FORMS = ("{}_m", "v_{}_mps")
 _ELSEWHERE_S = 1.0
+_SAME_HOME_M = 0.5  # homes on level ground
 _TOGETHER_S = 0.5  # a global and a local position within that are of one place
 
 
@@ -39,6 +40,8 @@ class _Heard:
     mode: int = 0
     battery_pct: int = -1
     origin: Origin | None = None  # of its local frame
+    home_amsl_m: float | None = None  # by HOME_POSITION
+    below_m: list[float] = field(default_factory=list)  # AMSL altitudes from which relative ones count
     is_global: list[bool] = field(default_factory=list)
     stamps: list[tuple[float, float]] = field(default_factory=list)  # received, boot clock
     motion: list[tuple[float, ...]] = field(default_factory=list)  # lat lon alt or x y z; three velocities
@@ -58,7 +61,7 @@ def recording_from_telemetry(
     A vehicle's positions are the more frequent ones of GLOBAL_POSITION_INT and LOCAL_POSITION_NED. A local frame begins
     where its vehicle does, and each vehicle has its own. GPS_GLOBAL_ORIGIN, HOME_POSITION or one GLOBAL_POSITION_INT
     beside a local position tell where it lies. A vehicle with none of them keeps its own frame. The common origin is
-    the first position of the first vehicle.
+    the first position of the first vehicle, at the altitude of a home.
     """
     heard: dict[int, _Heard] = {}
     events: list[Event] = []
@@ -102,12 +105,15 @@ def _take(one: _Heard, message: Message, t_s: float) -> None:
         one.battery_pct = int(fields["battery_remaining"])
     elif message.name == "GPS_GLOBAL_ORIGIN":
         one.origin = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
-    elif message.name == "HOME_POSITION" and one.origin is None:
+    elif message.name == "HOME_POSITION":
+        one.home_amsl_m = one.home_amsl_m if one.home_amsl_m is not None else fields["altitude"] / 1e3
         place = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
         at_m = [float(fields[name]) for name in ("x", "y", "z")]
-        if is_local_place(at_m):
+        if one.origin is None and is_local_place(at_m):
             one.origin = Origin(*(float(part) for part in ned_to_geodetic(-np.array(at_m), place)))
     elif message.name == "GLOBAL_POSITION_INT" and (fields["lat"] or fields["lon"]):
+        if "relative_alt" in fields:
+            one.below_m.append((fields["alt"] - fields["relative_alt"]) / 1e3)
         motion = (fields["lat"] / 1e7, fields["lon"] / 1e7, fields["alt"] / 1e3)
         _note(one, True, t_s, fields, (*motion, *(fields[name] / 1e2 for name in ("vx", "vy", "vz"))))
     elif message.name == "LOCAL_POSITION_NED" and (local := local_motion(message)) is not None:
@@ -122,17 +128,19 @@ def _note(one: _Heard, is_global: bool, t_s: float, fields: JsonObject, motion: 
 
 
 def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[str, ...]]:
-    origin: Origin | None = None
+    placed = {sysid: _on_earth(one) for sysid, one in heard.items()}
+    first = next((earth for _, earth, _ in placed.values() if earth is not None), None)
+    home_amsl_m, notes = _home_amsl_m(heard, {sysid: frame for sysid, (_, _, frame) in placed.items()})
     found, alone = [], []
     for sysid, one in heard.items():
-        chosen, earth = _on_earth(one)
+        chosen, earth, _ = placed[sysid]
         motion = np.array(one.motion)[chosen]
         places = motion[:, :3]
-        if earth is None:
+        if earth is None or first is None:
             alone.append(sysid)
         else:
-            origin = origin or Origin(*(float(part[0]) for part in earth))
-            places = geodetic_to_ned(*earth, origin)
+            lat_deg, lon_deg, alt_m = (float(part[0]) for part in first)
+            places = geodetic_to_ned(*earth, Origin(lat_deg, lon_deg, alt_m if home_amsl_m is None else home_amsl_m))
         stamps, state = np.array(one.stamps)[chosen], np.array(one.state)[chosen]
         t_s = steady_times(stamps[:, 0], stamps[:, 1])
         order = np.argsort(t_s, kind="stable")
@@ -150,21 +158,52 @@ def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[s
         )
     if alone and len(found) > 1:
         named = ", ".join(map(str, alone))
-        return tuple(found), (
+        notes = (
+            *notes,
             f"vehicle{'s' if len(alone) > 1 else ''} {named} reported no position on Earth: "
             "each is drawn in its own local frame, which begins where the vehicle stood.",
         )
-    return tuple(found), ()
+    return tuple(found), notes
 
 
-def _on_earth(one: _Heard) -> tuple[NDArray[np.bool_], tuple[Array, Array, Array] | None]:
-    """Return which reports make the track, and their latitudes, longitudes and altitudes; None in an unknown frame."""
+def _home_amsl_m(heard: dict[int, _Heard], frames: dict[int, Origin | None]) -> tuple[float | None, tuple[str, ...]]:
+    """The altitude from which heights count, with a note where it is not that of every vehicle's home.
+
+    It is that of the first vehicle's home: by HOME_POSITION, else as its relative altitudes have it, else the origin of
+    its local frame. None for the first position: there is no home, or no position on Earth.
+    """
+    homes_m: dict[int, float] = {}
+    for sysid, one in heard.items():
+        if one.home_amsl_m is not None:
+            homes_m[sysid] = one.home_amsl_m
+        elif one.below_m:
+            homes_m[sysid] = float(np.median(one.below_m))
+        elif (frame := frames[sysid]) is not None:
+            homes_m[sysid] = frame.alt_amsl_m
+    if not homes_m:
+        if not any(any(one.is_global) for one in heard.values()):
+            return None, ()
+        text = "no vehicle reports its home or a relative altitude: heights count from the first position of the log."
+        return None, (text,)
+    (first, home_m), *_ = homes_m.items()
+    apart_m = max(abs(other - home_m) for other in homes_m.values())
+    if apart_m <= _SAME_HOME_M:
+        return home_m, ()
+    text = f"heights count from the home of vehicle {first}; those of other vehicles are up to {apart_m:.1f} m away."
+    return home_m, (text,)
+
+
+def _on_earth(one: _Heard) -> tuple[NDArray[np.bool_], tuple[Array, Array, Array] | None, Origin | None]:
+    """Return which reports make the track, their latitudes, longitudes and altitudes, and the local frame's origin.
+
+    Places are None in an unknown frame.
+    """
     motion, is_global = np.array(one.motion), np.array(one.is_global)
     origin = one.origin or _frame_origin(motion, np.array(one.stamps)[:, 1], is_global)
     if is_global.any() and (origin is None or 2 * is_global.sum() >= len(is_global)):
-        return is_global, (motion[is_global, 0], motion[is_global, 1], motion[is_global, 2])
+        return is_global, (motion[is_global, 0], motion[is_global, 1], motion[is_global, 2]), origin
     places = motion[~is_global, :3]
-    return ~is_global, None if origin is None else ned_to_geodetic(places, origin)
+    return ~is_global, None if origin is None else ned_to_geodetic(places, origin), origin
 
 
 def _frame_origin(motion: Array, boot_s: Array, is_global: NDArray[np.bool_]) -> Origin | None:

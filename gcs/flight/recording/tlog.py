@@ -1,7 +1,8 @@
 """Reads telemetry logs (`.tlog`) of any ground station: frames in both directions, each after its time stamp.
 
-Stamps are the writer's clock, big-endian microseconds since 1970; frames from before that clock was set have 0. After a
-damaged section, reading continues at the next frame.
+Stamps are the writer's clock, big-endian microseconds since 1970; frames from before that clock was set have 0. In a
+log without stamps (`.tlog.raw`) the vehicles' own clocks count: time_boot_ms. After a damaged section, reading
+continues at the next frame.
 """
 
 import itertools
@@ -9,7 +10,7 @@ import os
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -32,6 +33,9 @@ _TRIED_MAX = 500_000  # of false frames: each takes ten microseconds
 FRAMES_MAX = 2_000_000  # of a replay: each takes about a kilobyte of memory
 _WINDOW, _MARGIN = 4 * MIB, 64 * 1024  # of a file at once; no frame is longer than the margin
 _BIG_ENDIAN = struct.Struct(">Q")
+_TOLD_BY = 64  # pairs of frames that tell whether a log has stamps
+_REBOOTED_MS = 1000  # a vehicle's clock goes back by more
+_RAW_BEGINS_MS = 1000  # 0 would be a stamp that is not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,7 @@ class LoggedFrame:
     stamp_us: int
     data: bytes
     message: Message | None
+    stamped: bool = True  # else its stamp is from the vehicle's clock
 
     @property
     def sysid(self) -> int:
@@ -75,12 +80,33 @@ def scan(path: Path) -> Iterator[LoggedFrame | Gap]:
         yield from _scan(file, path)
 
 
+class _BootTimes:
+    """Common times from the clocks of vehicles since they were started, in the order of a log."""
+
+    def __init__(self) -> None:
+        self._now_ms = _RAW_BEGINS_MS
+        self._clocks: dict[tuple[int, int], tuple[int, int]] = {}  # of each component: last reading, offset
+
+    def stamp_us(self, message: Message | None) -> int:
+        """The time of the next message."""
+        boot_ms = None if message is None else message.fields.get("time_boot_ms")
+        if message is not None and isinstance(boot_ms, int):
+            last_ms, offset_ms = self._clocks.get((message.sysid, message.compid), (boot_ms, self._now_ms - boot_ms))
+            if boot_ms < last_ms - _REBOOTED_MS:
+                offset_ms = self._now_ms - boot_ms
+            self._clocks[message.sysid, message.compid] = boot_ms, offset_ms
+            self._now_ms = max(self._now_ms, boot_ms + offset_ms)
+        return 1000 * self._now_ms
+
+
 def _scan(file: IO[bytes], path: Path) -> Iterator[LoggedFrame | Gap]:
     """The frames and gaps of a file of any length: one window of it is in memory."""
     codec = Codec(*GROUND)
-    data, base, at = b"", 0, 0  # the window, its offset in the file, the offset in the window
+    data = file.read(_WINDOW)
+    stamp, times = _stamp_size(data, codec), _BootTimes()
+    base, at = 0, 0  # the window's offset in the file, the offset in the window
     gap: int | None = None  # where the bytes begin that are no frames
-    tried, ended = 0, False
+    tried, ended = 0, len(data) < _WINDOW
     while True:
         if not ended and len(data) - at < _MARGIN:
             more = file.read(_WINDOW)
@@ -89,13 +115,13 @@ def _scan(file: IO[bytes], path: Path) -> Iterator[LoggedFrame | Gap]:
             data, base, at = data[kept:] + more, base + kept, at - kept
         if at >= len(data):
             break
-        frame = _frame(data, at, codec, base)
+        frame = _frame(data, at, codec, base, stamp)
         if frame is not None and (gap is None or frame.message is not None):
             if gap is not None:
                 yield Gap(gap, base + at - gap, cut=False)
                 gap = None
-            yield frame
-            at += _STAMP + len(frame.data)
+            yield frame if stamp else replace(frame, stamp_us=times.stamp_us(frame.message))
+            at += stamp + len(frame.data)
         elif gap is None:
             gap, at = base + at, at + 1
         else:
@@ -105,9 +131,24 @@ def _scan(file: IO[bytes], path: Path) -> Iterator[LoggedFrame | Gap]:
                     f"{path} is damaged: more than {_TRIED_MAX:,} places look like the start of a frame, and are none.",
                     hint="name a flight's folder or a .tlog",
                 )
-            at = min(_next_candidate(data, at), len(data) if ended else max(at + 1, len(data) - _STAMP))
+            at = min(_next_candidate(data, at, stamp), len(data) if ended else max(at + 1, len(data) - _STAMP))
     if gap is not None:
-        yield Gap(gap, base + len(data) - gap, gap >= base and _is_cut(data, gap - base))
+        yield Gap(gap, base + len(data) - gap, gap >= base and _is_cut(data, gap - base, stamp))
+
+
+def _stamp_size(data: bytes, codec: Codec) -> int:
+    """The bytes between frames: most frames that follow each other tell it."""
+    direct = after_stamp = at = 0
+    while direct + after_stamp < _TOLD_BY and (marker := _MARKER.search(data, at)) is not None:
+        at = marker.start()
+        end = at + (frame_length(data, at) if at < len(data) else 0)
+        if end == at or end > len(data) or codec.decode_frame(data[at:end]) is None:
+            at += 1
+            continue
+        direct += data[end : end + 1] in (b"\xfd", b"\xfe")
+        after_stamp += data[end + _STAMP : end + _STAMP + 1] in (b"\xfd", b"\xfe")
+        at = end
+    return 0 if direct > after_stamp else _STAMP
 
 
 def load_tlog(path: Path) -> Tlog:
@@ -119,12 +160,17 @@ def load_tlog(path: Path) -> Tlog:
             hint="`gcs report` reads logs of any number of frames",
         )
     frames = tuple(one for one in found if isinstance(one, LoggedFrame))
-    understood = sum(_STAMP + len(frame.data) for frame in frames if frame.message)
+    understood = sum(_STAMP * frame.stamped + len(frame.data) for frame in frames if frame.message)
     if understood <= _LEAST_SHARE * sum(one.size if isinstance(one, Gap) else len(one.data) for one in found):
         raise FileFormatError(
             f"{path} has no telemetry: no MAVLink frames after time stamps.", hint="name a flight's folder or a .tlog"
         )
     notes = []
+    if not frames[0].stamped:
+        if not any("time_boot_ms" in frame.message.fields for frame in frames if frame.message):
+            text = f"{path} has no time stamps, and no message in it has the vehicle's own time (time_boot_ms)."
+            raise FileFormatError(text, hint="name the .tlog that was written beside it")
+        notes.append(f"{path.name} has no time stamps: times are those of the vehicles' own clocks (time_boot_ms).")
     damaged = [gap for gap in found if isinstance(gap, Gap) and not gap.cut]
     if damaged:
         size = sum(gap.size for gap in damaged)
@@ -157,25 +203,26 @@ def mend_times(stamps_s: Array) -> tuple[Array, float]:
     return np.maximum.accumulate(times - left_out), float(np.sum(steps[long]))
 
 
-def _frame(data: bytes, at: int, codec: Codec, base: int) -> LoggedFrame | None:
+def _frame(data: bytes, at: int, codec: Codec, base: int, stamp: int) -> LoggedFrame | None:
     """The frame whose stamp begins at `at`, if it is valid, or if another one follows at its end."""
-    begin = at + _STAMP
+    begin = at + stamp
     length = frame_length(data, begin) if begin < len(data) else 0
     if not _SHORTEST <= length <= len(data) - begin:
         return None
     end = begin + length
     frame = data[begin:end]
     message = codec.decode_frame(frame)
-    if message is None and end < len(data) and (end + _STAMP >= len(data) or data[end + _STAMP] not in _MARKERS):
+    if message is None and end < len(data) and (end + stamp >= len(data) or data[end + stamp] not in _MARKERS):
         return None
-    return LoggedFrame(base + at, _BIG_ENDIAN.unpack_from(data, at)[0], frame, message)
+    stamp_us = _BIG_ENDIAN.unpack_from(data, at)[0] if stamp else 0
+    return LoggedFrame(base + at, stamp_us, frame, message, bool(stamp))
 
 
-def _next_candidate(data: bytes, at: int) -> int:
-    marker = _MARKER.search(data, at + 1 + _STAMP)
-    return len(data) if marker is None else marker.start() - _STAMP
+def _next_candidate(data: bytes, at: int, stamp: int) -> int:
+    marker = _MARKER.search(data, at + 1 + stamp)
+    return len(data) if marker is None else marker.start() - stamp
 
 
-def _is_cut(data: bytes, at: int) -> bool:
-    begin = at + _STAMP
+def _is_cut(data: bytes, at: int, stamp: int) -> bool:
+    begin = at + stamp
     return begin >= len(data) or (data[begin] in _MARKERS and frame_length(data, begin) > len(data) - begin)

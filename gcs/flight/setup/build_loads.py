@@ -39,9 +39,8 @@ def build_loads(
     Missions are those of an export, with its checks. `timed` ones have speeds corrected for the autopilot; the others
     have the plan's own speeds, which autopilots do not keep. What `exported` has for these autopilots is not built
     again. With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings
-    about returns; it is told too by how much arrival times may spread. Raises `PeerError` as `fleet_autopilots`,
-    `ScenarioError` for missions that an autopilot does not store, and `VerificationError` for missions that failed
-    verification.
+    about returns; it is told too by how much arrival times may spread. Raises `PeerError` as `fleet_autopilots`, and
+    `VerificationError` for missions that failed verification, or that an autopilot does not store.
     """
     each = fleet_autopilots(plan, autopilots)
     if exported is not None and exported.autopilots == each and not exported.refused:

@@ -5,7 +5,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from gcs.autopilots.columns import CommandSource
-from gcs.autopilots.mission_commands import command_source, known_position, name_of, refusal
+from gcs.autopilots.mission_commands import (
+    SpeedFault,
+    command_source,
+    known_position,
+    name_of,
+    refusal,
+    speed_fault,
+)
 from gcs.frames import from_degE7, to_degE7
 from gcs.mavlink import MavCommand
 from gcs.mission.check.findings import Finding, Level, Rule
@@ -16,7 +23,6 @@ from gcs.mission.predicted.planned_flight import ALTITUDE_MAX_M
 _NO_POSITION = frozenset({int(Frame.MISSION)})
 _ENDLESS = frozenset({MavCommand.NAV_LOITER_UNLIM})
 _ENDS = frozenset({MavCommand.NAV_LAND, MavCommand.NAV_LOITER_UNLIM, MavCommand.NAV_RETURN_TO_LAUNCH})
-_KMH = 3.6  # of 1 m/s
 _HOLDS = frozenset(  # parameter 1 is a time, s
     {MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT, MavCommand.NAV_DELAY}
 )
@@ -107,24 +113,8 @@ def _values(mission: MissionFile, index: int, item: MissionItem) -> _Said:
 
 
 def _speed(mission: MissionFile, _: int, item: MissionItem) -> _Said:
-    kind, speed_mps = item.params[0], item.params[1]
-    slowest, fastest = mission.firmware.traits.missions.speed_mps
-    if item.command != Command.DO_CHANGE_SPEED:
-        return
-    if kind not in (0, 1, 2, 3):
-        yield Rule.VALUE, Level.ERROR, f"unknown speed type {kind:g}"
-    elif math.isnan(speed_mps):
-        yield Rule.SPEED, Level.ERROR, "the speed is not a number"
-    elif speed_mps == -1 or kind > 1:
-        return  # no change; climbing and sinking have limits of their own
-    elif speed_mps < slowest - 1e-6:
-        text = f"{mission.firmware.title} ignores {speed_mps:g} m/s; its minimum is {slowest:g} m/s"
-        yield Rule.SPEED, Level.ERROR, text
-    elif speed_mps > fastest:
-        text = f"{speed_mps:g} m/s; {mission.firmware.title} allows at most {fastest:g} m/s"
-        if speed_mps / _KMH <= fastest:
-            text += f". Is it in km/h? {speed_mps:g} km/h are {speed_mps / _KMH:.1f} m/s"
-        yield Rule.SPEED, Level.ERROR, text
+    if item.command == Command.DO_CHANGE_SPEED and (fault := speed_fault(*item.params[:2], mission.firmware)):
+        yield Rule.VALUE if fault[0] is SpeedFault.KIND else Rule.SPEED, Level.ERROR, fault[1]
 
 
 def _jump(mission: MissionFile, index: int, item: MissionItem) -> _Said:

@@ -1,26 +1,18 @@
-"""A drawing: the points of a route, areas, and what a scenario cannot carry over of the file.
-
-The route of a map is one of its lines, else its single points in their order.
-"""
+"""A drawing: the points of a route, areas, and what a scenario cannot carry over of the file."""
 
 import itertools
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
-import numpy as np
-
-from gcs.errors import FileFormatError
-from gcs.frames import Origin, geodetic_to_ned
+from gcs.frames import wrapped_deg
 from gcs.mission.model import Home
 
 NAME_MAX = 100
 _SHOWN_MAX = 60  # of a name in a sentence
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
 Place = tuple[float, float]  # latitude, longitude, degrees
-_SAME_M = 5.0  # a named point so near to a corner of the line names it
 
 
 class Datum(StrEnum):
@@ -86,67 +78,8 @@ class Drawing:
     returns: bool = False  # to its start, after the last point
     recorded: bool = False  # by a receiver on the way, with many more points than a person draws
     left_out: tuple[LeftOut, ...] = ()
-
-
-@dataclass(frozen=True)
-class DrawnLine:
-    """A line of a map. `recorded`: a receiver wrote it on its way."""
-
-    label: str
-    points: tuple[DrawnPoint, ...]
-    recorded: bool = False
-
-
-@dataclass
-class Sketch:
-    """A drawing while it is read: what was found so far. On a map with lines, `points` stand beside them."""
-
-    source: str
-    points: list[DrawnPoint] = field(default_factory=list)
-    lines: list[DrawnLine] = field(default_factory=list)
-    areas: list[DrawnArea] = field(default_factory=list)
-    left_out: list[LeftOut] = field(default_factory=list)
-
-    def drawing(self, **more: Any) -> Drawing:
-        """The drawing whose route is the first drawn line, else the first recorded one, else the points.
-
-        What is not flown is left out with a sentence. `more` are other fields.
-        """
-        points, recorded = self.points, False
-        if self.lines:
-            flown = next((line for line in self.lines if not line.recorded), self.lines[0])
-            for line in self.lines:
-                if line is not flown:
-                    text = f"not flown: the route is {flown.label}; a file per route carries it over"
-                    self.leave_out(line.label, text)
-            points, recorded = self._named(flown), flown.recorded
-        found = tuple(points), tuple(self.areas)
-        return Drawing(self.source, *found, recorded=recorded, left_out=tuple(self.left_out), **more)
-
-    def _named(self, line: DrawnLine) -> list[DrawnPoint]:
-        """The points of a line, with the names of those beside it that are on it."""
-        points = list(line.points)
-        if not self.points or not points:
-            return points
-        origin = Origin(*points[0].place, 0.0)
-        lat, lon = np.array([point.place for point in points]).T
-        places_m = geodetic_to_ned(lat, lon, 0.0, origin)
-        for spot in self.points:
-            away_m = np.linalg.norm(places_m - geodetic_to_ned(*spot.place, 0.0, origin), axis=1)
-            row = int(away_m.argmin())
-            if away_m[row] <= _SAME_M and spot.name and not points[row].name:
-                points[row] = replace(points[row], name=spot.name)
-            elif away_m[row] > _SAME_M:
-                self.leave_out(spot.label, f"not on the route, {line.label}; not carried over")
-        return points
-
-    def leave_out(self, label: str, text: str) -> None:
-        """Add a sentence."""
-        self.left_out.append(LeftOut(label, text))
-
-    def refused(self, text: str, hint: str = "") -> FileFormatError:
-        """The error for the whole file."""
-        return FileFormatError(f"{self.source}: {text}.", hint=hint)
+    line: str = ""  # the label of the line whose points are the route; empty where they are points or items
+    surveys: tuple[DrawnArea, ...] = ()  # areas that the file itself means to be surveyed
 
 
 def tidy(name: str) -> str:
@@ -160,11 +93,16 @@ def labelled(what: str, number: int, name: str = "") -> str:
     return f"{what} {number}" + (f' ("{short}")' if short else "")
 
 
+def part_of(label: str, what: str, number: int, count: int) -> str:
+    """How sentences call one of the parts of a thing: 'segment 2 of track 1'; a thing with one part is that part."""
+    return label if count == 1 else f"{what} {number} of {label}"
+
+
 def on_earth(lat_deg: float, lon_deg: float) -> Place:
     """A place, with a longitude from -180 to 180. Raises ValueError for one that is not on Earth."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 360.0):
         raise ValueError(f"latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
-    return lat_deg, lon_deg if abs(lon_deg) <= 180.0 else (lon_deg + 180.0) % 360.0 - 180.0
+    return lat_deg, float(wrapped_deg(lon_deg))
 
 
 def ring(corners: Sequence[Place], label: str) -> tuple[Place, ...]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
 from gcs.errors import FileFormatError
@@ -10,20 +10,22 @@ from gcs.mission.drawings.drawing import (
     Datum,
     Drawing,
     DrawnArea,
-    DrawnLine,
     DrawnPoint,
-    Sketch,
     labelled,
     on_earth,
-    ring,
+    part_of,
     tidy,
 )
+from gcs.mission.drawings.line_pieces import LinePiece
+from gcs.mission.drawings.sketch import Sketch
+from gcs.mission.formats.vendor_quirks import MARK, decoded
 from gcs.util.bounded_file import read_json
 
 GEOJSON_TYPES = (
     *("FeatureCollection", "Feature", "GeometryCollection", "LineString", "MultiLineString", "Point", "MultiPoint"),
     *("Polygon", "MultiPolygon"),
 )
+_PARTS = ("LineString", "Polygon", "Point")
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")
 _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of GeoJSON
@@ -31,7 +33,6 @@ _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of G
 
 @dataclass(frozen=True)
 class _Feature:
-    geometry: Any
     label: str
     name: str
     properties: dict[str, Any]
@@ -41,17 +42,18 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     """The drawing in a GeoJSON file. Raises `FileFormatError`."""
     found = Sketch(source)
     try:
-        document = read_json(data.decode("utf-8-sig"))
+        document = read_json(decoded(data, source).removeprefix(MARK))
         crs = document.get("crs") if isinstance(document, dict) else None
         if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
             raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
         for number, (geometry, properties) in enumerate(_features(document), start=1):
             name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
             label = labelled("feature", number, name)
-            _geometry(_Feature(geometry, label, name, properties), geometry, found)
+            _feature(_Feature(label, name, properties), geometry, found)
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{source}: {str(error)[:200]}.", hint="save the drawing again as GeoJSON") from error
-    if any(point.datum is Datum.SEA for line in found.lines for point in line.points if not line.recorded):
+    lines = [line.points for line in found.lines if not line.recorded]
+    if any(point.datum is Datum.SEA and point.height_m for points in lines for point in points):
         found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
     return found.drawing()
 
@@ -83,52 +85,81 @@ def _list(value: Any, key: str) -> list[Any]:
     return found
 
 
-def _geometry(feature: _Feature, geometry: Any, found: Sketch, depth: int = 0) -> None:
-    if geometry is None:  # a feature may have no place
-        return
+def _geometries(label: str, geometry: Any, depth: int = 0) -> Iterator[tuple[str, list[Any]]]:
+    """The kinds and coordinates in a geometry, those of collections and of multi-geometries one by one."""
     kind = _kind(geometry)
     if kind == "GeometryCollection":
         if depth == _DEPTH_MAX:
             raise ValueError("collections are nested too deeply")
         for one in _list(geometry, "geometries"):
-            _geometry(feature, one, found, depth + 1)
+            yield from _geometries(label, one, depth + 1)
+        return
+    if kind not in GEOJSON_TYPES or kind.startswith("Feature"):
+        yield kind, []
         return
     coordinates = _list(geometry, "coordinates")
-    if kind == "Point" and _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
-        centre, inside = _point(coordinates, feature.label).place, feature.properties.get("inclusion") is True
-        found.areas.append(DrawnArea((centre,), feature.label, inside, radius_m=float(radius_m)))
-    elif kind == "Point":
-        found.points.append(_point(coordinates, feature.label, feature.name))
-    elif kind == "MultiPoint":
-        found.points += _line(coordinates, feature)
-    elif kind == "LineString":
-        found.lines.append(_drawn(feature, _line(coordinates, feature)))
-    elif kind == "MultiLineString":
-        pieces = [point for piece in coordinates for point in _line(_list(piece, "coordinates"), feature)]
-        found.lines.append(_drawn(feature, pieces))
-    elif kind in ("Polygon", "MultiPolygon"):
-        for rings in [coordinates] if kind == "Polygon" else coordinates:
-            _area(feature, _list(rings, "coordinates"), found)
+    if kind.startswith("Multi"):
+        for part in coordinates:
+            yield kind.removeprefix("Multi"), _list(part, "coordinates")
     else:
-        raise ValueError(f"{feature.label} is of the unknown type '{tidy(kind)}'")
+        yield kind, coordinates
 
 
-def _line(coordinates: Sequence[Any], feature: _Feature) -> list[DrawnPoint]:
-    return [
-        _point(position, f"point {number} of {feature.label}") for number, position in enumerate(coordinates, start=1)
-    ]
+def _feature(feature: _Feature, geometry: Any, found: Sketch) -> None:
+    """Add what a feature draws. Raises ValueError."""
+    parts = [] if geometry is None else [*_geometries(feature.label, geometry)]
+    if not parts:  # a feature may have no place
+        found.leave_out(feature.label, "has no place; not carried over")
+    for kind in dict.fromkeys(kind for kind, _ in parts if kind not in _PARTS):
+        found.leave_out(feature.label, f"of the unknown type '{tidy(kind)[:40]}'; not carried over")
+    of_kind = {kind: [one for other, one in parts if other == kind] for kind in _PARTS}
+    if of_kind["LineString"]:
+        _add_line(feature, of_kind["LineString"], found)
+    for kind in ("Polygon", "Point"):
+        for number, coordinates in enumerate(of_kind[kind], start=1):
+            own = part_of(feature.label, kind.lower(), number, len(of_kind[kind]))
+            if not coordinates:
+                found.leave_out(own, "has no place; not carried over")
+            elif kind == "Polygon":
+                _add_area(feature, own, coordinates, found)
+            else:
+                _add_point(feature, own, coordinates, found)
 
 
-def _drawn(feature: _Feature, points: list[DrawnPoint]) -> DrawnLine:
-    """A line; the tracks that this program exports have their heights beside them."""
+def _add_line(feature: _Feature, pieces: list[list[Any]], found: Sketch) -> None:
+    """Add a line; the tracks that this program exports have their heights beside them."""
+    counts = feature.properties.get("points")  # of the pieces, where one with a single point has it twice
+    if isinstance(counts, list) and len(counts) == len(pieces):
+        pieces = [piece[:count] if count == 1 else piece for piece, count in zip(pieces, counts, strict=True)]
+    own = [part_of(feature.label, "line", number, len(pieces)) for number in range(1, len(pieces) + 1)]
+    drawn = [LinePiece(label, tuple(_line(piece, label))) for label, piece in zip(own, pieces, strict=True)]
     heights = feature.properties.get("altitude_amsl_m")
-    if not isinstance(heights, list) or len(heights) != len(points) or not all(map(_is_number, heights)):
-        return DrawnLine(feature.label, tuple(points))
-    placed = [
-        DrawnPoint(point.place, float(height), Datum.SEA, point.label)
-        for point, height in zip(points, heights, strict=True)
+    total = sum(len(piece.points) for piece in drawn)
+    if not isinstance(heights, list) or len(heights) != total or not all(map(_is_number, heights)):
+        found.add_line(feature.label, drawn)
+        return
+    left = iter(heights)
+    at_heights = [
+        LinePiece(
+            piece.label,
+            tuple(replace(point, height_m=float(next(left)), datum=Datum.SEA) for point in piece.points),
+        )
+        for piece in drawn
     ]
-    return DrawnLine(feature.label, tuple(placed), recorded=True)
+    found.add_line(feature.label, at_heights, recorded=True)
+
+
+def _line(coordinates: Sequence[Any], label: str) -> list[DrawnPoint]:
+    return [_point(position, f"point {number} of {label}") for number, position in enumerate(coordinates, start=1)]
+
+
+def _add_point(feature: _Feature, label: str, coordinates: list[Any], found: Sketch) -> None:
+    """Add a point; one with a radius is a disk."""
+    if _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
+        centre, inside = _point(coordinates, label).place, feature.properties.get("inclusion") is True
+        found.areas.append(DrawnArea((centre,), label, inside, radius_m=float(radius_m)))
+    else:
+        found.points.append(_point(coordinates, label, feature.name if label == feature.label else ""))
 
 
 def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
@@ -142,16 +173,10 @@ def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
     return DrawnPoint(place, float(rest[0]) if rest else 0.0, Datum.SEA if rest else Datum.NONE, label, name)
 
 
-def _area(feature: _Feature, rings: list[Any], found: Sketch) -> None:
-    edges = [
-        ring([point.place for point in _line(_list(edge, "coordinates"), feature)], feature.label) for edge in rings
-    ]
-    if not edges:
-        raise ValueError(f"{feature.label} is a polygon without an edge")
+def _add_area(feature: _Feature, label: str, rings: list[Any], found: Sketch) -> None:
+    edges = [[point.place for point in _line(_list(edge, "coordinates"), label)] for edge in rings]
     inside = feature.properties.get("inclusion")
-    found.areas.append(
-        DrawnArea(edges[0], feature.label, inside if isinstance(inside, bool) else None, tuple(edges[1:]))
-    )
+    found.add_area(label, edges[0], edges[1:], inside if isinstance(inside, bool) else None)
 
 
 def _is_number(value: Any) -> TypeGuard[float]:

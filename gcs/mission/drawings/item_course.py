@@ -4,9 +4,19 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from gcs.autopilots.mission_commands import has_position, name_of
+from gcs.autopilots.mission_commands import (
+    SPEED_KEPT,
+    SPEED_OWN,
+    SpeedFault,
+    changes_course_speed,
+    has_position,
+    name_of,
+    speed_fault,
+)
+from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import FenceCommand, MavCommand
-from gcs.mission.drawings.drawing import Datum, DrawnPoint, Place, Sketch
+from gcs.mission.drawings.drawing import Datum, DrawnPoint, Place
+from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.model import Home, MissionItem
 
 HOLD_MAX_S = 3600.0  # of a point in a scenario
@@ -26,7 +36,6 @@ _TAKEOFFS = (MavCommand.NAV_TAKEOFF, MavCommand.NAV_VTOL_TAKEOFF)
 _LANDINGS = (MavCommand.NAV_LAND, MavCommand.NAV_VTOL_LAND)
 _JUMPS = (MavCommand.DO_JUMP, MavCommand.DO_JUMP_TAG)
 _AIMS = tuple(command for command in MavCommand if "_ROI" in command.name)
-_OF_SPEED = (0.0, 1.0)  # airspeed and ground speed, in DO_CHANGE_SPEED
 
 
 @dataclass(frozen=True)
@@ -49,7 +58,7 @@ class ItemCourse:
 
     sketch: Sketch
     home: Home | None
-    keeps_height: bool = False  # an item at height 0 is flown at the height of the item before it
+    firmware: Autopilot | None = None  # whose rules count; None: not known
     takeoff_m: float = 0.0  # height of the take-off above home
     speed_mps: float | None = None  # that items have changed to
     end: str = ""  # the item after which nothing is flown
@@ -105,6 +114,8 @@ class ItemCourse:
                 self._leave(one, "the yaw is not carried over; write heading_deg for the formation's leader")
         if lost := _POINTS[MavCommand(command)]:
             self._leave(one, lost)
+        if not item.autocontinue:
+            self._leave(one, "the flight does not wait there for an operator (autocontinue is off)")
         height_m, datum = self._height(one, height_m)
         point = DrawnPoint(place, height_m, datum, one.label, one.pattern, self.speed_mps, hold_s, radius_m)
         self.sketch.points.append(point)
@@ -133,7 +144,8 @@ class ItemCourse:
         datum = _DATUMS[one.item.frame]
         if not math.isfinite(height_m):
             raise self.sketch.refused(f"{one.label} has no height")
-        if height_m or datum is not Datum.HOME or not self.keeps_height:
+        keeps_height = self.firmware is not None and self.firmware.traits.missions.height_0_is_height_before
+        if height_m or datum is not Datum.HOME or not keeps_height:
             return height_m, datum
         if self.sketch.points:
             before = self.sketch.points[-1]
@@ -144,6 +156,8 @@ class ItemCourse:
         return max(self.takeoff_m, 0.0), datum
 
     def _hold(self, one: NumberedItem, hold_s: float) -> float:
+        if math.isnan(hold_s):
+            self._leave(one, "the hold time is not a number; no hold")
         if not math.isfinite(hold_s) or hold_s < _HOLD_MIN_S:
             return 0.0
         if hold_s > HOLD_MAX_S:
@@ -152,12 +166,19 @@ class ItemCourse:
 
     def _speed(self, one: NumberedItem) -> None:
         kind, speed_mps = one.item.params[:2]
-        if kind not in _OF_SPEED:
-            self._leave(one, "the speed of climbs and descents is not carried over; limits.speed_ned_mps bounds it")
-        elif math.isfinite(speed_mps) and speed_mps > 0.0:
-            self.speed_mps = speed_mps
-        elif speed_mps == -2.0:  # back to the autopilot's own
+        fault = speed_fault(kind, speed_mps, self.firmware)
+        if changes_course_speed(kind) and speed_mps == SPEED_OWN:
             self.speed_mps = None
+        elif fault is not None and fault[0] is not SpeedFault.TOO_FAST:
+            self._leave(one, f"{fault[1]}; not carried over")
+        elif not changes_course_speed(kind):
+            self._leave(one, "the speed of climbs and descents is not carried over; limits.speed_ned_mps bounds it")
+        elif speed_mps == SPEED_KEPT:
+            self._leave(one, "changes no speed")
+        else:
+            self.speed_mps = speed_mps
+            if fault is not None:
+                self._leave(one, fault[1])
 
     def _landing(self, one: NumberedItem) -> None:
         item = one.item

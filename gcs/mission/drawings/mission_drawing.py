@@ -1,17 +1,22 @@
 """Routes in mission files: QGroundControl's `.plan` with its patterns, and the tables and JSON of any program."""
 
 from collections.abc import Iterator, Sequence
+from typing import Annotated
 
-from pydantic import Field, ValidationError
+import numpy as np
+import shapely
+from pydantic import Field, TypeAdapter, ValidationError
 
-from gcs.autopilots.traits import traits_of
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
+from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mavlink import FenceCommand
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, Sketch, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
+from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import Key
-from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText
+from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText, Point
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
 from gcs.mission.formats.vendor_quirks import first_line
@@ -29,14 +34,18 @@ class _Stored(PlanPart):
     items: list[PlanItem] = Field(alias="Items", max_length=ITEMS_MAX)
 
 
+_POLYGON = TypeAdapter(list[Point])
+_WIDTH_M = TypeAdapter(Annotated[float, Field(gt=0.0, allow_inf_nan=False)])
+
+
 def draw_plan(data: bytes, source: str) -> Drawing:
     """The drawing in a `.plan` file, its patterns as QGroundControl stored them. Raises `FileFormatError`."""
     plan = PlanText(data, source)
     document = plan.parsed(PlanDocument)
     sketch = Sketch(source)
     home = _home(Home(*document.mission.plannedHomePosition))
-    row = traits_of(document.mission.firmwareType)
-    course = ItemCourse(sketch, home, row is not None and row.missions.height_0_is_height_before)
+    named = document.mission.firmwareType
+    course = ItemCourse(sketch, home, Autopilot(named) if named in tuple(Autopilot) else None)
     course.follow(_items(document.mission.items, plan, sketch))
     _fence(fence_in_plan(document.geoFence, plan), sketch)
     _rally(rally_in_plan(document.rallyPoints, plan), sketch)
@@ -55,7 +64,7 @@ def draw_mission(data: bytes, source: str) -> Drawing:
         raise FileFormatError(f"{source}: holds a fence or rally points, and no route.", hint="give the mission")
     sketch = Sketch(source)
     home = None if file.home is None else _home(file.home)
-    course = ItemCourse(sketch, home, file.firmware.traits.missions.height_0_is_height_before)
+    course = ItemCourse(sketch, home, file.firmware)
     first = 1 if file.text else file.jumps_from
     course.follow(NumberedItem(number, item) for number, item in enumerate(file.items, start=first))
     _fence(file.geofence, sketch)
@@ -75,6 +84,7 @@ def _items(items: Sequence[PlanItem | ComplexItem], plan: PlanText, sketch: Sket
             continue
         name = _PATTERNS.get(item.complexItemType, tidy(item.complexItemType)[:40])
         label = f"item {number} ({name})"
+        _area_of_pattern(item, label, sketch)
         if item.complexItemType in _LANDINGS:
             sketch.leave_out(label, "landing patterns are not carried over; the formation lands below its last point")
             number += 1
@@ -94,6 +104,34 @@ def _items(items: Sequence[PlanItem | ComplexItem], plan: PlanText, sketch: Sket
         for row, one in enumerate(stored):
             yield NumberedItem(number, plan.item(one, (*inner, "Items", row)), name)
         number += max(1, len(stored))
+
+
+def _area_of_pattern(item: ComplexItem, label: str, sketch: Sketch) -> None:
+    """Add the area that a pattern is to survey; one that cannot be read is left out with a sentence."""
+    try:
+        if item.polygon is not None:
+            edge: Sequence[Place] = _POLYGON.validate_python(item.polygon)
+        elif item.polyline is not None:
+            edge = _corridor(_POLYGON.validate_python(item.polyline), _WIDTH_M.validate_python(item.CorridorWidth))
+        else:
+            return
+        sketch.add_area(label, edge, survey=True)
+    except ValueError as error:  # also of pydantic, whose sentences have many lines
+        reason = "it is no list of places" if isinstance(error, ValidationError) else str(error)
+        sketch.leave_out(label, f"its area is not read: {reason}")
+
+
+def _corridor(line: Sequence[Place], width_m: float) -> Sequence[Place]:
+    """The outline of a corridor."""
+    if len(line) < 2:
+        return ()
+    origin = Origin(*line[0], 0.0)
+    lat, lon = np.array(line).T
+    middle = shapely.LineString(place_up_m(lat, lon, 0.0, origin)[:, :2])
+    outline = middle.buffer(width_m / 2.0, cap_style="flat", join_style="mitre")
+    corners_m = shapely.get_coordinates(outline.exterior)
+    lat, lon, _ = ned_to_geodetic(np.column_stack([corners_m, np.zeros(len(corners_m))]), origin)
+    return [(float(a), float(b)) for a, b in zip(lat, lon, strict=True)]
 
 
 def _home(home: Home) -> Home | None:

@@ -17,10 +17,9 @@ from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import is_mission_json
 from gcs.mission.formats.table_rows import HEADER
-from gcs.mission.formats.vendor_quirks import first_line
-from gcs.util.bounded_file import DRAWING_FILE, read_file, read_json
-
-_ROOT_WITHIN = 4096  # bytes in which the root of an XML document begins
+from gcs.mission.formats.vendor_quirks import MARK, decoded, first_line
+from gcs.util.bounded_file import DRAWING_FILE, as_utf8, read_file, read_json
+from gcs.util.bounded_xml import root_of
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,13 @@ class DrawnFile:
 
     @cached_property
     def is_xml(self) -> bool:
-        """Whether it begins as XML does, in UTF-8 or UTF-16."""
-        return self.start.startswith((b"<", b"\xff\xfe", b"\xfe\xff"))
+        """Whether it begins as XML does."""
+        return self.start.startswith(b"<")
 
     @cached_property
     def is_gpx(self) -> bool:
         """Whether it is XML whose root is that of GPX."""
-        return self.is_xml and b"<gpx" in self.data[:_ROOT_WITHIN].replace(b"\0", b"")
+        return self.is_xml and root_of(self.data) == "gpx"
 
     @cached_property
     def is_json(self) -> bool:
@@ -54,7 +53,8 @@ class DrawnFile:
     def members(self) -> dict[str, object]:
         """The members of a JSON object; none for every other file. Raises `FileFormatError` for broken JSON."""
         try:
-            document = read_json(self.data.decode("utf-8-sig"), not_finite=True) if self.is_json else None
+            text = decoded(self.data, self.source).removeprefix(MARK) if self.is_json else ""
+            document = read_json(text, not_finite=True) if text else None
         except json.JSONDecodeError as error:
             raise FileFormatError(f"{self.source}, line {error.lineno}: not JSON: {error.msg}.") from error
         except ValueError as error:
@@ -101,6 +101,10 @@ def read_drawing(path: Path, formats: Sequence[RouteFormat] = ROUTE_FORMATS) -> 
 
 def drawing_in(data: bytes, source: str, formats: Sequence[RouteFormat] = ROUTE_FORMATS) -> Drawing:
     """The drawing in a file's bytes; `source` names it in errors. Raises `FileFormatError`."""
+    try:
+        data = as_utf8(data)
+    except ValueError as error:
+        raise FileFormatError(f"{source}: {error}.") from error
     file = DrawnFile(data, source)
     for row in formats:
         if row.holds(file):

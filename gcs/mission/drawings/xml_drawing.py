@@ -1,39 +1,53 @@
 """Drawings in XML, of KML, KMZ and GPX.
 
 Of KML: lines, polygons, points and tracks of Placemarks, in folders of any depth. Of GPX: routes, else tracks, else
-waypoints in their order, with heights above the sea.
+waypoints in their order, with heights above the sea. Every place that none of them holds is left out with its line.
 """
 
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
-from gcs.errors import FileFormatError
+from gcs.errors import FileFormatError, counted
 from gcs.mission.drawings.drawing import (
     Datum,
     Drawing,
-    DrawnArea,
-    DrawnLine,
     DrawnPoint,
+    LeftOut,
     Place,
-    Sketch,
     labelled,
     on_earth,
-    ring,
+    part_of,
     tidy,
 )
+from gcs.mission.drawings.line_pieces import LinePiece
+from gcs.mission.drawings.sketch import Sketch
 from gcs.util.archives import BadArchive, member_names, read_member
 from gcs.util.bounded_file import MIB
-from gcs.util.bounded_xml import read_xml, text_of
+from gcs.util.bounded_xml import line_of, read_xml, text_of
 
 _IN_KMZ = "doc.kml"
 UNPACKED_MAX_BYTES = 64 * MIB
 _COMMA = re.compile(r"\s*,\s*")
-_DATUMS = {"absolute": Datum.SEA, "relativeToGround": Datum.GROUND}  # all others lie on the ground
-_GEOMETRIES = ("LineString", "LinearRing", "Polygon", "Point", "Track", "MultiTrack", "Model")
-_ELSEWHERE = ("NetworkLink", "GroundOverlay", "PhotoOverlay", "Tour")
+_DATUMS = {"absolute": Datum.SEA, "relativeToGround": Datum.GROUND}
+_ON_GROUND = ("clampToGround", "clampToSeaFloor", "")
+_LINES, _TRACKS = ("LineString", "LinearRing"), ("Track", "MultiTrack")
+_GEOMETRIES = (*_LINES, *_TRACKS, "Polygon", "Point", "Model")
+_WITHOUT_PLACE = frozenset(  # what a Placemark has beside its geometry
+    (
+        *("name", "visibility", "open", "author", "link", "address", "AddressDetails", "phoneNumber", "Snippet"),
+        *("snippet", "description", "LookAt", "Camera", "TimeStamp", "TimeSpan", "styleUrl", "Style", "StyleMap"),
+        *("Region", "Metadata", "ExtendedData", "balloonVisibility"),
+    )
+)
+_ELSEWHERE = {
+    "NetworkLink": "the file that it links to is not read",
+    **dict.fromkeys(("GroundOverlay", "ScreenOverlay", "PhotoOverlay"), "not carried over: an image is no line"),
+    "Tour": "not carried over: it draws no line",
+}
 _INSIDE = {"1": True, "0": False}
 
 
@@ -47,7 +61,9 @@ def draw_kmz(data: bytes, source: str) -> Drawing:
         text = read_member(io.BytesIO(data), name, UNPACKED_MAX_BYTES)
     except BadArchive as error:
         raise FileFormatError(f"{source}: is no KMZ: {error}.", hint="save the drawing as KML") from error
-    return draw_kml(text, source)
+    drawing = draw_kml(text, source)
+    others = tuple(LeftOut(tidy(one), f"not read; the drawing is {tidy(name)}") for one in names if one != name)
+    return replace(drawing, left_out=drawing.left_out + others)
 
 
 def draw_kml(data: bytes, source: str) -> Drawing:
@@ -55,13 +71,12 @@ def draw_kml(data: bytes, source: str) -> Drawing:
     found = Sketch(source)
     try:
         root = _root(data, "kml")
+        reader = _KmlReader(found)
         for number, placemark in enumerate(root.iter("Placemark"), start=1):
-            _placemark(placemark, number, found)
+            reader.placemark(placemark, number)
+        reader.rest(root)
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as KML") from error
-    for kind in _ELSEWHERE:
-        for number, one in enumerate(root.iter(kind), start=1):
-            found.leave_out(labelled(kind, number, tidy(text_of(one, "name"))), "not carried over: it draws no line")
     return found.drawing()
 
 
@@ -72,44 +87,146 @@ def _root(data: bytes, name: str) -> Element:
     return root
 
 
-def _placemark(placemark: Element, number: int, found: Sketch) -> None:
-    name = tidy(text_of(placemark, "name"))
-    label = labelled("Placemark", number, name)
-    marks = {data.get("name", ""): text_of(data, "value") for data in placemark.iter("Data")}
-    for shape in _shapes(placemark):
-        modes = shape.iter("altitudeMode") if shape.tag == "MultiTrack" else shape.findall("altitudeMode")
-        datum = next((_DATUMS.get(text_of(mode), Datum.NONE) for mode in modes), Datum.NONE)
-        if shape.tag == "Polygon":
-            outer = shape.find("outerBoundaryIs/LinearRing")
-            if outer is None:
-                raise ValueError(f"{label} is a polygon without an edge")
-            holes = [inner.find("LinearRing") for inner in shape.findall("innerBoundaryIs")]
-            inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
-            found.areas.append(DrawnArea(_ring(outer, label), label, _INSIDE.get(marks.get("inclusion", "")), inner))
-        elif shape.tag == "Point":
-            found.points += _points(_coordinates(shape), datum, label, name)
-        elif shape.tag in ("LineString", "LinearRing"):
-            found.lines.append(DrawnLine(label, tuple(_points(_coordinates(shape), datum, label))))
-        elif shape.tag in ("Track", "MultiTrack"):
-            rows = [text_of(coord).split() for coord in shape.iter("coord")]
-            track = tuple(_points(map(_numbers, rows), datum, label))
-            found.lines.append(DrawnLine(label, track, recorded=True))
-        else:
-            found.leave_out(label, "not carried over: a model is no line")
+@dataclass
+class _KmlReader:
+    """Reads Placemarks into a sketch, and remembers which places of the file it has read."""
+
+    found: Sketch
+    read: set[int] = field(default_factory=set)  # identities of elements
+
+    def placemark(self, placemark: Element, number: int) -> None:
+        """Add what a Placemark draws. Raises ValueError."""
+        name = tidy(text_of(placemark, "name"))
+        label = labelled("Placemark", number, name)
+        marks = {data.get("name", ""): text_of(data, "value") for data in placemark.iter("Data")}
+        before = len(self.found.left_out)
+        shapes = [*self._shapes(placemark, label)]
+        if not shapes and len(self.found.left_out) == before:
+            self.found.leave_out(label, "has no geometry; not carried over")
+        lines = [shape for shape in shapes if shape.tag in _LINES]
+        if lines:
+            self.found.add_line(label, [*self._pieces(lines, "line", label)])
+        tracks = [shape for shape in shapes if shape.tag in _TRACKS]
+        if tracks:
+            segments = [one for track in tracks for one in _segments(track)]
+            self.found.add_line(label, [*self._pieces(segments, "track", label)], recorded=True)
+        for kind in ("Polygon", "Point", "Model"):
+            parts = [shape for shape in shapes if shape.tag == kind]
+            for part, shape in enumerate(parts, start=1):
+                own = part_of(label, kind.lower(), part, len(parts))
+                if kind == "Polygon":
+                    self._polygon(shape, own, _INSIDE.get(marks.get("inclusion", "")))
+                elif kind == "Point":
+                    points = [*self._points(shape, own, name)]
+                    self.found.points += points
+                    if not points:
+                        self.found.leave_out(own, "has no place; not carried over")
+                else:
+                    self.found.leave_out(own, "not carried over: a model is no line")
+
+    def rest(self, root: Element) -> None:
+        """Leave out what stands outside of Placemarks, each with a sentence."""
+        for kind, text in _ELSEWHERE.items():
+            for number, one in enumerate(root.iter(kind), start=1):
+                self.found.leave_out(labelled(kind, number, tidy(text_of(one, "name"))), text)
+                self._have_read(one)
+        for one in root.iter():
+            if one.tag in ("coordinates", "coord") and id(one) not in self.read:
+                self.found.leave_out(f"<{one.tag}> on line {line_of(one)}", "not carried over: in no known geometry")
+
+    def _have_read(self, element: Element) -> None:
+        self.read.update(id(one) for one in element.iter())
+
+    def _shapes(self, parent: Element, label: str) -> Iterator[Element]:
+        """The geometries of a Placemark, also those in a MultiGeometry; every other is left out."""
+        for child in parent:
+            if child.tag == "MultiGeometry":
+                yield from self._shapes(child, label)
+            elif child.tag in _GEOMETRIES:
+                yield child
+            elif child.tag not in _WITHOUT_PLACE and child.tag not in _ELSEWHERE:
+                self._have_read(child)
+                what = f"its <{tidy(child.tag)[:40]}> on line {line_of(child)} is no geometry of KML; not carried over"
+                self.found.leave_out(label, what)
+
+    def _pieces(self, shapes: Sequence[Element], what: str, label: str) -> Iterator[LinePiece]:
+        for number, shape in enumerate(shapes, start=1):
+            own = part_of(label, what, number, len(shapes))
+            yield LinePiece(own, tuple(self._points(shape, own)))
+
+    def _points(self, shape: Element, label: str, name: str = "") -> Iterator[DrawnPoint]:
+        """The points of a geometry, at heights that count as its own altitude mode says."""
+        datum, offset_m = self._mode(shape, label)
+        is_track = shape.tag == "Track"
+        rows = self._track(shape, label) if is_track else self._coordinates(shape, label)
+        for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
+            own = label if shape.tag == "Point" else f"point {number} of {label}"
+            height_m, point_datum = (rest[0] + offset_m, datum) if rest else (0.0, Datum.NONE)
+            yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
+
+    def _mode(self, shape: Element, label: str) -> tuple[Datum, float]:
+        """What heights of a geometry count from, and what is added to them."""
+        modes = list(dict.fromkeys(text_of(mode) for mode in shape.findall("altitudeMode")))
+        if len(modes) > 1:
+            self.found.leave_out(label, f"has altitude modes {' and '.join(map(tidy, modes))}; the first one counts")
+        mode = modes[0] if modes else ""
+        if mode not in (*_DATUMS, *_ON_GROUND):
+            text = f"its altitude mode '{tidy(mode)[:40]}' is none that can be flown; its heights are not carried over"
+            self.found.leave_out(label, text)
+        datum, text = _DATUMS.get(mode, Datum.NONE), text_of(shape, "altitudeOffset")
+        offset_m = _number(text, label, "altitudeOffset") if text else 0.0
+        if offset_m and datum is Datum.NONE:
+            self.found.leave_out(label, f"its altitudeOffset of {offset_m:g} m is not carried over: it has no heights")
+        return datum, offset_m
+
+    def _coordinates(self, shape: Element, label: str) -> Iterator[list[float]]:
+        self._only(shape, "coordinates", label)
+        for corner in _COMMA.sub(",", text_of(shape, "coordinates")).split():
+            yield _numbers(corner.split(","))
+
+    def _track(self, track: Element, label: str) -> Iterator[list[float]]:
+        rows = track.findall("coord")
+        self.read.update(map(id, rows))
+        filled = [row for row in rows if text_of(row)]
+        if len(filled) < len(rows):
+            self.found.leave_out(label, f"{len(rows) - len(filled)} of its {len(rows)} places are empty")
+        return (_numbers(text_of(row).split()) for row in filled)
+
+    def _only(self, shape: Element, tag: str, label: str) -> None:
+        """Raise ValueError where a geometry has several of what it may have one of."""
+        found = shape.findall(tag)
+        self.read.update(map(id, found))
+        if len(found) > 1:
+            raise ValueError(
+                f"{label} has {len(found)} <{tag}>, the second on line {line_of(found[1])}; one is allowed"
+            )
+
+    def _polygon(self, shape: Element, label: str, inside: bool | None) -> None:
+        outer, holes = (
+            [edge for side in shape.findall(sides) for edge in side.findall("LinearRing")]
+            for sides in ("outerBoundaryIs", "innerBoundaryIs")
+        )
+        if not outer:
+            raise ValueError(f"{label} is a polygon without an edge")
+        if len(outer) > 1:
+            text = f"{label} has {len(outer)} outer edges, the second on line {line_of(outer[1])}"
+            raise ValueError(f"{text}; draw a polygon for each")
+        self.found.add_area(label, self._ring(outer[0], label), [self._ring(edge, label) for edge in holes], inside)
+
+    def _ring(self, edge: Element, label: str) -> list[Place]:
+        return [on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in self._coordinates(edge, label)]
 
 
-def _shapes(placemark: Element) -> Iterator[Element]:
-    """The geometries of a Placemark, also those in a MultiGeometry."""
-    for child in placemark:
-        if child.tag == "MultiGeometry":
-            yield from _shapes(child)
-        elif child.tag in _GEOMETRIES:
-            yield child
-
-
-def _coordinates(shape: Element) -> Iterator[list[float]]:
-    for corner in _COMMA.sub(",", text_of(shape, "coordinates")).split():
-        yield _numbers(corner.split(","))
+def _segments(track: Element) -> Iterator[Element]:
+    """The Tracks of a MultiTrack; one without an altitude mode has that of the MultiTrack."""
+    if track.tag == "Track":
+        yield track
+        return
+    mode = track.find("altitudeMode")
+    for one in track.findall("Track"):
+        if mode is not None and one.find("altitudeMode") is None:
+            one.append(mode)
+        yield one
 
 
 def _numbers(parts: list[str]) -> list[float]:
@@ -123,17 +240,6 @@ def _numbers(parts: list[str]) -> list[float]:
     return values
 
 
-def _points(rows: Iterator[list[float]], datum: Datum, label: str, name: str = "") -> Iterator[DrawnPoint]:
-    for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
-        height_m, point_datum = (rest[0], datum) if rest else (0.0, Datum.NONE)
-        own = label if name or label == "" else f"point {number} of {label}"
-        yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
-
-
-def _ring(edge: Element, label: str) -> tuple[Place, ...]:
-    return ring([on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in _coordinates(edge)], label)
-
-
 def draw_gpx(data: bytes, source: str) -> Drawing:
     """The drawing in a GPX file. Raises `FileFormatError`."""
     sketch = Sketch(source)
@@ -141,16 +247,31 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
         root = _root(data, "gpx")
         for number, route in enumerate(root.findall("rte"), start=1):
             label = labelled("route", number, tidy(text_of(route, "name")))
-            sketch.lines.append(DrawnLine(label, _gpx_points(route.findall("rtept"), label)))
+            sketch.add_line(label, [LinePiece(label, _gpx_points(route.findall("rtept"), label))])
         for number, track in enumerate(root.findall("trk"), start=1):
-            label = labelled("track", number, tidy(text_of(track, "name")))
-            points = (point for segment in track.findall("trkseg") for point in segment.findall("trkpt"))
-            sketch.lines.append(DrawnLine(label, _gpx_points(points, label), recorded=True))
+            label, segments = labelled("track", number, tidy(text_of(track, "name"))), track.findall("trkseg")
+            own = [part_of(label, "segment", part, len(segments)) for part in range(1, len(segments) + 1)]
+            pieces = [
+                LinePiece(one, _gpx_points(seg.findall("trkpt"), one)) for one, seg in zip(own, segments, strict=True)
+            ]
+            sketch.add_line(label, pieces or [LinePiece(label, ())], recorded=True)
         sketch.points += _gpx_points(root.findall("wpt"), "")
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as GPX") from error
-    sketch.lines = [line for line in sketch.lines if line.points]
+    _gpx_rest(root, sketch)
     return sketch.drawing()
+
+
+def _gpx_rest(root: Element, sketch: Sketch) -> None:
+    """Leave out the places that are in no route, track or waypoint: shaping points of a navigator, for example."""
+    read = {id(one) for path in ("rte/rtept", "trk/trkseg/trkpt", "wpt") for one in root.findall(path)}
+    others: dict[str, list[Element]] = {}
+    for one in root.iter():
+        if id(one) not in read and one.get("lat") is not None and one.get("lon") is not None:
+            others.setdefault(one.tag, []).append(one)
+    for tag, places in others.items():
+        text = f"{counted(len(places), 'place')}, the first on line {line_of(places[0])}; not carried over"
+        sketch.leave_out(f"<{tidy(tag)[:40]}>", text)
 
 
 def _gpx_points(elements: Iterable[Element], of: str) -> tuple[DrawnPoint, ...]:

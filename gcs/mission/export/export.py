@@ -54,10 +54,10 @@ def export(
     (UTC, s) at which all vehicles leave the hover; `gates` need it. The plan is verified first, unless you pass the
     `report` of `gcs.verify`, with which a failed plan is written too.
 
-    Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates. Raises
-    `ScenarioError` for missions that an autopilot cannot store, and OSError as the file system does. Raises
-    `VerificationError` if the plan, the missions as written or the smoothed path violate a limit. If `formats` is not
-    given, such missions are left out instead, and the index says why.
+    Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates, and OSError
+    as the file system does. Raises `VerificationError` if the plan, the missions as written or the smoothed path
+    violate a limit, or if an autopilot cannot store the missions. Where other files are written too, such missions are
+    left out instead, and the index says why.
     """
     wanted = DEFAULT if formats is None else select_formats(formats)
     if not isinstance(report, Report):  # the stored verdict of a file is none
@@ -72,7 +72,7 @@ def export(
         safety = build_safety(plan, autopilots)
         path = None if smooth_m is None else smoothed(plan, smooth_m)
         made = make_missions(plan, order, safety, wanted)
-        if made.refusal is not None and formats is not None:
+        if made.refusal is not None and all(row.content is Content.MISSION for row in wanted):
             raise made.refusal
         for name, text in made.files.items():
             files.write(name, text)

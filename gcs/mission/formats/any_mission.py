@@ -19,7 +19,7 @@ from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.formats.vendor_quirks import Quirk, first_line
-from gcs.util.bounded_file import MISSION_FILE, SHEETS, read_file
+from gcs.util.bounded_file import MISSION_FILE, SHEETS, as_utf8, read_file
 
 _BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
 _Extra = tuple[dict[str, Any], tuple[Quirk, ...]]  # a fence or rally points, as fields of a mission, and quirks
@@ -34,7 +34,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
     missions: list[MissionFile] = []
     extras: list[tuple[Path, _Extra]] = []
     for path in paths:
-        data = read_file(path, MISSION_FILE, hint="check the path and its rights")
+        data = _utf8(read_file(path, MISSION_FILE, hint="check the path and its rights"), str(path))
         extra = _extra(data, str(path))
         if extra is not None:
             extras.append((path, extra))
@@ -68,6 +68,13 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
     rows = [row for row in FORMATS if row.content is Content.MISSION and start.startswith(row.begins)]
     mission: MissionFile = max(rows, key=lambda row: len(row.begins)).read(data, source, firmware)
     return mission
+
+
+def _utf8(data: bytes, source: str) -> bytes:
+    try:
+        return as_utf8(data)
+    except ValueError as error:
+        raise FileFormatError(f"{source}: {error}.") from error
 
 
 def _extra(data: bytes, source: str) -> _Extra | None:

@@ -70,6 +70,9 @@ class ComplexItem(PlanPart):
     type: Literal["ComplexItem"]
     complexItemType: str = "unnamed"
     TransectStyleComplexItem: object = None  # the simple items of surveys and corridors are in it
+    polygon: object = None  # the area of a survey or structure
+    polyline: object = None  # the middle of a corridor
+    CorridorWidth: object = None  # m
 
 
 ITEMS_MAX = 20_000  # an autopilot stores less than a tenth of it

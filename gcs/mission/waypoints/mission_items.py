@@ -8,7 +8,7 @@ waypoints.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,12 +80,13 @@ def build_missions(
     *,
     firmware: FleetFirmware | None = None,
     altitude: Altitude = Altitude.RELATIVE,
+    stored: bool = True,
 ) -> tuple[VehicleMission, ...]:
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
     Missions are for `firmware`, or else for the scenario's autopilots. `legs` may differ between autopilots. Relative
-    altitudes count from the vehicle's own home, the ground under its pad. Raises `ScenarioError` for more items than an
-    autopilot stores, and for altitudes that it refuses.
+    altitudes count from the vehicle's own home, the ground under its pad. Raises `ScenarioError` for altitudes that an
+    autopilot refuses and, for missions that are to be `stored`, for more items than it stores.
     """
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     for known in set(autopilots):
@@ -95,12 +96,18 @@ def build_missions(
     if not isinstance(legs, Mapping):
         legs = dict.fromkeys(autopilots, legs or timed_legs(plan))
     missions = tuple(_vehicle_mission(plan, row, legs[known], known, altitude) for row, known in enumerate(autopilots))
+    if stored:
+        refuse_long(plan, missions, autopilots)
+    return missions
+
+
+def refuse_long(plan: Plan, missions: Sequence[VehicleMission], autopilots: Sequence[Autopilot]) -> None:
+    """Raise `ScenarioError` for a mission with more items than its autopilot stores."""
     for known, mission in zip(autopilots, missions, strict=True):
         count, most = known.home_is_item_0 + len(mission.items), known.traits.missions.items_max
         if count > most:
             text = f"A mission has {count} items; {known.title} stores at most {most}."
             raise ScenarioError(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
-    return missions
 
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:

@@ -20,7 +20,7 @@ from gcs.scenario.sources.load import load_vehicle
 from gcs.scenario.validation.spacing import close_pairs, nearest_pair
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.types import Array
-from gcs.util.bounded_file import POSITION_SHEET, read_file
+from gcs.util.bounded_file import POSITION_SHEET, as_utf8, read_file
 
 _TYPE = "quad500"  # of the template
 _LISTED_PAIRS = 8
@@ -113,6 +113,10 @@ def _text(file: Path) -> str:
     data = read_file(file, POSITION_SHEET, error=UsageError, hint="name the CSV file of the sheet")
     if data.startswith(_WORKBOOKS):
         raise UsageError(f"{file}: is a workbook, not CSV", hint='save the sheet as "CSV UTF-8" and name that file')
+    try:
+        data = as_utf8(data)
+    except ValueError as error:
+        raise UsageError(f"{file}: {error}", hint='save the sheet as "CSV UTF-8" and name that file') from None
     for encoding in ("utf-8-sig", "cp1252"):  # spreadsheets on Windows write the second
         try:
             text = data.decode(encoding)

@@ -111,7 +111,8 @@ def mowing(
 
     `counts` are the numbers of vehicles to choose from: of nearly equal times, the one with the fewest. Without
     `course_deg` the direction is chosen as well. The flight begins and ends at `start_m`; without it, where the passes
-    begin. No vehicle's pass enters `avoided`. Raises ValueError where every way has more points than a route.
+    begin. No vehicle's pass enters `avoided`; what is seen beside it comes before time. Raises ValueError where every
+    way has more points than a route.
     """
     times = times or PassTimes()
     courses = directions_deg(area) if course_deg is None else [course_deg]
@@ -122,6 +123,9 @@ def mowing(
     ]
     if not found:
         raise ValueError(f"more than {ROUTE_MAX} points")
+    if avoided is not None:  # passes that are cut short are quick: seeing the area comes first
+        inside_m2 = [one.spacing_m * one.lines.intersection(area).length for one in found]
+        found = [one for one, seen_m2 in zip(found, inside_m2, strict=True) if _NEAR_BEST * seen_m2 >= max(inside_m2)]
     good_s = _NEAR_BEST * min(one.time_s for one in found)
     return min((one for one in found if one.time_s <= good_s), key=lambda one: (one.count, one.time_s))
 
@@ -178,7 +182,10 @@ def _orders(
         flown = [place for _, place in mown.places()]
         if len(flown) <= ROUTE_MAX:
             home = [start_m or flown[0]]
-            yield replace(mown, time_s=times.time_s([*home, *flown, *home], len(passes)))
+            time_s = times.time_s([*home, *flown, *home], len(passes))
+            # Behind what a pass avoids the line comes back to its strip: as far aside as it is wide
+            aside_m = count * spacing_m * sum(len(strip.pieces) - 1 for strip in strips if strip.pieces)
+            yield replace(mown, time_s=time_s + 2.0 * aside_m / times.speed_mps)
 
 
 def _strips(area: BaseGeometry, widest_m: float, count: int, avoided: BaseGeometry) -> tuple[float, list[Strip]]:

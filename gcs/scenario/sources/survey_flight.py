@@ -15,7 +15,7 @@ from gcs.types import Array
 
 COUNTS = (4, 5, 6)  # vehicles to choose from, where no number is given
 _ROOM_M = 50.0  # between the box and the tracks
-_BESIDE_HOLES_M = 5.0  # between a pass and a hole that is avoided: the navigation error of ordinary GNSS has room
+_BESIDE_ZONES_M = 5.0  # between a pass and a no-fly zone: the navigation error of ordinary GNSS has room
 _SQUARE_M_PER_HA = 10_000.0
 
 
@@ -30,7 +30,8 @@ class SurveyOrder:
     counts: tuple[int, ...] = COUNTS
     height_m: float = 15.0
     speed_mps: float = 4.0
-    avoid_holes: bool = False
+    avoided: tuple[shapely.Polygon, ...] = ()  # no-fly zones (north, east), m
+    zones: str = ""  # these and other areas, as tables of a scenario
     starts_at_origin: bool = False  # else where the first pass begins
 
 
@@ -50,6 +51,13 @@ class SurveyFlight:
     def area_ha(self) -> float:
         """The area without its holes, hectares."""
         return float(self.order.area.area) / _SQUARE_M_PER_HA
+
+    @property
+    def seen(self) -> float:
+        """The share of the area that is within half a swath of a pass: less than 1 beside no-fly zones."""
+        area = self.order.area
+        covered = self.mowing.lines.buffer(self.order.swath_m / 2.0, cap_style="flat")
+        return float(covered.intersection(area).area / area.area)
 
     @property
     def flight_s(self) -> float:
@@ -77,7 +85,7 @@ class SurveyFlight:
             "FLIGHT": repr(self.flight_s),
             "START": f"start = {{ position_m = {_numbers([*self.start_m, order.height_m])}{yaw} }}  ",
             "END": "\n".join(end),
-            "NO_FLY": self._no_fly(),
+            "NO_FLY": order.zones.rstrip("\n") or "# no_fly = [{ polygon_m = [[north, east], ...] }]",
             "BOX_NORTH": _numbers([low[0], high[0]]),
             "BOX_EAST": _numbers([low[1], high[1]]),
             FORMATION: "\n".join([*self._formation(spacing_m, plain["HEADING"]), "", *self._survey(), ""]),
@@ -100,12 +108,6 @@ class SurveyFlight:
         ]
         return ["route = [                     # places of the leader, in order", *rows, "]"]
 
-    def _no_fly(self) -> str:
-        if not (self.order.avoid_holes and self.order.area.interiors):
-            return "# no_fly = [{ polygon_m = [[north, east], ...] }]"
-        rows = [f"  {{ polygon_m = {_corners(ring)} }}," for ring in self.order.area.interiors]
-        return "\n".join(["no_fly = [", *rows, "]"])
-
     def _formation(self, spacing_m: float, heading: str) -> list[str]:
         order, mown = self.order, self.mowing
         overlap = f"{1.0 - spacing_m / order.swath_m:.0%}"
@@ -124,7 +126,7 @@ class SurveyFlight:
             f"polygon_m = {_corners(order.area.exterior)}  # north, east",
         ]
         if order.area.interiors:
-            note = "no-fly zones, above" if order.avoid_holes else "vehicles may cross them"
+            note = "vehicles may cross what is no no-fly zone" if order.avoided else "vehicles may cross them"
             rows = [f"  {{ polygon_m = {_corners(ring)} }}," for ring in order.area.interiors]
             lines += [f"hole = [                      # not surveyed; {note}", *rows, "]"]
         return lines
@@ -132,8 +134,7 @@ class SurveyFlight:
 
 def survey_flight(order: SurveyOrder) -> SurveyFlight:
     """The quickest survey. Raises UsageError for one that a scenario cannot hold."""
-    holes = shapely.MultiPolygon([shapely.Polygon(ring) for ring in order.area.interiors])
-    avoided = shapely.union_all(holes).buffer(_BESIDE_HOLES_M) if order.avoid_holes else None
+    avoided = shapely.union_all(order.avoided).buffer(_BESIDE_ZONES_M) if order.avoided else None
     widest_m = order.swath_m * (1.0 - order.overlap)
     start_m = (0.0, 0.0) if order.starts_at_origin else None
     try:

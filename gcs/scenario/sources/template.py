@@ -40,6 +40,10 @@ radius_m = @RADIUS@               # or polygon_m = [[north, east], ...]
 """
 
 
+class ImpossibleFlight(UsageError):
+    """A flight that the rules of scenarios refuse; `reason` names the keys of the scenario."""
+
+
 class Flight(Protocol):
     """A flight that can be written as a scenario."""
 
@@ -210,7 +214,8 @@ def _refuse_impossible(text: str) -> None:
         try:
             scenario = load_scenario(file)
         except ScenarioError as mistakes:
-            raise UsageError(f"such a flight is not possible: {mistakes.reason}", hint="give other numbers") from None
+            text = f"such a flight is not possible: {mistakes.reason}"
+            raise ImpossibleFlight(text, hint="give other numbers", reason=mistakes.reason) from None
     places = offsets_ned_m(scenario)
     size_m, apart_m = vehicle_size_m(scenario.vehicle), float(KDTree(places).query(places, k=2)[0][:, 1].min())
     if apart_m < size_m:  # infinite for a single vehicle

@@ -6,6 +6,7 @@ They are within all ranges, so that a plan could be made of them: a flight of ce
 from functools import partial
 from typing import Any
 
+from gcs.frames import wrapped_deg
 from gcs.scenario.schema.degree_keys import POSITION, Pair
 from gcs.scenario.schema.fields import tables
 from gcs.scenario.schema.mistake import Mistake, plain
@@ -105,6 +106,6 @@ def _as_degrees(pair: Pair, here: Pair) -> Pair | None:
     if all(value == round(value) for value in pair):
         return None
     for lat, lon in (pair, pair[::-1]):
-        if max(abs(lat - here[0]), abs(lon - here[1])) < _NEAR_DEG:
+        if max(abs(lat - here[0]), abs(float(wrapped_deg(lon - here[1])))) < _NEAR_DEG:
             return lat, lon
     return None

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
+from gcs.frames import wrapped_deg
 from gcs.mission.formats.maps.geojson import write_geojson
 from gcs.mission.formats.maps.kml import write_kml, write_kmz
 from gcs.mission.formats.maps.tracks import MapFile, MapPoint, Track, build_map
@@ -98,6 +99,32 @@ def test_geojson_is_cut_at_the_antimeridian() -> None:
         assert len(geometry["coordinates"]) == pieces
         assert min(map(len, geometry["coordinates"])) >= 2
         assert geojson_tracks(write_geojson(drawn))[0].lon_deg.tolist() == lon_deg
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+@pytest.mark.parametrize("west_deg", [8.5, 179.998, -180.002])
+def test_geojson_areas_are_cut_at_the_antimeridian_and_run_counterclockwise(west_deg: float, clockwise: bool) -> None:
+    """RFC 7946, sections 3.1.6 and 3.1.9, for an area of 0.004 by 0.004 degrees."""
+    corners = [(-16.801, west_deg), (-16.801, west_deg + 0.004), (-16.797, west_deg + 0.004), (-16.797, west_deg)]
+    places = tuple(GeoPoint.at(lat, float(wrapped_deg(lon))) for lat, lon in corners)
+    fence = Geofence(
+        (FencePolygon(places[::-1] if clockwise else places, True),), (FenceCircle(places[0], 300.0, False),)
+    )
+    feature = json.loads(write_geojson(MapFile("x", "", (), fence)))["features"][0]
+    assert feature["properties"]["clockwise"] is clockwise
+    shape = shapely.geometry.shape(feature["geometry"])
+    parts = shapely.get_parts(shape)
+    assert len(parts) == (1 if west_deg == 8.5 else 2)
+    assert all(part.exterior.is_ccw and np.ptp(np.array(part.exterior.coords)[:, 0]) <= 0.004 + 1e-9 for part in parts)
+    assert sum(part.area for part in parts) == pytest.approx(0.004 * 0.004, rel=1e-4)
+    assert np.abs(shapely.get_coordinates(shape)[:, 0]).max() <= 180.0
+    document = ElementTree.fromstring(write_kml(MapFile("x", "", (), fence)))
+    longitudes = [
+        float(corner.split(",")[0])
+        for ring in document.iter(f"{{{KML['k']}}}coordinates")
+        for corner in (ring.text or "").split()
+    ]
+    assert max(map(abs, longitudes)) <= 180.0
 
 
 def test_tracks_begin_and_end_with_the_plan(simulation1_plan: Plan) -> None:

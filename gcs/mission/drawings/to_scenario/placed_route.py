@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import FileFormatError, counted
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut, sentences
 from gcs.mission.drawings.item_course import HOLD_MAX_S
 from gcs.scenario.schema.fields import FARTHEST_M
 from gcs.scenario.schema.places import ROUTE_MAX
@@ -26,6 +26,7 @@ _SAME_M = 0.3
 _TRACK_M, _TRACK_MAX_M, _STRAIGHT_M = 1.0, 32.0, 0.5  # tolerances of lines with fewer points
 _CLIMB_M, _STILL_M = 2.0, 3.0  # a take-off climbs more, and stays so near to where it began
 _GIVE_GROUND = "give the altitude of the ground: --at LAT,LON,ALT"
+_SAID_MAX = 3  # sentences in an error
 HEIGHT_M = 15.0  # of points without one, above the origin
 LOWEST_M = 1.0  # lower points are on the ground
 
@@ -44,19 +45,27 @@ def placed_point(
     point: DrawnPoint, origin: Origin, drawing: Drawing, height_m: float | None, left_out: list[LeftOut]
 ) -> PlacedPoint:
     """A point in metres; one without a height, or on the ground, gets `height_m`. What changes is `left_out`."""
-    key, value = "height_m", point.height_m
     if point.datum is Datum.NONE:
-        value = HEIGHT_M if height_m is None else height_m
-    elif point.datum is Datum.SEA:
+        return _placed(point, "height_m", HEIGHT_M if height_m is None else height_m, origin)
+    key, value = "height_m", point.height_m
+    home = drawing.home if point.datum is Datum.HOME else None
+    if point.datum is Datum.SEA:
         key = "alt_amsl_m"
-    elif height_m is not None and value < LOWEST_M:
-        left_out.append(LeftOut(point.label, f"a height of {value:g} m is on the ground; flown at {height_m:g} m"))
-        value = height_m
-    elif point.datum is Datum.GROUND:
+    elif home is not None and home.alt_amsl_m != origin.alt_amsl_m:
+        key, value = "alt_amsl_m", home.alt_amsl_m + value
+    placed = _placed(point, key, value, origin)
+    above_ground_m = placed.place_m[2] if point.datum is Datum.SEA else point.height_m
+    if height_m is not None and above_ground_m < LOWEST_M:
+        where = "above the sea is under the ground" if point.datum is Datum.SEA else "is on the ground"
+        left_out.append(LeftOut(point.label, f"a height of {point.height_m:g} m {where}; flown at {height_m:g} m"))
+        return _placed(point, "height_m", height_m, origin)
+    if point.datum is Datum.GROUND:
         text = "the height above the ground counts from the origin, because the file has no terrain"
         left_out.append(LeftOut(point.label, text))
-    elif drawing.home is not None and drawing.home.alt_amsl_m != origin.alt_amsl_m:
-        key, value = "alt_amsl_m", drawing.home.alt_amsl_m + value
+    return placed
+
+
+def _placed(point: DrawnPoint, key: str, value: float, origin: Origin) -> PlacedPoint:
     if key == "height_m":
         place_m = place_up_m(*point.place, value, origin)
     else:
@@ -199,7 +208,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
         placed = placed[:-1]
     returns = comes_back or drawing.returns
     _refuse_few(drawing, len(placed))
-    _refuse_heights(drawing, placed)
+    _refuse_heights(drawing, placed, ground_given=at is not None and at[2] is not None)
     ends = placed[:1] if returns else [placed[0], placed[-1]]
     text = "the hold is not carried over; the formation hovers there before or after the flight"
     left_out += [LeftOut(point.drawn.label, text) for point in ends if point.drawn.hold_s]
@@ -211,7 +220,9 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
         return
     step = "draw a line through the area" if drawing.areas and not drawing.points else "draw at least two points"
     has = "no point" if not drawing.points else "only one place"
-    raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to.", hint=step)
+    left_out = sentences(drawing.left_out)
+    why = f" ({'; '.join(left_out[:_SAID_MAX])}{'; ...' if len(left_out) > _SAID_MAX else ''})" if left_out else ""
+    raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to{why}.", hint=step)
 
 
 def _with_home(drawing: Drawing, left_out: list[LeftOut]) -> Drawing:
@@ -236,7 +247,7 @@ def _with_home(drawing: Drawing, left_out: list[LeftOut]) -> Drawing:
 
 def _in_the_air(points: list[DrawnPoint], left_out: list[LeftOut]) -> tuple[list[DrawnPoint], float | None]:
     """A track without its take-off and landing, and the height of the ground where it takes off."""
-    if any(point.datum is Datum.NONE for point in points):
+    if any(point.datum is Datum.NONE or point.datum is not points[0].datum for point in points):
         return points, None
     # The places of points of one datum (N, 3), north, east and up from the first, m
     lat, lon = np.array([point.place for point in points]).T
@@ -280,15 +291,19 @@ def _origin(
     return Origin(*place, alt_m), what
 
 
-def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
+def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint], *, ground_given: bool) -> None:
     highest = max(points, key=lambda point: point.place_m[2])
     if (up_m := highest.place_m[2]) > _HIGHEST_M:
         text = f"{highest.drawn.label} is {up_m:,.0f} m above the origin; the limit is {_HIGHEST_M:,.0f} m."
         hint = "draw it lower" if highest.key == "height_m" else _GIVE_GROUND
+        if highest.key != "height_m" and ground_given:
+            hint = "draw it lower, or correct the altitude of the ground in --at"
         raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
     lowest = min(points, key=lambda point: point.place_m[2])
     if (up_m := round(lowest.place_m[2], 3)) >= LOWEST_M:
         return
     text = f"{lowest.drawn.label} is {up_m + 0.0:.1f} m above the origin; a vehicle flies at {LOWEST_M:g} m or more."
-    hint = "give --height METRES for such points" if lowest.key == "height_m" else _GIVE_GROUND
+    hint = "give --height METRES for such points"
+    if lowest.key != "height_m":
+        hint += ", or correct the altitude of the ground in --at" if ground_given else f", or {_GIVE_GROUND}"
     raise FileFormatError(f"{drawing.source}: {text}", hint=hint)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -9,23 +10,22 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place, sentences, tidy
-from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables
+from gcs.mission.drawings.drawing import Drawing, LeftOut, sentences, tidy
+from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables, commented, number_text, place_text
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
-from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.load import load_vehicle
-from gcs.scenario.sources.template import FirstFlight
+from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.types import Array
 
 _TYPE = "quad500"  # of the template
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed
 _ROOM_M = 60.0  # beside the formation, for detours
+_KEY_OF_POINT = re.compile(r"^(?:(start|end)|route\[([0-9]+)\])(?:\.\w+)?(?: = .*?)?: ", re.MULTILINE)
 _SAID_MAX = 40  # sentences in the scenario
-_COMMENT_AT = 30
 _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
 CRUISE_MPS = 10.0 / 3.0  # where no speed is drawn
 _ACCEL_MPS2 = 1.0  # half of what the vehicle type has
@@ -78,24 +78,23 @@ class RouteFlight:
         legs = zip(interior, [float(turn) for turn in turns_rad(self._course_m)], strict=False)
         north_m, east_m = self._box(places_m)
         ends = np.array([points[0].place_m[2], points[0 if returns else -1].place_m[2]]) + float(places_m[:, 2].max())
-        heads = ["[[keep_in]]"] * len(self.areas.keep_in) + ["[[no_fly]]"] * len(self.areas.no_fly)
         return first | {
             "ALONG": _text(f"{first['TITLE']} along {source}")[1:-1],
             "SOURCE": source,
             "SAID": self._comments(),
             "ORIGIN_IS": self.route.origin_is,
-            "LAT": _number(self.route.origin.lat_deg),
-            "LON": _number(self.route.origin.lon_deg),
+            "LAT": number_text(self.route.origin.lat_deg),
+            "LON": number_text(self.route.origin.lon_deg),
             "ALT": repr(float(round(self.route.origin.alt_amsl_m, 3))),
             "FLIGHT": repr(self.flight_s),
             "LENGTH": f"{self.length_m:.0f} m in {self.flight_s:.0f} s",
-            "END_WORD": _commented('end = "start"', "the route comes back") + "\n" if returns else "",
+            "END_WORD": commented('end = "start"', "the route comes back") + "\n" if returns else "",
             "TABLES": "\n".join(
                 [
                     _place_table("[start]", points[0], "of the leader, which hovers there") + yaw,
                     *(self._route_table(point, turn) for point, turn in legs),
                     *([] if returns else [_place_table("[end]", points[-1]) + yaw]),
-                    *map(_area_text, *(heads, [*self.areas.keep_in, *self.areas.no_fly])),
+                    *self.areas.texts,
                 ]
             ),
             "BOX_NORTH": str(north_m),
@@ -105,6 +104,19 @@ class RouteFlight:
             "TAKEOFF": repr(max(20.0, float(math.ceil(20.0 / 15.0 * ends[0])))),
             "LANDING": repr(max(30.0, float(math.ceil(2.0 * ends[1])))),
         }
+
+    def in_words(self, reason: str) -> str:
+        """A reason of the scenario's rules with the labels of points and areas in place of their keys."""
+        points = [point.drawn.label for point in self.route.points]
+        interior = points[1:] if self.route.returns else points[1:-1]
+        ends = {"start": points[0], "end": points[0 if self.route.returns else -1]}
+
+        def label(found: re.Match[str]) -> str:
+            if found[2] is not None:
+                return f"{interior[int(found[2])]}: " if int(found[2]) < len(interior) else found[0]
+            return f"{ends[found[1]]}: "
+
+        return _KEY_OF_POINT.sub(label, self.areas.in_words(reason))
 
     @property
     def _course_m(self) -> Array:
@@ -169,7 +181,7 @@ class RouteFlight:
         elif drawn.speed_mps is not None:
             speed = f"speed_mps = {round(max(0.001, min(drawn.speed_mps, self._most_mps)), 3)!r}"
             is_straight = is_passed_at_speed(turn_rad)
-            lines += f"{speed}\n" if is_straight else _commented(f"# {speed}", "of the leg to it; it turns here") + "\n"
+            lines += f"{speed}\n" if is_straight else commented(f"# {speed}", "of the leg to it; it turns here") + "\n"
         return lines
 
     def _comments(self) -> str:
@@ -191,10 +203,28 @@ def route_flight(
     Raises `FileFormatError` for a drawing that makes no flight.
     """
     route = placed_route(drawing, at, height_m)
-    flight = RouteFlight(drawing, route, area_tables(drawing, route))
+    spots = [(point.drawn.label, point.place_m[:2]) for point in route.points]
+    flight = RouteFlight(drawing, route, area_tables(drawing.source, drawing.areas, spots, route.origin))
     flight = replace(flight, **formation)  # type: ignore[arg-type]
     flight.keys()  # refuses a flight that takes too long
     return flight
+
+
+def route_text(folder: Path, flight: RouteFlight) -> str:
+    """The text of the scenario of a flight, named after its folder.
+
+    Raises `ImpossibleFlight` for one that the rules of scenarios refuse, in the words of the drawing.
+    """
+    origin = flight.route.origin
+    place = origin.lat_deg, origin.lon_deg, origin.alt_amsl_m
+    try:
+        return scenario_text(folder, *place, flight=flight, template="template_route.toml")
+    except ImpossibleFlight as error:
+        which = f"a {flight.shape} of {flight.count}, {flight.spacing_m:g} m apart"
+        reason = flight.in_words(error.reason)
+        text = f"{flight.drawing.source}: {which}, is not possible: {reason}"
+        hint = "give a smaller --count or --spacing, or another --shape; or draw the area larger"
+        raise ImpossibleFlight(text, hint=hint, reason=error.reason) from None
 
 
 @cache
@@ -209,35 +239,8 @@ def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
     label = point.drawn.label
     if head != "[[route]]" and point.drawn.name and point.drawn.name not in label:
         label = f'{label}, "{point.drawn.name}"'
-    title = _commented(head, f"{label}, {also}" if also else label)
-    return f"{title}\nposition_deg = {_shown(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
-
-
-def _area_text(head: str, area: DrawnArea) -> str:
-    lines = [_commented(head, area.label)]
-    if area.radius_m is not None:
-        (lat_deg, lon_deg), radius_m = area.corners[0], round(max(area.radius_m, 0.001), 3)
-        lines += [f"lat_deg = {_number(lat_deg)}", f"lon_deg = {_number(lon_deg)}", f"radius_m = {radius_m!r}"]
-    elif len(area.corners) <= 4:
-        lines.append(f"polygon_deg = [{', '.join(map(_shown, area.corners))}]")
-    else:
-        rows = [", ".join(map(_shown, area.corners[at : at + 4])) for at in range(0, len(area.corners), 4)]
-        lines += ["polygon_deg = [", *(f"  {row}," for row in rows), "]"]
-    return "\n".join(lines) + "\n"
-
-
-def _shown(place: Place) -> str:
-    return f"[{_number(place[0])}, {_number(place[1])}]"
-
-
-def _number(value: float) -> str:
-    """Degrees as a number of TOML, which tells 47.0 from 47."""
-    text = degrees(value)
-    return text if "." in text else f"{text}.0"
-
-
-def _commented(code: str, comment: str) -> str:
-    return f"{code.ljust(_COMMENT_AT - 2)}  # {tidy(comment)}"
+    title = commented(head, f"{label}, {also}" if also else label)
+    return f"{title}\nposition_deg = {place_text(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
 
 
 def _text(value: str) -> str:

@@ -1,14 +1,16 @@
 """GeoJSON (RFC 7946): tracks, route points and fence for web maps and GIS programs.
 
 A third coordinate would be a height above the ellipsoid (RFC 7946, section 4). Altitudes here are above mean sea level,
-so they are properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
+so they are properties, beside the times. Lines and areas are cut at the antimeridian; rings run counterclockwise.
 """
 
 import json
 
 import numpy as np
+import shapely
 
-from gcs.mission.formats.maps.tracks import MapFile, MapPoint, Track
+from gcs.frames import unwrapped_deg
+from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, MapFile, MapPoint, Track
 from gcs.mission.geofence import FencePolygon
 
 _HALF_TURN_DEG = 180.0
@@ -53,10 +55,20 @@ def _route_point(point: MapPoint) -> _Members:
 
 def _area(polygon: FencePolygon) -> _Members:
     """Exterior rings run counterclockwise and close; `clockwise` records the order in the fence."""
-    ring = [list(place.place_deg[::-1]) for place in polygon.points]
-    lon, lat = np.array(ring).T
-    clockwise = bool(np.sum(lon * np.roll(lat, -1) - np.roll(lon, -1) * lat) < 0)
+    lat, lon = np.array([place.place_deg for place in polygon.points]).T
+    ring = np.column_stack([unwrapped_deg(lon), lat])
+    clockwise = not shapely.LinearRing(ring).is_ccw
     if clockwise:
-        ring = [ring[0], *ring[:0:-1]]
-    properties = {"kind": "area", "inclusion": polygon.inclusion, "clockwise": clockwise}
-    return _feature({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}, properties)
+        ring = np.concatenate([ring[:1], ring[:0:-1]])
+    properties: _Members = {"kind": "area", "inclusion": polygon.inclusion, "clockwise": clockwise}
+    if np.abs(ring[:, 0]).max() <= _HALF_TURN_DEG:
+        return _feature({"type": "Polygon", "coordinates": [[*ring.tolist(), ring[0].tolist()]]}, properties)
+    # RFC 7946, section 3.1.9: cut at the antimeridian, each part on its own side
+    parts = []
+    for turn_deg in (0.0, 2.0 * _HALF_TURN_DEG, -2.0 * _HALF_TURN_DEG):
+        low, high = turn_deg - _HALF_TURN_DEG, turn_deg + _HALF_TURN_DEG
+        for part in shapely.get_parts(shapely.clip_by_rect(shapely.Polygon(ring), low, -90.0, high, 90.0)):
+            if part.area > 0.0:
+                corners = np.array(shapely.geometry.polygon.orient(part).exterior.coords) - [turn_deg, 0.0]
+                parts.append([np.round(corners, DEGREE_DECIMALS).tolist()])
+    return _feature({"type": "MultiPolygon", "coordinates": parts}, properties)

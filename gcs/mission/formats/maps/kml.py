@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import simplekml
 
+from gcs.frames import wrapped_deg
 from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile
 
 _DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -55,7 +56,7 @@ def write_kml(file: MapFile) -> bytes:
         angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
         north = circle.radius_m / _METRES_PER_DEGREE
         east = north / max(math.cos(math.radians(lat)), 1e-3)
-        places = np.round([lon + east * np.sin(angles), lat + north * np.cos(angles)], DEGREE_DECIMALS)
+        places = np.round([wrapped_deg(lon + east * np.sin(angles)), lat + north * np.cos(angles)], DEGREE_DECIMALS)
         drawn = _draw(kml, circle.inclusion, zip(*places.tolist(), strict=True))
         for name, value in (
             ("latitude_degE7", circle.center.lat_degE7),

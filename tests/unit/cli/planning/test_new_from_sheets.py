@@ -65,11 +65,12 @@ def test_the_same_sheet_in_degrees_is_the_same_formation(capsys: pytest.CaptureF
     lat, lon, _ = ned_to_geodetic(ned, Origin(46.95, 7.44, 540.0))
     rows = [f"{n + 1};{a:.9f};{b:.9f};0".replace(".", ",") for n, (a, b) in enumerate(zip(lat, lon, strict=True))]
     text = "\n".join(["Nr;Latitude;Longitude;Höhe", *rows])  # decimal commas, and an umlaut as Windows writes it
-    Path("degrees.csv").write_bytes(text.encode("cp1252"))
     assert gcs("new metres --positions grid.csv --at 46.95,7.44,540") == 0
-    assert gcs("new degrees --positions degrees.csv --at 46.95,7.44,540") == 0
-    metres, degrees = (si.offsets_ned_m(load_scenario(name)) for name in ("metres", "degrees"))
-    assert degrees == pytest.approx(metres, abs=2e-3)
+    for encoding in ("cp1252", "utf-16"):
+        Path("degrees.csv").write_bytes(text.encode(encoding))
+        assert gcs(f"new {encoding} --positions degrees.csv --at 46.95,7.44,540") == 0
+        metres, degrees = (si.offsets_ned_m(load_scenario(name)) for name in ("metres", encoding))
+        assert degrees == pytest.approx(metres, abs=2e-3)
     capsys.readouterr()
     assert gcs("new here --positions degrees.csv") == 0
     assert "the origin is the place of vehicle 1" in capsys.readouterr().out

@@ -99,3 +99,72 @@ def test_a_file_without_exactly_one_area_is_refused(count: int, capsys: pytest.C
     draw(*[[OUTLINE]] * count)
     assert gcs(LINE) != 0
     assert "area.geojson" in capsys.readouterr().err
+
+
+FIELD = [[46.1, 9.2], [46.1, 9.2012], [46.101, 9.2012], [46.101, 9.2]]
+AROUND = [[46.0985, 9.198], [46.0985, 9.203], [46.1025, 9.203], [46.1025, 9.198]]
+ZONE = [[46.1004, 9.2004], [46.1004, 9.2007], [46.1006, 9.2007], [46.1006, 9.2004]]
+WAYPOINT = {"type": "SimpleItem", "command": 16, "doJumpId": 1, "frame": 3, "params": [0, 0, 0, 0, 46.1, 9.2, 20]}
+CORRIDOR = {"complexItemType": "CorridorScan", "polyline": [[46.1, 9.2], [46.102, 9.2]], "CorridorWidth": 60}
+SURVEY = {"complexItemType": "survey", "polygon": FIELD}
+
+
+def plan_file(
+    pattern: dict[str, object] | None, *polygons: tuple[list[list[float]], bool], disk_m: float = 0.0
+) -> None:
+    items = [WAYPOINT, *([{"type": "ComplexItem", **pattern}] if pattern else [])]
+    circles = [{"circle": {"center": [46.1008, 9.2009], "radius": disk_m}, "inclusion": False}] if disk_m else []
+    plan = {
+        "fileType": "Plan",
+        "version": 1,
+        "mission": {"version": 2, "firmwareType": 3, "plannedHomePosition": [46.1, 9.2, 500], "items": items},
+        "geoFence": {
+            "version": 2,
+            "polygons": [{"polygon": edge, "inclusion": inside} for edge, inside in polygons],
+            "circles": circles,
+        },
+    }
+    Path("drawn.plan").write_text(json.dumps(plan), encoding="utf-8")
+
+
+def test_everything_else_of_a_drawing_is_kept_or_said(capsys: pytest.CaptureFixture[str]) -> None:
+    plan_file(None, (FIELD, True), (ZONE, False), disk_m=8.0)
+    assert gcs("new field --survey drawn.plan --swath 12") == 0
+    scenario = load_scenario(Path("field"))
+    told = capsys.readouterr().out
+    assert scenario.origin.alt_amsl_m == 500.0 and "0 m above the sea; for" not in told
+    polygon, disk = scenario.no_fly
+    assert polygon.polygon_m is not None and disk.radius_m == 8.0
+    assert scenario.survey is not None
+    zones = [shapely.Polygon(polygon.polygon_m), shapely.Point(disk.north_m, disk.east_m).buffer(7.9)]
+    assert all(scenario.survey.area.intersection(zone).area < 1.0 for zone in zones)
+    assert "2 no-fly zones" in told and "passes see about" in told
+    assert "item 1 (NAV_WAYPOINT): not flown" in told and "fence polygon 1: surveyed" in told
+
+
+@pytest.mark.parametrize(("pattern", "hectares"), [(SURVEY, 1.0314), (CORRIDOR, 222.3 * 60.0 / 10_000.0)])
+def test_what_a_plan_itself_surveys_is_the_area_and_its_fence_is_kept(
+    pattern: dict[str, object], hectares: float
+) -> None:
+    plan_file(pattern, (AROUND, True))
+    assert gcs("new field --survey drawn.plan --swath 12") == 0
+    scenario = load_scenario(Path("field"))
+    assert scenario.survey is not None
+    assert scenario.survey.area.area / 10_000.0 == pytest.approx(hectares, rel=0.002)
+    (fence,) = scenario.keep_in
+    assert fence.area.area / 10_000.0 == pytest.approx(17.189, rel=0.002)
+
+
+def test_zones_that_leave_no_single_field_are_refused_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    across = [[46.1004, 9.19], [46.1004, 9.21], [46.1006, 9.21], [46.1006, 9.19]]
+    plan_file(SURVEY, (across, False))
+    assert gcs("new field --survey drawn.plan --swath 12") == 2
+    assert "fence polygon 1 divide it into 2 parts" in capsys.readouterr().err
+
+
+def test_a_fence_too_near_for_the_turns_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    near = [[46.09999, 9.19999], [46.09999, 9.20121], [46.10101, 9.20121], [46.10101, 9.19999]]
+    plan_file(SURVEY, (near, True))
+    assert gcs("new field --survey drawn.plan --swath 12") != 0
+    error = capsys.readouterr().err
+    assert "drawn.plan" in error and "fence polygon 1" in error and "keep_in" not in error

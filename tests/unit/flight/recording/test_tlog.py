@@ -135,11 +135,61 @@ def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
     t_s = np.array([1.0, 7.33])
     for track, east_m in zip(tracks, (0.0, 3.0), strict=True):
         places, rates = track.at(t_s)
-        assert places == pytest.approx(np.array([[2.0, east_m, 0.0], [14.66, east_m, 0.0]]), abs=0.03)
+        assert places == pytest.approx(np.array([[2.0, east_m, -4.0], [14.66, east_m, -4.0]]), abs=0.03)
         assert rates == pytest.approx(np.array([[2.0, 0.0, 0.0]] * 2), abs=1e-6)
     assert [str(event) for event in events] == ["t = 8.0 s: vehicle 1 reports: Compass error"]
     said = [(one.t_s, one.what) for one in remarks if one.sysid == 2]
     assert said == [(0.0, "is in GUIDED"), (2.0, "is armed"), (15.0, "is in LAND")]
+
+
+def climb(home: bool, relative: bool) -> list[tuple[float, Message]]:
+    """A log that begins in flight, 20 m above a home at 500 m."""
+    told: list[tuple[float, Message]] = []
+    if home:
+        place = {"latitude": 461000000, "longitude": 92000000, "altitude": 500_000, "x": 0.0, "y": 0.0, "z": 0.0}
+        told.append((0.0, Message("HOME_POSITION", place, 1, 1)))
+    for n in range(30):
+        place = {"lat": 461000000, "lon": 92000000, "alt": 520_000 + 1000 * n, "vx": 0, "vy": 0, "vz": 0, "hdg": 0}
+        place |= {"time_boot_ms": 200 * n} | ({"relative_alt": 20_000 + 1000 * n} if relative else {})
+        told.append((0.2 * n, Message("GLOBAL_POSITION_INT", place, 1, 1)))
+    return told
+
+
+@pytest.mark.parametrize(("home", "relative", "first_m"), [(1, 0, 20.0), (0, 1, 20.0), (1, 1, 20.0), (0, 0, 0.0)])
+def test_heights_count_from_the_home_of_the_log(home: int, relative: int, first_m: float) -> None:
+    (track,), _, _, notes = recording_from_telemetry(climb(bool(home), bool(relative)))
+    assert -track.position_ned_m[[0, -1], 2] == pytest.approx([first_m, first_m + 29.0], abs=1e-3)
+    assert bool(notes) == (not home and not relative)
+    assert all("heights count from the first position of the log" in note for note in notes)
+
+
+@pytest.mark.parametrize("begins", [0, 7])
+def test_a_log_without_stamps_has_the_times_of_its_vehicles(tmp_path: Path, begins: int) -> None:
+    """The clock of vehicle 2 was started earlier, and vehicle 1 is started again on the way."""
+    frames = []
+    for n in range(100):
+        place = {"lat": 461000000, "lon": 92000000 + n, "alt": 520_000, "relative_alt": 0, "vx": 0, "vy": 0, "vz": 0}
+        for sysid, boot_ms in ((1, 200 * (n % 60)), (2, 900_000 + 200 * n)):
+            frames.append(
+                Codec(sysid, 1).encode(
+                    Message("GLOBAL_POSITION_INT", place | {"time_boot_ms": boot_ms, "hdg": 0}, sysid, 1)
+                )
+            )
+    path = tmp_path / "raw.tlog"
+    path.write_bytes(b"".join(frames)[begins:])
+    log = load_tlog(path)
+    assert len(log.frames) == 200 - bool(begins)
+    assert np.ptp(log.unix_s) == pytest.approx(19.8, abs=0.3)
+    assert "no time stamps" in log.notes[0] and len(log.notes) == 1 + bool(begins)
+    recording = load_recording(path).recording
+    for track in recording.tracks:
+        assert np.diff(track.t_s).min() >= 0.0 and np.ptp(track.t_s) == pytest.approx(19.8, abs=0.5)
+
+
+def test_a_log_without_any_time_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "raw.tlog").write_bytes(Codec(1, 1).encode(Message("HEARTBEAT", BEAT, 1, 1)) * 20)
+    with pytest.raises(FileFormatError, match="no time stamps, and no message in it has"):
+        load_tlog(tmp_path / "raw.tlog")
 
 
 def test_a_vehicle_without_a_position_on_earth_is_named() -> None:

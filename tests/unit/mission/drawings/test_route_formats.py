@@ -99,7 +99,7 @@ def test_a_geojson_has_lines_areas_and_features_without_a_place() -> None:
     drawing = drawn("fields.geojson")
     assert [point.height_m for point in drawing.points] == [520.0, 520.0, 525.0]
     assert [len(area.holes) for area in drawing.areas] == [1]
-    assert [one.label for one in drawing.left_out] == ["heights"]
+    assert [one.label for one in drawing.left_out] == ["feature 3", "heights"]
 
 
 def test_a_sequence_of_points_is_a_route() -> None:

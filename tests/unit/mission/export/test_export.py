@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.parameter_names import with_new_names
-from gcs.autopilots.traits import Autopilot
-from gcs.errors import FileFormatError, UsageError
+from gcs.autopilots.traits import TRAITS, Autopilot
+from gcs.errors import FileFormatError, NotWritten, UsageError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
@@ -186,3 +186,21 @@ def test_somebody_elses_index(hop: Plan, tmp_path: Path, text: str) -> None:
     with pytest.raises(FileFormatError, match="not the index of an export"):
         export(hop, tmp_path, setpoint_rate_hz=2)
     assert (tmp_path / INDEX).read_text() == text
+
+
+def test_a_limit_of_missions_does_not_keep_other_files_from_being_written(
+    hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = Autopilot.ARDUPILOT.traits
+    few = replace(row, missions=replace(row.missions, items_max=3))
+    monkeypatch.setitem(TRAITS, Autopilot.ARDUPILOT, few)
+    for name, formats in (("stream", ["setpoints"]), ("map", ["history", "kml"])):
+        export(hop, tmp_path / name, formats=formats, setpoint_rate_hz=2)
+        assert len(contents(tmp_path / name)) >= 2
+    for name, formats in (("default", None), ("mixed", ["plan", "setpoints"])):
+        index = export(hop, tmp_path / name, formats=formats, setpoint_rate_hz=2)
+        assert "ArduCopter stores at most 3" in index.refused
+        assert {Path(file).suffix for file in index.sha256} == {".setpoints"}
+    with pytest.raises(NotWritten, match="ArduCopter stores at most 3"):
+        export(hop, tmp_path / "missions", formats=["plan", "waypoints"])
+    assert not (tmp_path / "missions").exists()

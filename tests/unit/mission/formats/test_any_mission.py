@@ -60,6 +60,18 @@ def test_a_table_begins_with_home_or_does_not(
     assert loaded.line(0) == 2 + seq
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("data", [PLAN, WITH_HOME])
+def test_a_mission_in_utf_16_is_that_mission(data: bytes, encoding: str, tmp_path: Path) -> None:
+    """As a shell of Windows writes what is sent to a file."""
+    (tmp_path / "a.txt").write_bytes(data.decode().encode(encoding))
+    (loaded,) = load_missions([tmp_path / "a.txt"])
+    assert (loaded.home, loaded.items) == (HOME, ITEMS)
+    (tmp_path / "b.txt").write_bytes(b"\xff\xfeQ")
+    with pytest.raises(FileFormatError, match=r"b\.txt: begins as UTF-16, and is none; save it as UTF-8"):
+        load_missions([tmp_path / "b.txt"])
+
+
 def test_a_home_row_that_is_missed() -> None:
     with pytest.raises(FileFormatError, match="row 0 is not a home position"):
         read_mission(WITHOUT_HOME, "a.waypoints", Autopilot.ARDUPILOT)

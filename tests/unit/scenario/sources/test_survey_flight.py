@@ -49,12 +49,25 @@ def test_the_area_is_kept_with_its_holes(tmp_path: Path) -> None:
     assert survey.swath_m == 12.0
 
 
-def test_a_hole_is_crossed_or_a_no_fly_zone(tmp_path: Path) -> None:
-    assert not loaded(SurveyOrder(FIELD, 12.0), tmp_path / "crossed").no_fly
-    avoiding = SurveyOrder(FIELD, 12.0, avoid_holes=True)
+def test_a_hole_is_crossed_and_a_no_fly_zone_is_not(tmp_path: Path) -> None:
+    pond = shapely.Polygon(POND)
+    assert survey_flight(SurveyOrder(FIELD, 12.0)).mowing.lines.intersects(pond)
+    zones = "[[no_fly]]\npolygon_m = [[40.0, 90.0], [60.0, 90.0], [60.0, 120.0], [40.0, 120.0]]\n"
+    avoiding = SurveyOrder(FIELD, 12.0, avoided=(pond,), zones=zones)
     (zone,) = loaded(avoiding, tmp_path / "avoided").no_fly
-    assert zone.polygon_m is not None and shapely.Polygon(zone.polygon_m).equals(shapely.Polygon(POND))
-    assert survey_flight(avoiding).mowing.lines.distance(shapely.Polygon(POND)) > 4.9
+    assert zone.polygon_m is not None and shapely.Polygon(zone.polygon_m).equals(pond)
+    assert survey_flight(avoiding).mowing.lines.distance(pond) > 4.9
+    assert survey_flight(avoiding).seen < 0.999
+
+
+def test_seeing_the_area_beside_zones_comes_before_time() -> None:
+    """Passes that are cut short are quick; the best way sees nearly as much as any single direction does."""
+    zones = (shapely.box(40, 90, 60, 110), shapely.box(70, 170, 80, 180))
+    chosen = survey_flight(SurveyOrder(FIELD, 12.0, avoided=zones))
+    others = [
+        survey_flight(SurveyOrder(FIELD, 12.0, course_deg=angle, avoided=zones)).seen for angle in (0.0, 45.0, 90.0)
+    ]
+    assert chosen.seen > max(others) - 0.05
 
 
 def test_a_flight_from_the_origin_comes_back_to_it(tmp_path: Path) -> None:

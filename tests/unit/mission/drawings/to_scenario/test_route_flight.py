@@ -17,13 +17,14 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, LeftOut, sentences
 from gcs.mission.drawings.route_formats import drawing_in, read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import (
     RouteFlight,
     flight_time_s,
     is_passed_at_speed,
     route_flight,
+    route_text,
     turns_rad,
 )
 from gcs.mission.formats.maps.geojson import write_geojson
@@ -216,10 +217,51 @@ def test_what_makes_no_flight_is_refused_with_the_reason(drawn: Drawing, reason:
         route_flight(drawn)
 
 
-def test_a_fence_too_narrow_for_the_formation_is_refused_with_the_rule_it_violates() -> None:
-    drawn = drawing(point(5, 5), point(90, 5), areas=(DrawnArea(square(100), "fence polygon 1", True),))
-    with pytest.raises(UsageError, match="keep_in"):
-        text_of(route_flight(drawn))
+def test_a_fence_too_narrow_for_the_formation_is_refused_in_the_words_of_the_drawing() -> None:
+    areas = (
+        DrawnArea(square(900, -400, -400), "fence polygon 1", True),
+        DrawnArea(square(100), "fence polygon 2", True),
+        DrawnArea((place(-10, 20),), "fence circle 1", False, radius_m=12.0),
+    )
+    with pytest.raises(UsageError) as refused:
+        route_text(Path("drawn"), route_flight(drawing(point(5, 5), point(90, 5), areas=areas)))
+    told = refused.value.message
+    assert told.startswith("drawn.plan: a vee of 6, 10 m apart, is not possible:")
+    assert "fence polygon 2: leaves out vehicle" in told and "fence circle 1: contains vehicle" in told
+    assert not re.search(r"keep_in|no_fly|scenario\.toml|fence polygon 1", told)
+    assert "--count" in refused.value.hint and "--spacing" in refused.value.hint and "--shape" in refused.value.hint
+
+
+def test_reasons_name_points_and_areas_of_the_drawing() -> None:
+    areas = (DrawnArea(square(900, -400, -400), "fence polygon 1", True),)
+    flight = route_flight(drawing(point(0, 0), point(100, 0), point(100, 100), areas=areas))
+    told = "keep_in[0].polygon_deg = [[47.1, 8.5]]: a\nroute[0].hold_s = 3.0: b\nend: c\nkeep_in[7]: d"
+    assert flight.in_words(told) == "fence polygon 1: a\nitem 100: b\nitem 100: c\nkeep_in[7]: d"
+
+
+def test_what_was_left_out_is_said_where_no_route_is_left() -> None:
+    drawn = drawing(left_out=(LeftOut('Placemark 1 ("empty")', "has no point; not carried over"),))
+    with pytest.raises(FileFormatError, match=r'it has no point to fly to \(Placemark 1 \("empty"\): has no point'):
+        route_flight(drawn)
+
+
+@pytest.mark.parametrize("datum", [Datum.SEA, Datum.GROUND, Datum.HOME])
+def test_points_on_or_under_the_ground_take_the_height_that_is_asked_for(datum: Datum) -> None:
+    low_m = {Datum.SEA: 3.0}.get(datum, 0.0)
+    high_m = {Datum.SEA: 500.0}.get(datum, 20.0)
+    drawn = drawing(point(0, 0, low_m, datum), point(90, 0, high_m, datum))
+    for at in (None, (*place(0, 0), 480.0)):
+        flight = route_flight(drawn, at, 30.0)
+        assert flight.route.places_m[:, 2] == pytest.approx([30.0, 20.0], abs=0.01)
+        assert "flown at 30 m" in str(flight.left_out[0])
+
+
+def test_the_hint_for_a_low_point_is_what_was_not_yet_given() -> None:
+    drawn = drawing(point(0, 0, 3.0, Datum.SEA), point(90, 0, 500.0, Datum.SEA))
+    for at, hints in ((None, "or give the altitude of the ground: --at"), ((*place(0, 0), 480.0), "or correct")):
+        with pytest.raises(FileFormatError) as refused:
+            route_flight(drawn, at)
+        assert "give --height METRES" in refused.value.hint and hints in refused.value.hint
 
 
 def test_points_without_heights_get_one_and_points_on_the_ground_too_if_asked() -> None:

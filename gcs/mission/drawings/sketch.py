@@ -1,0 +1,133 @@
+"""A drawing while it is read: every element of a file becomes a point, line, area or sentence here.
+
+The route of a map is one of its lines, else its single points in their order.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from gcs.errors import FileFormatError
+from gcs.frames import Origin, geodetic_to_ned
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, LeftOut, Place, ring
+from gcs.mission.drawings.line_pieces import LinePiece, joined
+
+_SAME_M = 5.0  # a named point so near to a corner of the line names it
+_LEAST = 2  # points of a line
+
+
+@dataclass(frozen=True)
+class DrawnLine:
+    """A line of a map. `recorded`: a receiver wrote it on its way."""
+
+    label: str
+    points: tuple[DrawnPoint, ...]
+    recorded: bool = False
+
+
+@dataclass
+class Sketch:
+    """What was found so far. On a map with lines, `points` stand beside them."""
+
+    source: str
+    points: list[DrawnPoint] = field(default_factory=list)
+    lines: list[DrawnLine] = field(default_factory=list)
+    areas: list[DrawnArea] = field(default_factory=list)
+    surveys: list[DrawnArea] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
+
+    def add_line(self, label: str, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
+        """Add a line that a file has in pieces, each with its own label; those that touch are one.
+
+        Pieces with less than two points, and those that lie apart, are left out with a sentence.
+        """
+        drawn = []
+        for piece in pieces:
+            if len(piece.points) < _LEAST:
+                self.leave_out(piece.label, f"has {'only one' if piece.points else 'no'} point; not carried over")
+            else:
+                drawn.append(piece)
+        if not drawn:
+            return
+        first, said = joined(drawn, recorded=recorded)
+        self.left_out += said
+        is_whole = len(first.points) > len(drawn[0].points) or len(drawn) == 1
+        self.lines.append(DrawnLine(label if is_whole else first.label, first.points, recorded))
+
+    def add_area(
+        self,
+        label: str,
+        edge: Sequence[Place],
+        holes: Sequence[Sequence[Place]] = (),
+        inside: bool | None = None,
+        *,
+        survey: bool = False,
+    ) -> None:
+        """Add a polygon; an edge without corners is left out with a sentence. Raises ValueError for under 3 corners.
+
+        `survey`: the file itself means it to be surveyed.
+        """
+        if not edge:
+            self.leave_out(label, "has no corner; not carried over")
+            return
+        for number, hole in enumerate(holes, start=1):
+            if not hole:
+                self.leave_out(f"hole {number} of {label}", "has no corner; not carried over")
+        inner = tuple(ring(hole, label) for hole in holes if hole)
+        (self.surveys if survey else self.areas).append(DrawnArea(ring(edge, label), label, inside, inner))
+
+    def drawing(self, **more: Any) -> Drawing:
+        """The drawing whose route is the first drawn line, else the first recorded one, else the points.
+
+        What is not flown is left out with a sentence. `more` are other fields.
+        """
+        points, flown = self.points, None
+        if self.lines:
+            flown = next((line for line in self.lines if not line.recorded), self.lines[0])
+            for line in self.lines:
+                if line is not flown:
+                    text = f"not flown: the route is {flown.label}; a file per route carries it over"
+                    self.leave_out(line.label, text)
+            points = self._named(flown)
+        if points and all(point.datum is Datum.SEA and not point.height_m for point in points):
+            points = [replace(point, datum=Datum.NONE) for point in points]
+            self.leave_out("heights", "all are 0 m above the sea, as converters write it for none; read as none")
+        return Drawing(
+            self.source,
+            tuple(points),
+            tuple(self.areas),
+            recorded=flown is not None and flown.recorded,
+            left_out=tuple(self.left_out),
+            line="" if flown is None else flown.label,
+            surveys=tuple(self.surveys),
+            **more,
+        )
+
+    def _named(self, line: DrawnLine) -> list[DrawnPoint]:
+        """The points of a line, with the names of those beside it that are on it."""
+        points = list(line.points)
+        if not self.points:
+            return points
+        origin = Origin(*points[0].place, 0.0)
+        lat, lon = np.array([point.place for point in points]).T
+        places_m = geodetic_to_ned(lat, lon, 0.0, origin)
+        for spot in self.points:
+            away_m = np.linalg.norm(places_m - geodetic_to_ned(*spot.place, 0.0, origin), axis=1)
+            row = int(away_m.argmin())
+            if away_m[row] > _SAME_M:
+                self.leave_out(spot.label, f"not on the route, {line.label}; not carried over")
+            elif spot.name and not points[row].name:
+                points[row] = replace(points[row], name=spot.name)
+            elif spot.name != points[row].name:
+                self.leave_out(spot.label, f"stands at {points[row].label}; not carried over")
+        return points
+
+    def leave_out(self, label: str, text: str) -> None:
+        """Add a sentence."""
+        self.left_out.append(LeftOut(label, text))
+
+    def refused(self, text: str, hint: str = "") -> FileFormatError:
+        """The error for the whole file."""
+        return FileFormatError(f"{self.source}: {text}.", hint=hint)
