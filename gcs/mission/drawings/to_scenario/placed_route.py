@@ -47,22 +47,29 @@ def placed_point(
     key, value = "height_m", point.height_m
     if point.datum is Datum.NONE:
         value = HEIGHT_M if height_m is None else height_m
+    elif height_m is not None and _above_m(point, origin, drawing) < LOWEST_M:
+        what = "an altitude" if point.datum is Datum.SEA else "a height"
+        left_out.append(LeftOut(point.label, f"{what} of {value:g} m is on the ground; flown at {height_m:g} m"))
+        value = height_m
     elif point.datum is Datum.SEA:
         key = "alt_amsl_m"
-    elif height_m is not None and value < LOWEST_M:
-        left_out.append(LeftOut(point.label, f"a height of {value:g} m is on the ground; flown at {height_m:g} m"))
-        value = height_m
     elif point.datum is Datum.GROUND:
         text = "the height above the ground counts from the origin, because the file has no terrain"
         left_out.append(LeftOut(point.label, text))
     elif drawing.home is not None and drawing.home.alt_amsl_m != origin.alt_amsl_m:
         key, value = "alt_amsl_m", drawing.home.alt_amsl_m + value
-    if key == "height_m":
-        place_m = place_up_m(*point.place, value, origin)
-    else:
-        place_m = geodetic_to_ned(*point.place, value, origin) * [1.0, 1.0, -1.0]
-    north_m, east_m, up_m = map(float, place_m)
+    up_m = value if key == "height_m" else value - origin.alt_amsl_m
+    north_m, east_m, up_m = map(float, place_up_m(*point.place, up_m, origin))
     return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3))
+
+
+def _above_m(point: DrawnPoint, origin: Origin, drawing: Drawing) -> float:
+    """The height of a point above the ground, as far as a drawing tells: above the origin, and above home, m."""
+    if point.datum is Datum.SEA:
+        return point.height_m - origin.alt_amsl_m
+    if point.datum is Datum.HOME and drawing.home is not None:
+        return point.height_m + min(drawing.home.alt_amsl_m - origin.alt_amsl_m, 0.0)
+    return point.height_m
 
 
 def fewer(drawing: Drawing, points: list[PlacedPoint], left_out: list[LeftOut]) -> list[PlacedPoint]:
@@ -199,7 +206,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
         placed = placed[:-1]
     returns = comes_back or drawing.returns
     _refuse_few(drawing, len(placed))
-    _refuse_heights(drawing, placed)
+    _refuse_heights(drawing, placed, ground_is_given=at is not None and at[2] is not None)
     ends = placed[:1] if returns else [placed[0], placed[-1]]
     text = "the hold is not carried over; the formation hovers there before or after the flight"
     left_out += [LeftOut(point.drawn.label, text) for point in ends if point.drawn.hold_s]
@@ -280,15 +287,17 @@ def _origin(
     return Origin(*place, alt_m), what
 
 
-def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
+def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint], *, ground_is_given: bool) -> None:
     highest = max(points, key=lambda point: point.place_m[2])
     if (up_m := highest.place_m[2]) > _HIGHEST_M:
         text = f"{highest.drawn.label} is {up_m:,.0f} m above the origin; the limit is {_HIGHEST_M:,.0f} m."
-        hint = "draw it lower" if highest.key == "height_m" else _GIVE_GROUND
+        hint = "draw it lower" if highest.key == "height_m" or ground_is_given else _GIVE_GROUND
         raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
     lowest = min(points, key=lambda point: point.place_m[2])
     if (up_m := round(lowest.place_m[2], 3)) >= LOWEST_M:
         return
     text = f"{lowest.drawn.label} is {up_m + 0.0:.1f} m above the origin; a vehicle flies at {LOWEST_M:g} m or more."
-    hint = "give --height METRES for such points" if lowest.key == "height_m" else _GIVE_GROUND
+    hint = "give --height METRES for such points"
+    if lowest.key != "height_m" and not ground_is_given:
+        hint = f"{_GIVE_GROUND}; or {hint.removeprefix('give ')}"
     raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
