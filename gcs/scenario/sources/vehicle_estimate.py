@@ -35,22 +35,22 @@ _AH_MOST = 100.0  # a capacity without a unit is in mAh from here on
 
 
 @dataclass(frozen=True)
-class Battery:
+class BatteryPack:
     """Energy and nominal voltage of a full battery. `battery_V` is None where only the energy is known."""
 
     battery_Wh: float
     battery_V: float | None = None
 
 
-def parse_battery(text: str) -> Battery:
+def parse_battery(text: str) -> BatteryPack:
     """The battery in a text such as `4S 3300 mAh`, `6S 10 Ah` or `48.8 Wh`. Raises `UsageError` for any other."""
     words = text.strip()
     if found := _ENERGY.fullmatch(words):
-        return Battery(_number(found[1]))
+        return BatteryPack(_number(found[1]))
     if (found := _BATTERY.fullmatch(words)) and int(found[1]):
         cells, capacity, unit = int(found[1]), _number(found[2]), (found[3] or "").lower()
         amp_hours = capacity / 1000.0 if unit == "mah" or (not unit and capacity >= _AH_MOST) else capacity
-        return Battery(round(cells * CELL_V * amp_hours, 3), round(cells * CELL_V, 3))
+        return BatteryPack(round(cells * CELL_V * amp_hours, 3), round(cells * CELL_V, 3))
     raise UsageError(f"--battery {text[:40]}: not a battery", hint='write for example --battery "4S 3300mAh"')
 
 
@@ -64,7 +64,7 @@ class KnownVehicle:
 
     mass_kg: float
     rotor_radius_m: float
-    battery: Battery
+    battery: BatteryPack
     arm_m: float | None = None
     hover_throttle: float | None = None
     hover_W: float | None = None

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gcs.errors import UsageError
 from gcs.scenario.schema.vehicle_types import VehicleFile, preset_file
 from gcs.scenario.sources.load import load_vehicle
-from gcs.scenario.sources.vehicle_estimate import INCH_M, Battery, KnownVehicle, parse_battery, vehicle_text
+from gcs.scenario.sources.vehicle_estimate import INCH_M, BatteryPack, KnownVehicle, parse_battery, vehicle_text
 
 
 def loaded(folder: Path, known: KnownVehicle, name: str = "five") -> VehicleFile:
@@ -38,7 +38,7 @@ def loaded(folder: Path, known: KnownVehicle, name: str = "five") -> VehicleFile
 def test_published_aircraft_hover_within_the_estimate(
     mass_kg: float, battery_Wh: float, inches: float, hovers_min: float
 ) -> None:
-    low_s, high_s = KnownVehicle(mass_kg, 0.5 * inches * INCH_M, Battery(battery_Wh)).hover_s
+    low_s, high_s = KnownVehicle(mass_kg, 0.5 * inches * INCH_M, BatteryPack(battery_Wh)).hover_s
     assert low_s <= 60.0 * hovers_min <= high_s
 
 
@@ -47,7 +47,7 @@ def test_quad500_is_estimated_as_it_is(tmp_path: Path) -> None:
     preset = load_vehicle(preset_file("quad500")).vehicle
     assert preset.power is not None
     known = KnownVehicle(
-        preset.mass_kg, preset.power.rotor_radius_m, Battery(preset.power.battery_Wh), preset.arm_m, 0.5
+        preset.mass_kg, preset.power.rotor_radius_m, BatteryPack(preset.power.battery_Wh), preset.arm_m, 0.5
     )
     ours = loaded(tmp_path, known).vehicle
     for estimate, own in zip(ours.inertia_kgm2, preset.inertia_kgm2, strict=True):
@@ -58,14 +58,16 @@ def test_quad500_is_estimated_as_it_is(tmp_path: Path) -> None:
 
 
 def test_what_is_known_stands_in_the_file(tmp_path: Path) -> None:
-    kind = loaded(tmp_path, KnownVehicle(1.2, 2.5 * INCH_M, Battery(48.84, 14.8), 0.11, 0.4, 380.0, "px4"), 'my "five"')
+    kind = loaded(
+        tmp_path, KnownVehicle(1.2, 2.5 * INCH_M, BatteryPack(48.84, 14.8), 0.11, 0.4, 380.0, "px4"), 'my "five"'
+    )
     vehicle, power = kind.vehicle, kind.vehicle.power
     assert power is not None
     assert (vehicle.name, kind.autopilot, vehicle.mass_kg, vehicle.arm_m) == ('my "five"', "px4", 1.2, 0.11)
     assert (power.battery_Wh, power.battery_V, power.rotor_radius_m) == (48.84, 14.8, 0.0635)
     full_N = 4.0 * vehicle.thrust_coeff_Ns2 * vehicle.rotor_max_radps**2
     assert 1.2 * 9.8 / full_N == pytest.approx(0.4, rel=0.02)
-    measured = KnownVehicle(1.2, 2.5 * INCH_M, Battery(48.84), hover_W=380.0)
+    measured = KnownVehicle(1.2, 2.5 * INCH_M, BatteryPack(48.84), hover_W=380.0)
     assert measured.hover_s == pytest.approx((48.84 * 3600.0 / 380.0,) * 2)
 
 
@@ -80,7 +82,9 @@ def test_every_vehicle_loads_or_is_refused_with_a_reason(
     mass_kg: float, inches: float, size_share: float, throttle: float
 ) -> None:
     diameter_m = inches * INCH_M
-    known = KnownVehicle(mass_kg, 0.5 * diameter_m, Battery(60.0 * mass_kg), 0.5 * size_share * diameter_m, throttle)
+    known = KnownVehicle(
+        mass_kg, 0.5 * diameter_m, BatteryPack(60.0 * mass_kg), 0.5 * size_share * diameter_m, throttle
+    )
     try:
         vehicle_text("any", known)
     except UsageError as refused:  # by small propellers alone, which must turn too fast
@@ -90,15 +94,15 @@ def test_every_vehicle_loads_or_is_refused_with_a_reason(
 @pytest.mark.parametrize(
     ("text", "battery"),
     [
-        ("4S 3300mAh", Battery(48.84, 14.8)),
-        ("4s3300", Battery(48.84, 14.8)),
-        ("4S, 3.3 Ah", Battery(48.84, 14.8)),
-        ("6S 10Ah", Battery(222.0, 22.2)),
-        ("6s 10", Battery(222.0, 22.2)),
-        ("48,8 Wh", Battery(48.8)),
+        ("4S 3300mAh", BatteryPack(48.84, 14.8)),
+        ("4s3300", BatteryPack(48.84, 14.8)),
+        ("4S, 3.3 Ah", BatteryPack(48.84, 14.8)),
+        ("6S 10Ah", BatteryPack(222.0, 22.2)),
+        ("6s 10", BatteryPack(222.0, 22.2)),
+        ("48,8 Wh", BatteryPack(48.8)),
     ],
 )
-def test_batteries_as_people_write_them(text: str, battery: Battery) -> None:
+def test_batteries_as_people_write_them(text: str, battery: BatteryPack) -> None:
     assert parse_battery(text) == battery
 
 
