@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymap3d.vincenty import vdist
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 
@@ -25,14 +26,40 @@ def test_there_and_back(origin: Origin, ned_m: np.ndarray) -> None:
 
 
 @given(origins, points)
-def test_another_origin_nearby_is_a_rigid_motion(origin: Origin, ned_m: np.ndarray) -> None:
+def test_another_origin_nearby_keeps_distances_but_for_the_height(origin: Origin, ned_m: np.ndarray) -> None:
     lat, lon, alt = ned_to_geodetic(ned_m, origin)
     other = Origin(float(lat[0]), float(lon[0]), float(alt[0]))
     seen = geodetic_to_ned(lat, lon, alt, other)
     assert np.allclose(seen[0], 0, atol=1e-6)
-    before = np.linalg.norm(ned_m[:, None] - ned_m, axis=-1)
-    after = np.linalg.norm(seen[:, None] - seen, axis=-1)
-    assert np.allclose(before, after, atol=1e-5)
+    assert np.allclose(seen[:, 2], ned_m[:, 2] - ned_m[0, 2], atol=1e-6)
+    before, after = (np.linalg.norm((m[:, None] - m)[..., :2], axis=-1) for m in (ned_m, seen))
+    # By the height of the other origin over the Earth's radius, and 3e-7 for its curvature within 10 km
+    assert np.allclose(before, after, rtol=5000.0 / 6.3e6 + 1e-6, atol=1e-5)
+
+
+@given(origins, st.sampled_from([5_000.0, 20_000.0]), st.floats(0, 360), st.floats(-400, 1500))
+def test_heights_count_from_the_level_surface(
+    origin: Origin, away_m: float, course_deg: float, height_m: float
+) -> None:
+    course_rad = np.radians(course_deg)
+    shares = np.linspace(0.0, 1.0, 21)[:, None]
+    flown = np.hstack([shares * away_m * [np.cos(course_rad), np.sin(course_rad)], np.full((21, 1), -height_m)])
+    lat, lon, alt = ned_to_geodetic(flown, origin)
+    assert np.allclose(alt, origin.alt_amsl_m + height_m, atol=1e-6)
+    ground = ned_to_geodetic(flown * [1.0, 1.0, 0.0], origin)
+    assert np.allclose(np.stack(ground[:2]), np.stack([lat, lon]), atol=1e-12, rtol=0)
+    # The lengths of Vincenty's geodesics on the ellipsoid, of which the altitude of the origin makes longer ones
+    metres = [float(np.ravel(vdist(origin.lat_deg, origin.lon_deg, *end)[0])[0]) for end in zip(lat, lon, strict=True)]
+    level_m = np.array(metres) * (1.0 + origin.alt_amsl_m / 6_371_008.8)
+    assert np.allclose(level_m, shares[:, 0] * away_m, rtol=2e-5, atol=1e-3)
+
+
+def test_the_other_side_of_the_earth_is_far() -> None:
+    # Preflight and scenarios refuse places that are far: the height alone would put them under the origin.
+    for origin in (Origin(0.0, 0.0, 0.0), Origin(46.1, 9.2, 500.0), Origin(-85.0, -180.0, 9000.0)):
+        lon_deg = origin.lon_deg + 180.0
+        there = geodetic_to_ned(-origin.lat_deg, lon_deg, 0.0, origin)
+        assert np.hypot(*there[:2]) == pytest.approx(20.0e6, rel=0.005)
 
 
 @given(origins, st.floats(1, 5000))
@@ -64,7 +91,7 @@ def test_one_minute_of_arc_northward_in_every_quarter_of_the_globe(lat_deg: floa
     arc_m = np.radians(1 / 60) * meridian_m
     assert north == pytest.approx(arc_m, rel=1e-5)
     assert east == pytest.approx(0, abs=1e-6)
-    assert down == pytest.approx(arc_m**2 / (2 * meridian_m), rel=1e-3)
+    assert down == pytest.approx(0, abs=1e-6)
 
 
 def test_single_points_and_batches_of_any_shape() -> None:

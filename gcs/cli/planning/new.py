@@ -124,6 +124,14 @@ def new(
             words=("cross", "avoid"),
         ),
     ] = None,
+    vehicle: Annotated[
+        str | None,
+        option(
+            "Vehicles: quad500, f150, or a vehicle file, for example of `gcs new-vehicle`.",
+            metavar="TYPE",
+            shown="quad500",
+        ),
+    ] = None,
     full: Annotated[bool, option("Write every table, with comments.", "--full")] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -153,6 +161,8 @@ def new(
     gcs new plans/valley --route valley.plan --count 4 --shape line
 
     gcs new plans/meadow --survey meadow.kml --swath 12 --overlap 20% --height 30
+
+    gcs new plans/small --vehicle five.toml --count 4
 
     gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
@@ -184,7 +194,7 @@ def new(
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
     from gcs.scenario.sources.load import FILE_NAME
-    from gcs.scenario.sources.template import FirstFlight, Flight, scenario_text, straight_to
+    from gcs.scenario.sources.template import FirstFlight, Flight, flown_by, scenario_text, straight_to
     from gcs.util.atomic_write import atomic_write
 
     file = folder / FILE_NAME
@@ -212,6 +222,8 @@ def new(
         text, left_out["left_out"] = text_of_drawing(folder, route, wanted, drawn_at, screen)
     else:
         text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
+    if vehicle is not None:
+        text = flown_by(text, vehicle, folder)
     atomic_write(file, text)
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None and survey is None:

@@ -1,6 +1,8 @@
 """The text of a first scenario: a short one, or one with every table."""
 
+import json
 import math
+import os
 import re
 import tempfile
 import tomllib
@@ -17,7 +19,8 @@ from gcs.frames import Origin, place_up_m
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.scenario import OriginTable, Scenario
-from gcs.scenario.sources.load import FILE_NAME, load_scenario
+from gcs.scenario.schema.vehicle_types import KEY, presets
+from gcs.scenario.sources.load import FILE_NAME, load_scenario, load_vehicle
 from gcs.scenario.validation.to_metres import question
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.scenario.values.navigation_error import vehicle_size_m
@@ -182,14 +185,31 @@ def scenario_text(
     filled |= (flight or FirstFlight()).keys()
     text, table, formation = text.partition("[formation]")
     text += filled[FORMATION] if FORMATION in filled else table + formation
-    text = "\n".join(_filled(line, filled) for line in text.split("\n"))
+    text = "\n".join(filled_line(line, filled) for line in text.split("\n"))
     tomllib.loads(text)
     if flight is not None:
         _refuse_impossible(text)
     return text
 
 
-def _filled(line: str, keys: dict[str, str], comments_at: int = _COMMENTS_AT) -> str:
+def flown_by(text: str, vehicle: str, folder: Path) -> str:
+    """The text of a scenario in `folder` whose vehicles are of a preset, or of a vehicle file.
+
+    Raises ScenarioError for a file with mistakes, UsageError for a vehicle that cannot fly the scenario.
+    """
+    if vehicle in presets():
+        return _of_type(text, vehicle)
+    load_vehicle(Path(vehicle))
+    _refuse_impossible(_of_type(text, Path(vehicle).resolve().as_posix()))
+    return _of_type(text, Path(os.path.relpath(vehicle, folder)).as_posix())
+
+
+def _of_type(text: str, name: str) -> str:
+    line = f"{KEY} = {json.dumps(name, ensure_ascii=False)}"
+    return re.sub(rf"^{KEY} = .*$", lambda _: line, text, count=1, flags=re.MULTILINE)
+
+
+def filled_line(line: str, keys: dict[str, str], comments_at: int = _COMMENTS_AT) -> str:
     """A line of the template with its values, and its comment where comments stand."""
     if "@" not in line:
         return line
@@ -202,7 +222,7 @@ def _filled(line: str, keys: dict[str, str], comments_at: int = _COMMENTS_AT) ->
 
 def _table(zone: list[float], *, commented: bool) -> str:
     values = dict(zip(("NORTH", "EAST", "RADIUS"), map(repr, zone), strict=True))
-    lines = [_filled(line, values, _COMMENTS_AT - 2 * commented) for line in _NO_FLY.split("\n")]
+    lines = [filled_line(line, values, _COMMENTS_AT - 2 * commented) for line in _NO_FLY.split("\n")]
     return "\n".join(f"# {line}" if commented and line and not line.startswith("#") else line for line in lines)
 
 

@@ -196,7 +196,7 @@ def question(place: Pair, origin: Origin) -> Question | None:
 
 
 def _away_m(place: Pair, origin: Origin) -> float:
-    """The straight distance from the origin; infinite for what is no place on Earth."""
+    """The distance from the origin along the Earth; infinite for what is no place on it."""
     if abs(place[0]) > 90.0 or abs(place[1]) > 180.0:
         return math.inf
     return float(np.linalg.norm(geodetic_to_ned(place[0], place[1], origin.alt_amsl_m, origin)))

@@ -48,7 +48,7 @@ def test_programs_get_every_sentence(capsys: pytest.CaptureFixture[str]) -> None
         (["--route", "no.kml"], 6, "no.kml: No such file"),
         (["--route", str(DRAWN / "pond.kml"), "--course", "north"], 2, "--route and --course exclude each other"),
         (["--route", str(DRAWN / "pond.kml"), "--full"], 2, "--route and --full exclude each other"),
-        (["--route", str(DRAWN / "pond.kml"), "--at", "47.4,8.5,600"], 6, "is -81.0 m above the origin"),
+        (["--route", str(DRAWN / "pond.kml"), "--at", "47.4,8.5,600"], 6, "is -80.0 m above the origin"),
     ],
 )
 def test_what_makes_no_route_writes_nothing(

@@ -221,6 +221,30 @@ def test_vehicles_with_a_local_frame_each_begin_at_their_own_pads(told: str) -> 
         )
 
 
+def test_a_level_flight_of_20_km_is_level_in_either_frame() -> None:
+    """Relative altitudes and the local z of autopilots count from a level surface, at any distance from home."""
+    lat, lon, alt = (
+        round(float(part) * scale)
+        for part, scale in zip((HERE.lat_deg, HERE.lon_deg, HERE.alt_amsl_m), (1e7, 1e7, 1e3), strict=True)
+    )
+    origin = {"latitude": lat, "longitude": lon, "altitude": alt, "time_usec": 0}
+    messages = [(0.0, Message("GPS_GLOBAL_ORIGIN", origin, 2, 1))]
+    for n in range(41):
+        boot, place_m = {"time_boot_ms": 100 * n}, np.array([400.0 * n, -300.0 * n, -20.0])
+        lat_deg, lon_deg, _ = ned_to_geodetic(place_m, HERE)
+        place = {"lat": round(float(lat_deg) * 1e7), "lon": round(float(lon_deg) * 1e7), "alt": 604_000}
+        there = {**boot, **place, "relative_alt": 20_000, "vx": 0, "vy": 0, "vz": 0, "hdg": 0}
+        local = {**boot, **dict(zip("xyz", place_m.tolist(), strict=True)), "vx": 0.0, "vy": 0.0, "vz": 0.0}
+        messages.append((0.1 * n, Message("GLOBAL_POSITION_INT", there, 1, 1)))
+        messages.append((0.1 * n, Message("LOCAL_POSITION_NED", local, 2, 1)))
+    tracks, _, _, notes = recording_from_telemetry(messages)
+    assert notes == ()
+    for track in tracks:
+        assert np.ptp(track.position_ned_m[:, 2]) <= 0.01
+    apart_m = tracks[0].position_ned_m - tracks[1].position_ned_m
+    assert np.abs(apart_m).max() <= 0.02  # a unit of degE7 is 1.1 cm
+
+
 @pytest.mark.parametrize(("autopilot", "mode"), [("arducopter-4.5.6", "AUTO"), ("px4-1.17dev", "MISSION")])
 def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -> None:
     """A recorded flight of a real autopilot along a square, as a ground station would have logged it."""

@@ -37,13 +37,13 @@ def box(lat: str, lon: str) -> Edits:
 HERE = "position_deg = [47.4027, 8.55]"
 WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is next
     # Something else than latitude and longitude.
-    (end("position_deg = [8.55, 47.4027], height_m = 15"), "5,470 km from the origin: swapped", f"write {HERE}"),
+    (end("position_deg = [8.55, 47.4027], height_m = 15"), "5,654 km from the origin: swapped", f"write {HERE}"),
     (end("position_deg = [-47.4027, 8.55], height_m = 15"), "south and west are negative;", f"write {HERE}"),
     (end("position_deg = [-47.4027, -8.55], height_m = 15"), "is a sign wrong?", f"write {HERE}"),
     (end("position_deg = [47.4027, 368.55], height_m = 15"), "is this one counted to 360?", f"write {HERE}"),
     (end("position_deg = [474027000, 85500000], height_m = 15"), "times 10 million?", f"write {HERE}"),
     (end("position_deg = [8.55, 47.4027, 15]"), "from the origin: swapped", f"write {HERE}, height_m = 15"),
-    (zone(f"polygon_deg = [{A}, {B}, [0, 0]]"), "polygon_deg[2] = [0, 0]: 5,163 km", "correct the place"),
+    (zone(f"polygon_deg = [{A}, {B}, [0, 0]]"), "polygon_deg[2] = [0, 0]: 5,319 km", "correct the place"),
     (end("position_deg = [300, 0], height_m = 15"), "no place on Earth: are these", "position_m = [300, 0, 15]"),
     (end("position_deg = [60, 10], alt_amsl_m = 500"), ": are these metres?", "position_m = [60, 10, height]"),
     (end("position_deg = [51.4027, 8.55], height_m = 15"), "445 km from the origin; places are", "or [origin]"),
@@ -51,9 +51,9 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (end('position_deg = ["47°24\'09\\"N", 8.55], height_m = 9'), "one number, in degrees", "write [47.4025, 8.55]"),
     (end(f"{HERE}, height_m = 15 m"), "height_m = 15 m: has a unit", "write height_m = 15"),
     (end(f"{HERE}, height_ft = 50"), "Skein has it as height_m", "write height_m = 15.24"),
-    (zone(f"polygon_deg = [{SWAPPED}]"), ": 5,470 km from the origin: swapped", f"write {TRIANGLE}"),
+    (zone(f"polygon_deg = [{SWAPPED}]"), ": 5,654 km from the origin: swapped", f"write {TRIANGLE}"),
     (zone(f"polygon_deg = [{SWAPPED}, {SWAPPED}]"), "swapped latitude", "47.4018, 8.5515], [47.4012, 8.5504], ...]"),
-    (zone(f"polygon_deg = [{A}, {B}, [8.5515, 47.4018]]"), "]]: 5,470 km from", f"write {TRIANGLE}"),
+    (zone(f"polygon_deg = [{A}, {B}, [8.5515, 47.4018]]"), "]]: 5,654 km from", f"write {TRIANGLE}"),
     (zone("polygon_deg = [[150, 60], [200, 60], [200, 90]]"), "are these metres?", "polygon_m = [[150, 60], [200,"),
     (zone(f"polygon_deg = [{A}, {B}, [51.40, 8.55]]"), "polygon_deg[2] = [51.4, 8.55]: 445 km", "or [origin]"),
     (zone("polygon_deg = [47.4012, 8.5504, 47.4018, 8.5515]"), "polygon_deg[0] = 47.4012: must be a list", "change"),
@@ -90,7 +90,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     # Places that are where they should not be: the keys of the file, and degrees to write.
     (end(f"{HERE}, height_m = 2"), "end.height_m = 2: vehicle 1 would be 3.00 m too low", "set end.height_m to 5 or"),
     (end(f"{HERE}, height_m = 503"), "height_m = 503: looks like a height above mean sea", "write 15"),
-    (end(f"{HERE}, alt_amsl_m = 15"), "is -473.007 m above the origin", "write height_m = 15"),
+    (end(f"{HERE}, alt_amsl_m = 15"), "is -473 m above the origin", "write height_m = 15"),
     (end("position_deg = [47.4034, 8.55], height_m = 15"), "[47.4034, 8.55]: puts", "end.position_deg to [47.403237"),
     (box("lat_deg = [47.399, 47.402]", "lon_deg = [8.54, 8.56]"), "the box, north -1", "limits.lat_deg to [47.3"),
     (zone("lat_deg = 47.4, lon_deg = 8.55, radius_m = 50"), "contains vehicle 1", "move the zone"),
@@ -194,7 +194,7 @@ def test_gates_and_summits_have_degrees_of_their_own(tmp_path: Path) -> None:
         load_scenario(file)
     lines = caught.value.message.splitlines()
     assert len(lines) == 3
-    assert "gate_deg = [[8.549, 47.401], [8.551, 47.401]]: 5,470 km" in lines[1] and "swapped" in lines[1]
+    assert "gate_deg = [[8.549, 47.401], [8.551, 47.401]]: 5,654 km" in lines[1] and "swapped" in lines[1]
     assert (
         "terrain.mountains: lists must be equally long" in lines[2]
         and "lat_deg 2, east_m or lon_deg 1, height_m 2" in lines[2]

@@ -273,6 +273,29 @@ def test_points_without_heights_get_one_and_points_on_the_ground_too_if_asked() 
     assert [p.height_m for p in route_flight(ground, None, 12.0).route.points] == [12.0, 20.0]
 
 
+def test_points_on_the_ground_take_the_height_asked_for_whatever_it_counts_from() -> None:
+    # Converters write [lon, lat, 0] for no height: above the sea that is far below the ground.
+    places = ((0, 0, 0.0), (90, 0, 0.0), (90, 90, 510.0))
+    zeros = drawing(*(point(*one, Datum.SEA) for one in places), home=None)
+    at = (*place(0, 0), 488.0)
+    with pytest.raises(FileFormatError, match="-488") as refused:
+        route_flight(zeros, at)
+    hint = "give --height METRES for such points, or correct the altitude of the ground in --at"
+    assert refused.value.hint == hint  # the ground was given
+    flight = route_flight(zeros, at, 30.0)
+    assert [(p.key, p.height_m) for p in flight.route.points] == [
+        ("height_m", 30.0),
+        ("height_m", 30.0),
+        ("alt_amsl_m", 510.0),
+    ]
+    assert "items 0 and 90: a height of 0 m above the sea is under the ground; flown at 30 m" in sentences(flight.left_out)
+    below_home = drawing(point(0, 0, 5.0), point(90, 0, 20.0))
+    assert [p.key for p in route_flight(below_home, (*place(0, 0), 490.0), 30.0).route.points] == [
+        "height_m",
+        "alt_amsl_m",
+    ]
+
+
 def test_one_place_is_flown_to_from_home() -> None:
     flight = route_flight(drawing(point(120, 0, 30.0), returns=True))
     assert flight.route.places_m == pytest.approx(np.array([[0.0, 0.0, 30.0], [120.0, 0.0, 30.0]]), abs=0.02)
