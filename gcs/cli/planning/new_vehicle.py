@@ -45,9 +45,14 @@ def new_vehicle(
         ),
     ] = None,
     autopilot: Annotated[
-        str,
-        option("Its autopilot.", metavar="AUTOPILOT", words=tuple(known.key for known in Autopilot)),
-    ] = "ardupilot",
+        str | None,
+        option(
+            "Its autopilot.",
+            metavar="AUTOPILOT",
+            shown="the scenario's",
+            words=tuple(known.key for known in Autopilot),
+        ),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:

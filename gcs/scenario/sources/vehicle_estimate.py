@@ -29,7 +29,7 @@ _C_T, _MOMENT_ARM = 0.10, 0.065  # T = C_T rho n^2 D^4; moment over thrust, in d
 _INERTIA = 0.21, 0.42  # about x and y, and about z, in m l^2
 _DRAG_PER_S = 0.2  # of the mass
 _ROLL_RADPS2, _YAW_RADPS2 = 4.6, 2.0  # what quad500 plans with
-_BATTERY = re.compile(r"(\d+)\s*s\D{0,3}?\s*(\d+(?:[.,]\d+)?)\s*(mah|ah)?", re.IGNORECASE)
+_BATTERY = re.compile(r"(\d+)\s*s\D{0,3}?\s*(\d+(?:[.,]\d+)?)\s*(mah|ah)?(?:\s*\d+\s*c)?", re.IGNORECASE)
 _ENERGY = re.compile(r"(\d+(?:[.,]\d+)?)\s*wh", re.IGNORECASE)
 _AH_MOST = 100.0  # a capacity without a unit is in mAh from here on
 
@@ -68,7 +68,7 @@ class KnownVehicle:
     arm_m: float | None = None
     hover_throttle: float | None = None
     hover_W: float | None = None
-    autopilot: str = "ardupilot"
+    autopilot: str | None = None
 
     @property
     def weight_N(self) -> float:
@@ -140,7 +140,7 @@ def _text(name: str, known: KnownVehicle) -> str:
     keys = {
         **{key: repr(float(f"{value:.3g}")) for key, value in numbers.items()},
         "NAME": json.dumps(name, ensure_ascii=False)[1:-1],
-        "AUTOPILOT": known.autopilot,
+        "AUTOPILOT": f'autopilot = "{known.autopilot}"' if known.autopilot else "# autopilot = the scenario's",
         "MASS": repr(float(known.mass_kg)),
         "INCHES": f"{diameter_m / INCH_M:.3g}",
         "RADIUS": repr(round(known.rotor_radius_m, 5)),

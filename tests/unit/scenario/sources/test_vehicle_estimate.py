@@ -99,6 +99,7 @@ def test_every_vehicle_loads_or_is_refused_with_a_reason(
         ("4S, 3.3 Ah", BatteryPack(48.84, 14.8)),
         ("6S 10Ah", BatteryPack(222.0, 22.2)),
         ("6s 10", BatteryPack(222.0, 22.2)),
+        ("4S 3300 mAh 30C", BatteryPack(48.84, 14.8)),
         ("48,8 Wh", BatteryPack(48.8)),
     ],
 )
@@ -106,7 +107,7 @@ def test_batteries_as_people_write_them(text: str, battery: BatteryPack) -> None
     assert parse_battery(text) == battery
 
 
-@pytest.mark.parametrize("text", ["", "3300mAh", "0S 3300", "4S", "four", "4S 3300 mAh 20C", "1e9 Wh!"])
+@pytest.mark.parametrize("text", ["", "3300mAh", "0S 3300", "4S", "four", "4S 3300 mAh 20", "1e9 Wh!"])
 def test_other_words_are_no_battery(text: str) -> None:
     with pytest.raises(UsageError, match="not a battery"):
         parse_battery(text)
