@@ -54,7 +54,9 @@ def placed_point(
     elif home is not None and home.alt_amsl_m != origin.alt_amsl_m:
         key, value = "alt_amsl_m", home.alt_amsl_m + value
     placed = _placed(point, key, value, origin)
-    above_ground_m = placed.place_m[2] if point.datum is Datum.SEA else point.height_m
+    above_ground_m = placed.place_m[2]
+    if point.datum is not Datum.SEA:  # home may be lower than the origin, or higher
+        above_ground_m = min(above_ground_m, point.height_m)
     if height_m is not None and above_ground_m < LOWEST_M:
         where = "above the sea is under the ground" if point.datum is Datum.SEA else "is on the ground"
         left_out.append(LeftOut(point.label, f"a height of {point.height_m:g} m {where}; flown at {height_m:g} m"))

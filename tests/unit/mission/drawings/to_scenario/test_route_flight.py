@@ -288,7 +288,9 @@ def test_points_on_the_ground_take_the_height_asked_for_whatever_it_counts_from(
         ("height_m", 30.0),
         ("alt_amsl_m", 510.0),
     ]
-    assert "items 0 and 90: a height of 0 m above the sea is under the ground; flown at 30 m" in sentences(flight.left_out)
+    assert "items 0 and 90: a height of 0 m above the sea is under the ground; flown at 30 m" in sentences(
+        flight.left_out
+    )
     below_home = drawing(point(0, 0, 5.0), point(90, 0, 20.0))
     assert [p.key for p in route_flight(below_home, (*place(0, 0), 490.0), 30.0).route.points] == [
         "height_m",
