@@ -52,8 +52,8 @@ def replan(
     from gcs.cli.shared.plan_argument import Stopwatch, plan_path, solve_line
     from gcs.plan.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.replanning.replanner import Replanner
-    from gcs.util.long_work import shown
     from gcs.plan.verification.verify import refusal, verify
+    from gcs.util.long_work import shown
 
     watch = Stopwatch(BEGAN_S)
     with shown(screen.say):
