@@ -214,11 +214,28 @@ def new(
     else:
         text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
     atomic_write(file, text)
+    if spacing is not None and isinstance(flight, FirstFlight):
+        half = "half of --spacing, which leaves room to change the shape"
+        screen.say(f"vehicles stand {spacing:g} m apart; separation_min_m is {flight.separation_m:g} m, {half}")
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
+    share = _say_battery(folder, screen)
     screen.say(f"next: gcs plan {folder}")
-    screen.result({"scenario": file, **left_out})
+    screen.result({"scenario": file, "battery_share_estimate": share, **left_out})
+
+
+def _say_battery(folder: Path, screen: Screen) -> float:
+    """Print what a flight needs of its batteries by the estimate; return the share of one."""
+    from gcs.scenario.sources.load import load_scenario
+    from gcs.scenario.values.battery_estimate import battery_estimate
+
+    scenario = load_scenario(folder)
+    need, count = battery_estimate(scenario), len(scenario.formation.sysids)
+    each = "one" if count == 1 else f"{count}, one for each vehicle"
+    kept = f"{1.0 - need.usable:.0%} stays in reserve"
+    screen.say(f"batteries: {each}; about {need.share:.0%} of it used in {need.whole_s:.0f} s, {kept}")
+    return round(need.share, 3)
 
 
 def _exclude(option: str, others: dict[str, object]) -> None:
