@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,19 +12,20 @@ import shapely
 
 from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
 from gcs.cli.shared.console import Screen
-from gcs.errors import UsageError, counted
+from gcs.errors import Infeasible, UsageError, counted
 from gcs.frames import Origin, place_up_m
 from gcs.mission.drawings.drawing import DrawnArea, sentences
 from gcs.mission.drawings.route_formats import read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight
-from gcs.scenario.sources.template import FirstFlight, scenario_text
+from gcs.scenario.sources.template import FirstFlight, draft, scenario_text
 
 if TYPE_CHECKING:
     from gcs.scenario.sources.survey_flight import SurveyFlight
     from gcs.types import JsonObject
 
+_SHARES = tuple(0.05 * number for number in range(20, 7, -1))  # of the separation asked for, to try in turn
 _NAMED = 5  # polygons that a sentence names
 _FARTHEST_M = 5_000.0  # from the origin to the area
 _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
@@ -48,8 +51,9 @@ def text_of_drawing(
         )
         if tables
     ]
+    time_s = tomllib.loads(text)["time"]["flight_s"]  # less than asked where the battery asks for it
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
-    screen.say(f"{file}: {', '.join([way, f'{flight.length_m:.0f} m in {flight.flight_s:.0f} s', *areas])}")
+    screen.say(f"{file}: {', '.join([way, f'{flight.length_m:.0f} m in {time_s:.0f} s', *areas])}")
     left_out = sentences(flight.left_out)
     for sentence in left_out:
         screen.say(f"  {sentence}")
@@ -82,12 +86,38 @@ def flight_of_sheets(
         set(range(min(flight.positions.sysids), max(flight.positions.sysids))) - set(flight.positions.sysids)
     ):
         screen.say(f"WARNING: {positions} has no vehicle {', '.join(map(str, holes))}; --count N makes that a mistake")
+    flight = with_its_changes(flight, wanted.get("spacing_m"), screen)
     if flight.is_close:
         screen.say('vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"')
     if at is not None or read.origin is None:
         return flight, None
     screen.say(f"the origin is the place of vehicle {read.positions.sysids[0]}")
     return flight, (read.origin.lat_deg, read.origin.lon_deg, None)
+
+
+def with_its_changes(flight: SheetFlight, asked_m: float | None, screen: Screen) -> SheetFlight:
+    """The flight with the times that its changes of shape take, and with the separation that they keep.
+
+    That is the one asked for; where no paths keep it, the largest one that some do, which is said. Raises UsageError
+    where there is none.
+    """
+    from gcs.plan.formation.timeline import made_changes
+
+    why = ""
+    for share in _SHARES if asked_m else (1.0,):
+        tried = replace(flight, separation_m=None if asked_m is None else share * asked_m)
+        scenario = draft(tried)
+        kept_m = scenario.limits.separation_min_m
+        try:
+            made = made_changes(scenario)
+        except Infeasible as none:
+            why = why or none.reason.rsplit(";", 1)[0]  # its end is the separation that was tried
+            continue
+        if asked_m is not None:
+            less = f", less than --spacing {asked_m:g}, with which {why}" if why else ", as --spacing asks"
+            screen.say(f"separation_min_m is {kept_m:g} m{less}")
+        return replace(tried, changes_s=tuple(change.duration_s for change in made))
+    raise UsageError(f"these shapes cannot follow each other: {why}", hint="give the shapes larger distances")
 
 
 def flight_of_survey(

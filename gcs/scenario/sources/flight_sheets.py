@@ -24,6 +24,7 @@ from gcs.types import Array
 from gcs.util.bounded_file import POSITION_SHEET, read_file
 
 _LISTED_PAIRS = 8
+_ROUNDING_M = 0.005  # two places written in millimetres are nearer or farther than they were computed
 NUMBER, EAST, NORTH, HEIGHT, LATITUDE, LONGITUDE = "number", "x", "y", "z", "latitude", "longitude"
 _NAMES = {
     NUMBER: ("number", "no", "nr", "id", "sysid", "vehicle", "drone", "uav"),
@@ -251,7 +252,7 @@ def _sheet(file: Path, rows: list[SheetRow], origin: Origin | None, least_m: flo
     if (far_m := float(np.abs(places_m[farthest, :2]).max())) > _FARTHEST_M:
         text = f"row {rows[farthest].row}: is {far_m:,.0f} m from the origin"
         refuse(file, [f"{text}; are latitude and longitude swapped, or is --at another place?"])
-    pairs = close_pairs(places_m * [1.0, 1.0, 0.0] if pads else places_m, least_m)
+    pairs = close_pairs(places_m * [1.0, 1.0, 0.0] if pads else places_m, least_m - _ROUNDING_M)
     what = "on the ground" if pads else "apart"
     listed = [
         f"rows {rows[p.first].row} and {rows[p.second].row}: vehicles {rows[p.first].number} and "
