@@ -132,8 +132,12 @@ def new(
 
     Without options the flight passes a no-fly zone; with any of --count to --height it has none.
 
+    The share of the batteries that the flight needs is estimated and printed. A flight that needs more than the
+    reserve leaves is written with a higher speed, or refused with what would fit.
+
     With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); errors in a sheet are reported
-    with their rows. --spacing is then the least distance allowed, and --count the required number of vehicles.
+    with their rows. --spacing is then the least distance allowed, at all times, and --count the required number of
+    vehicles.
 
     With --route the formation flies along a route that was drawn, or recorded, in another program. Items that are not
     carried over are printed, each with number and name. The origin is the planned home, else the first point; --at
@@ -214,9 +218,9 @@ def new(
     else:
         text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
     atomic_write(file, text)
-    if spacing is not None and isinstance(flight, FirstFlight):
-        half = "half of --spacing, which leaves room to change the shape"
-        screen.say(f"vehicles stand {spacing:g} m apart; separation_min_m is {flight.separation_m:g} m, {half}")
+    if spacing is not None and isinstance(flight, FirstFlight) and flight.count > 1:
+        limit = f"separation_min_m is {flight.separation_m:g} m, less, for room to change the shape"
+        screen.say(f"vehicles stand {spacing:g} m apart; {limit}")
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")

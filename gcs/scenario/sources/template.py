@@ -80,7 +80,7 @@ class FirstFlight:
     def phases_s(self) -> tuple[float, float]:
         """Take-off and landing, s."""
         highest_m = float(places_up_m(self.shape, self.count, self.spacing_m)[:, 2].max())
-        return (20.0, 30.0) if self == FirstFlight() else ground_phases_s(self.height_m + highest_m)
+        return ground_phases_s(self.height_m + highest_m)
 
     @property
     def separation_m(self) -> float:
@@ -130,8 +130,7 @@ class FirstFlight:
             end_keys = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
         end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
         takeoff_s, landing_s = self.phases_s
-        if not is_default:
-            end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s}, landing_s = {landing_s} }}"
+        end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s}, landing_s = {landing_s} }}"
         title, flies = self._title(), "fly" if self.count > 1 else "flies"
         way = "from one hover to another" + (", past a no-fly zone" if is_default else "")
         return {

@@ -107,7 +107,7 @@ def test_the_separation_beside_a_typed_spacing_is_told(capsys: pytest.CaptureFix
     assert gcs("new plans/near --count 4 --spacing 1.5") == 0
     scenario = load_scenario("plans/near")
     assert (scenario.formation.shape[0].spacing_m, scenario.limits.separation_min_m) == (1.5, 0.75)
-    told = "vehicles stand 1.5 m apart; separation_min_m is 0.75 m, half of --spacing, which leaves room to change"
+    told = "vehicles stand 1.5 m apart; separation_min_m is 0.75 m, less, for room to change the shape"
     assert told in capsys.readouterr().out
 
 
