@@ -20,6 +20,7 @@ from gcs.mission.drawings.to_scenario.route_flight import route_flight
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight
 from gcs.scenario.sources.template import FirstFlight, draft, scenario_text
+from gcs.scenario.values.navigation_error import vehicle_size_m
 
 if TYPE_CHECKING:
     from gcs.scenario.sources.survey_flight import SurveyFlight
@@ -98,24 +99,28 @@ def flight_of_sheets(
 def with_its_changes(flight: SheetFlight, asked_m: float | None, screen: Screen) -> SheetFlight:
     """The flight with the times that its changes of shape take, and with the separation that they keep.
 
-    That is the one asked for; where no paths keep it, the largest one that some do, which is said. Raises UsageError
-    where there is none.
+    That is the one asked for, else the usual one; where no paths keep it, the largest one that some do, and it is said.
+    Raises UsageError where vehicles would touch.
     """
     from gcs.plan.formation.timeline import made_changes
 
-    why = ""
-    for share in _SHARES if asked_m else (1.0,):
-        tried = replace(flight, separation_m=None if asked_m is None else share * asked_m)
+    wanted_m, why = asked_m or flight.usual_separation_m, ""
+    for share in _SHARES:
+        tried = replace(flight, separation_m=share * wanted_m)
         scenario = draft(tried)
         kept_m = scenario.limits.separation_min_m
+        if why and kept_m < vehicle_size_m(scenario.vehicle):
+            break
         try:
             made = made_changes(scenario)
         except Infeasible as none:
             why = why or none.reason.rsplit(";", 1)[0]  # its end is the separation that was tried
             continue
-        if asked_m is not None:
-            less = f", less than --spacing {asked_m:g}, with which {why}" if why else ", as --spacing asks"
-            screen.say(f"separation_min_m is {kept_m:g} m{less}")
+        if why:
+            option = "--spacing " if asked_m else ""
+            screen.say(f"separation_min_m is {kept_m:g} m, less than {option}{wanted_m:g}, with which {why}")
+        elif asked_m:
+            screen.say(f"separation_min_m is {kept_m:g} m, as --spacing asks")
         return replace(tried, changes_s=tuple(change.duration_s for change in made))
     raise UsageError(f"these shapes cannot follow each other: {why}", hint="give the shapes larger distances")
 

@@ -12,6 +12,7 @@ VEHICLE_TYPE = "quad500"  # of the template
 SPEED_SHARE = 0.85  # of the limits: the most that a flight has in the mean
 _CLIMB_ROOM = 1.1  # times the least time in wind, which a scenario may get later
 _LANDING_SPM = 2.0  # slower than the climb, as autopilots land
+HOVERS_S = 10.0  # both hovers of [ground_phases]
 _LEAST_TAKEOFF_S, _LEAST_LANDING_S = 20.0, 30.0
 
 

@@ -33,7 +33,7 @@ class SheetFlight:
     distance_m: float
     height_m: float
     end_deg: tuple[float, float] | None = None
-    separation_m: float | None = None  # to keep at all times; None: a share of the least in the sheets
+    separation_m: float | None = None  # to keep at all times; None: the usual one
     changes_s: tuple[float, ...] | None = None  # how long each change takes; None: an estimate with ample room
 
     def quicker(self) -> None:
@@ -93,9 +93,14 @@ class SheetFlight:
             "FORMATION": formation,
         }
 
+    @property
+    def usual_separation_m(self) -> float:
+        """The separation where none is asked for."""
+        return min(_SEPARATION_M, _CROSSING * self.least_m)
+
     def _separation_m(self) -> float:
         """The separation to write: never more than the sheets have."""
-        asked_m = min(_SEPARATION_M, _CROSSING * self.least_m) if self.separation_m is None else self.separation_m
+        asked_m = self.usual_separation_m if self.separation_m is None else self.separation_m
         return math.floor(1000.0 * min(asked_m, self.least_m) + 1e-6) / 1000.0
 
     def _formation(self, leader_m: Array) -> tuple[float, str]:

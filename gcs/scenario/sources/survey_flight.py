@@ -9,7 +9,7 @@ import shapely
 from gcs.errors import UsageError, counted
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.places import ROUTE_MAX
-from gcs.scenario.sources.flight_margins import ground_phases_s
+from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s
 from gcs.scenario.sources.mowing import BOW_M, Mowing, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
 from gcs.types import Array
@@ -18,7 +18,6 @@ COUNTS = (4, 5, 6)  # vehicles to choose from, where no number is given
 _ROOM_M = 50.0  # between the box and the tracks
 _BESIDE_HOLES_M = 5.0  # between a pass and a hole that is avoided: the navigation error of ordinary GNSS has room
 _SQUARE_M_PER_HA = 10_000.0
-_HOVERS_S = 10.0  # of [ground_phases]
 _COUNT_MAX = 20  # vehicles to propose
 
 
@@ -65,7 +64,7 @@ class SurveyFlight:
     def fitting(self, longest_s: float) -> str:
         """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
         mown = self.mowing
-        left_s = longest_s - sum(ground_phases_s(self.order.height_m)) - _HOVERS_S
+        left_s = longest_s - sum(ground_phases_s(self.order.height_m)) - HOVERS_S
         for count in range(mown.count + 1, _COUNT_MAX + 1):
             try:
                 quick = survey_flight(replace(self.order, counts=(count,)))

@@ -17,7 +17,7 @@ from gcs.frames import Origin, place_up_m
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.scenario import OriginTable, Scenario
-from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, fastest_mps, ground_phases_s
+from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s
 from gcs.scenario.sources.load import FILE_NAME, load_scenario
 from gcs.scenario.validation.to_metres import question
 from gcs.scenario.values.battery_estimate import battery_estimate
@@ -34,7 +34,6 @@ _COMMENTS_AT = 30  # column of comments
 _BESIDE_M, _BESIDE_SHARE = 100.0, 0.3  # room beside the straight way, for detours: at least, and of its length
 _PACE_SPM = 0.3  # at rest at both ends
 _LEAST_S, _ENDS_S = 30.0, 5.0  # of a flight; for its beginning and end at rest
-_HOVERS_S = 10.0  # of [ground_phases]
 _ROUND_M = 10.0  # of a length that is proposed
 _NO_FLY = """[[no_fly]]@@  # as many as you like
 north_m = @NORTH@
@@ -98,14 +97,14 @@ class FirstFlight:
 
     def fitting(self, longest_s: float) -> str:
         """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
-        on_ground_s = sum(self.phases_s) + _HOVERS_S
+        on_ground_s = sum(self.phases_s) + HOVERS_S
         length_m = (longest_s - on_ground_s - _ENDS_S) * fastest_mps()
         if longest_s >= on_ground_s + _LEAST_S and length_m >= _ROUND_M:
             option = f"an --end {_down(length_m)} m away" if self.end_deg else f"--distance {_down(length_m)}"
             return f"give {option} or less, and fly the rest as a second flight"
         # Lower as well as shorter, where a lower flight of this length is too long.
-        shorter = self.flight_s > longest_s - _HOVERS_S - _LEAST_S
-        air_s = longest_s - _HOVERS_S - (_LEAST_S if shorter else self.flight_s)
+        shorter = self.flight_s > longest_s - HOVERS_S - _LEAST_S
+        air_s = longest_s - HOVERS_S - (_LEAST_S if shorter else self.flight_s)
         height_m = _down(self.height_m * air_s / sum(self.phases_s))
         also = f" and --distance {_LEAST_S * fastest_mps() / 2.0:.0f} or less" if shorter else ""
         return f"give --height {height_m} or less{also}: take-off and landing take {on_ground_s:.0f} s"

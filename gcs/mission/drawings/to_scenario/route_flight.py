@@ -15,7 +15,7 @@ from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRou
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
-from gcs.scenario.sources.flight_margins import ground_phases_s, type_limits
+from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.types import Array
@@ -28,7 +28,6 @@ _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
 CRUISE_MPS = 10.0 / 3.0
 _ACCEL_MPS2 = 1.0  # half of what the vehicle type has
 _STEP_S, _LEAST_S = 5.0, 30.0
-_HOVERS_S = 10.0  # of [ground_phases]
 _STRAIGHT_DEG = 30.0  # at a smaller turn a formation passes at its speed
 
 
@@ -51,7 +50,7 @@ class RouteFlight:
 
     def fitting(self, longest_s: float) -> str:
         """What to draw in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
-        on_ground_s = sum(self._phases_s(0.0)) + _HOVERS_S
+        on_ground_s = sum(self._phases_s(0.0)) + HOVERS_S
         if longest_s <= on_ground_s + _LEAST_S:
             return f"take-off and landing take {on_ground_s:.0f} s of it: draw it lower"
         length_m = self.length_m * (longest_s - on_ground_s) / self.flight_s
