@@ -140,8 +140,12 @@ def new(
 
     Without options the flight passes a no-fly zone; with any of --count to --height it has none.
 
+    The share of the batteries that the flight needs is estimated and printed. A flight that needs more than the
+    reserve leaves is written with a higher speed, or refused with what would fit.
+
     With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); errors in a sheet are reported
-    with their rows. --spacing is then the least distance allowed, and --count the required number of vehicles.
+    with their rows. --spacing is then the least distance allowed, at all times, and --count the required number of
+    vehicles.
 
     With --route the formation flies along a route that was drawn, or recorded, in another program. Items that are not
     carried over are printed, each with number and name. The origin is the planned home, else the first point; --at
@@ -225,11 +229,28 @@ def new(
     if vehicle is not None:
         text = flown_by(text, vehicle, folder)
     atomic_write(file, text)
+    if spacing is not None and isinstance(flight, FirstFlight) and flight.count > 1:
+        limit = f"separation_min_m is {flight.separation_m:g} m, less, for room to change the shape"
+        screen.say(f"vehicles stand {spacing:g} m apart; {limit}")
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None and survey is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
+    share = _say_battery(folder, screen)
     screen.say(f"next: gcs plan {folder}")
-    screen.result({"scenario": file, **left_out})
+    screen.result({"scenario": file, "battery_share_estimate": share, **left_out})
+
+
+def _say_battery(folder: Path, screen: Screen) -> float:
+    """Print what a flight needs of its batteries by the estimate; return the share of one."""
+    from gcs.scenario.sources.load import load_scenario
+    from gcs.scenario.values.battery_estimate import battery_estimate
+
+    scenario = load_scenario(folder)
+    need, count = battery_estimate(scenario), len(scenario.formation.sysids)
+    each = "one" if count == 1 else f"{count}, one for each vehicle"
+    kept = f"{1.0 - need.usable:.0%} stays in reserve"
+    screen.say(f"batteries: {each}; about {need.share:.0%} of it used in {need.whole_s:.0f} s, {kept}")
+    return round(need.share, 3)
 
 
 def _exclude(option: str, others: dict[str, object]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import shapely
 
 from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
 from gcs.cli.shared.console import Screen
-from gcs.errors import UsageError, counted
+from gcs.errors import Infeasible, UsageError, counted
 from gcs.frames import Origin
 from gcs.mission.drawings.drawing import sentences
 from gcs.mission.drawings.route_formats import read_drawing
@@ -19,7 +20,8 @@ from gcs.mission.drawings.to_scenario.route_flight import route_flight, route_te
 from gcs.mission.drawings.to_scenario.survey_area import survey_area
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight
-from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
+from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, draft, scenario_text
+from gcs.scenario.values.navigation_error import vehicle_size_m
 
 if TYPE_CHECKING:
     from gcs.scenario.sources.survey_flight import SurveyFlight
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 ALTITUDE_UNKNOWN = "its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m"
 _WHOLE = 0.999  # a survey that sees as much of an area sees all
+_SHARES = tuple(0.05 * number for number in range(20, 7, -1))  # of the separation asked for, to try in turn
 _FARTHEST_M = 5_000.0  # from the origin to the area
 _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
 
@@ -40,8 +43,9 @@ def text_of_drawing(
     """
     flight = route_flight(read_drawing(file), at, wanted.pop("height_m", None), **wanted)
     text = route_text(folder, flight)
+    time_s = tomllib.loads(text)["time"]["flight_s"]  # less than asked where the battery asks for it
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
-    length = f"{flight.length_m:.0f} m in {flight.flight_s:.0f} s"
+    length = f"{flight.length_m:.0f} m in {time_s:.0f} s"
     screen.say(f"{file}: {', '.join([way, length, *_counted_areas(flight.areas)])}")
     left_out = sentences(flight.left_out)
     for sentence in left_out:
@@ -75,12 +79,42 @@ def flight_of_sheets(
         set(range(min(flight.positions.sysids), max(flight.positions.sysids))) - set(flight.positions.sysids)
     ):
         screen.say(f"WARNING: {positions} has no vehicle {', '.join(map(str, holes))}; --count N makes that a mistake")
+    flight = with_its_changes(flight, wanted.get("spacing_m"), screen)
     if flight.is_close:
         screen.say('vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"')
     if at is not None or read.origin is None:
         return flight, None
     screen.say(f"the origin is the place of vehicle {read.positions.sysids[0]}")
     return flight, (read.origin.lat_deg, read.origin.lon_deg, None)
+
+
+def with_its_changes(flight: SheetFlight, asked_m: float | None, screen: Screen) -> SheetFlight:
+    """The flight with the times that its changes of shape take, and with the separation that they keep.
+
+    That is the one asked for, else the usual one; where no paths keep it, the largest one that some do, and it is said.
+    Raises UsageError where vehicles would touch.
+    """
+    from gcs.plan.formation.timeline import made_changes
+
+    wanted_m, why = asked_m or flight.usual_separation_m, ""
+    for share in _SHARES:
+        tried = replace(flight, separation_m=share * wanted_m)
+        scenario = draft(tried)
+        kept_m = scenario.limits.separation_min_m
+        if why and kept_m < vehicle_size_m(scenario.vehicle):
+            break
+        try:
+            made = made_changes(scenario)
+        except Infeasible as none:
+            why = why or none.reason.rsplit(";", 1)[0]  # its end is the separation that was tried
+            continue
+        if why:
+            option = "--spacing " if asked_m else ""
+            screen.say(f"separation_min_m is {kept_m:g} m, less than {option}{wanted_m:g}, with which {why}")
+        elif asked_m:
+            screen.say(f"separation_min_m is {kept_m:g} m, as --spacing asks")
+        return replace(tried, changes_s=tuple(change.duration_s for change in made))
+    raise UsageError(f"these shapes cannot follow each other: {why}", hint="give the shapes larger distances")
 
 
 def text_of_survey(

@@ -1,6 +1,6 @@
 """The time scaling of a change: one smooth step for all vehicles, its budget, and the shortest duration within it."""
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -13,7 +13,8 @@ from gcs.types import Array
 # Share of a vehicle's turning authority: the leader's own motion, which every vehicle flies too, uses the rest.
 SHARE = 0.2
 JERK_SHARE = 0.3  # of the limit on jerk
-LIMITS = ("speed", "acceleration", "turn rate", "torque")
+VERTICAL_SHARE = 0.9  # of the limit on vertical speed: the leader's own climb needs the rest
+LIMITS = ("speed", "acceleration", "turn rate", "torque", "vertical speed")
 NOTHING = "nothing"
 _STILL_M = 1e-9  # rounding, not motion
 _GRID = 401  # samples for a peak: they miss at most 2e-4 of it, even in a third of the time
@@ -28,6 +29,7 @@ class Budget:
     accel_mps2: float
     jerk_mps3: float
     snap_mps4: float
+    vertical_mps: float = np.inf  # a part of speed_mps
 
 
 def smooth_step() -> PPoly:
@@ -60,6 +62,7 @@ def budget(scenario: Scenario) -> Budget:
         accel_mps2=scenario.formation.change_accel_mps2,
         jerk_mps3=jerk_mps3,
         snap_mps4=SHARE * vehicle.gravity_mps2 * angular_radps2,
+        vertical_mps=VERTICAL_SHARE * limits.speed_ned_mps[2],
     )
 
 
@@ -71,7 +74,13 @@ def shared(limit: Budget, parts: int, radius_m: float) -> Budget:
     """
     together_mps = min(limit.speed_mps, float(np.sqrt(0.5 * limit.accel_mps2 * radius_m)))
     left_mps2 = limit.accel_mps2 - together_mps**2 / max(radius_m, _STILL_M)
-    return Budget(together_mps / parts, left_mps2 / parts, 0.5 * limit.jerk_mps3 / parts, 0.5 * limit.snap_mps4 / parts)
+    return Budget(
+        together_mps / parts,
+        left_mps2 / parts,
+        0.5 * limit.jerk_mps3 / parts,
+        0.5 * limit.snap_mps4 / parts,
+        limit.vertical_mps / parts,
+    )
 
 
 def least_duration(unit_shape: Shape, budget: Budget) -> tuple[float, str]:
@@ -83,19 +92,23 @@ def least_duration(unit_shape: Shape, budget: Budget) -> tuple[float, str]:
     peaks = peak_derivatives(unit_shape)
     if peaks[0] < _STILL_M:
         return 0.0, NOTHING
-    needed = (peaks / np.array(astuple(budget))) ** (1.0 / np.arange(1, 5))
+    limits = np.array([budget.speed_mps, budget.accel_mps2, budget.jerk_mps3, budget.snap_mps4])
+    upright = Shape(unit_shape.functions, unit_shape.basis_ned_m * [0.0, 0.0, 1.0])
+    needed = np.append(
+        (peaks / limits) ** (1.0 / np.arange(1, 5)), peak_derivatives(upright, orders=1)[0] / budget.vertical_mps
+    )
     worst = int(needed.argmax())
     return float(needed[worst]), LIMITS[worst]
 
 
-def peak_derivatives(shape: Shape) -> Array:
-    """Largest |derivative| of any vehicle's offset at any time, orders 1 to 4 (4,), m/s to m/s^4."""
+def peak_derivatives(shape: Shape, orders: int = 4) -> Array:
+    """Largest |derivative| of any vehicle's offset at any time, orders 1 to `orders` (orders,), m/s to m/s^4."""
     joints = shape.joints_s
     # A snap may jump at a joint: both sides count.
     left = np.nextafter(joints[1:], joints[0])
     t_s = np.unique(np.concatenate([np.linspace(joints[0], joints[-1], _GRID), joints, left]))
-    peaks = np.zeros(4)
-    for order in range(1, 5):
+    peaks = np.zeros(orders)
+    for order in range(1, orders + 1):
         functions = shape.functions(t_s, nu=order)  # (N, K)
         for first in range(0, shape.basis_ned_m.shape[1], _CHUNK):
             values = np.tensordot(functions, shape.basis_ned_m[:, first : first + _CHUNK], axes=1)  # (N, chunk, 3)

@@ -16,14 +16,15 @@ from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
 from gcs.scenario.schema.formation_table import START_SHAPE
 from gcs.scenario.schema.vehicle_types import preset_file
+from gcs.scenario.sources.flight_margins import VEHICLE_TYPE
 from gcs.scenario.sources.load import load_vehicle
 from gcs.scenario.validation.spacing import close_pairs, nearest_pair
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.types import Array
 from gcs.util.bounded_file import POSITION_SHEET, as_utf8, read_file
 
-_TYPE = "quad500"  # of the template
 _LISTED_PAIRS = 8
+_ROUNDING_M = 0.005  # two places written in millimetres are nearer or farther than they were computed
 NUMBER, EAST, NORTH, HEIGHT, LATITUDE, LONGITUDE = "number", "x", "y", "z", "latitude", "longitude"
 _NAMES = {
     NUMBER: ("number", "no", "nr", "id", "sysid", "vehicle", "drone", "uav"),
@@ -218,7 +219,7 @@ def read_flight_sheets(
     out, that is twice the size of a vehicle.
     """
     if least_m is None:
-        least_m = math.floor(20.0 * vehicle_size_m(load_vehicle(preset_file(_TYPE)).vehicle)) / 10.0
+        least_m = math.floor(20.0 * vehicle_size_m(load_vehicle(preset_file(VEHICLE_TYPE)).vehicle)) / 10.0
     rows = read_sheet(positions)
     if origin is None and LATITUDE in rows[0].cells:
         origin = Origin(*_place(rows[0]), 0.0)
@@ -255,7 +256,7 @@ def _sheet(file: Path, rows: list[SheetRow], origin: Origin | None, least_m: flo
     if (far_m := float(np.abs(places_m[farthest, :2]).max())) > _FARTHEST_M:
         text = f"row {rows[farthest].row}: is {far_m:,.0f} m from the origin"
         refuse(file, [f"{text}; are latitude and longitude swapped, or is --at another place?"])
-    pairs = close_pairs(places_m * [1.0, 1.0, 0.0] if pads else places_m, least_m)
+    pairs = close_pairs(places_m * [1.0, 1.0, 0.0] if pads else places_m, least_m - _ROUNDING_M)
     what = "on the ground" if pads else "apart"
     listed = [
         f"rows {rows[p.first].row} and {rows[p.second].row}: vehicles {rows[p.first].number} and "

@@ -9,6 +9,7 @@ from scipy.spatial.distance import cdist
 
 from gcs.errors import counted
 from gcs.scenario.schema.formation_table import START_SHAPE
+from gcs.scenario.sources.flight_margins import ground_phases_s
 from gcs.scenario.sources.flight_sheets import Sheet
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.validation.spacing import nearest_pair
@@ -17,6 +18,7 @@ from gcs.types import Array
 _SPEED_MPS, _ACCEL_MPS2 = 3.0, 0.8  # of a vehicle in a change
 _ROOM_FOR_LANES = 4.0  # times the least time of the longest path: vehicles that cross fly in altitude lanes
 _HOLD_S = 10.0  # each shape stays so long
+_SEPARATION_M, _CROSSING = 5.0, 0.6  # unless asked for; vehicles that cross pass nearer than they stand
 _GNSS_APART_M = 5.0  # nearer vehicles need better sensors
 _ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
 
@@ -31,11 +33,27 @@ class SheetFlight:
     distance_m: float
     height_m: float
     end_deg: tuple[float, float] | None = None
+    separation_m: float | None = None  # to keep at all times; None: the usual one
+    changes_s: tuple[float, ...] | None = None  # how long each change takes; None: an estimate with ample room
+
+    def quicker(self) -> None:
+        """Changes of shape are as fast as they can be planned."""
+
+    def fitting(self, longest_s: float) -> str:
+        """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
+        return f"give fewer --shapes, a lower --height or a shorter --distance: {longest_s:.0f} s are enough for those"
+
+    @property
+    def least_m(self) -> float:
+        """The least distance of two vehicles on the ground and in any shape, as it is written."""
+        pads_m = self.positions.offsets_m * [1.0, 1.0, 0.0]
+        pairs = [nearest_pair(places) for places in (pads_m, *(sheet.offsets_m for sheet in self.shapes))]
+        return min(math.inf if pair is None else pair.distance_m for pair in pairs)
 
     @property
     def is_close(self) -> bool:
         """Whether vehicles stand too near for ordinary GNSS."""
-        return min(self._least_m()) < _GNSS_APART_M
+        return self.least_m < _GNSS_APART_M
 
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION is the table [formation]."""
@@ -57,28 +75,33 @@ class SheetFlight:
         end = [f"position_m = {_numbers(end_m)}"]
         if self.end_deg is not None:
             end = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
-        phases = max(20.0, math.ceil(20.0 / 15.0 * highest_m)), max(30.0, math.ceil(2.0 * highest_m))
-        more = f"\nground_phases = {{ takeoff_s = {float(phases[0])}, landing_s = {float(phases[1])} }}"
+        takeoff_s, landing_s = ground_phases_s(highest_m)
+        more = f"\nground_phases = {{ takeoff_s = {takeoff_s}, landing_s = {landing_s} }}"
         if self.is_close:
             more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
         names = ", ".join([START_SHAPE, *(sheet.name for sheet in self.shapes)])
         return straight | {
             "TITLE": f"{counted(len(starts_m), 'quadrotor')}, shapes {names}",
-            "FLIGHT": repr(max(flight_s, float(straight["FLIGHT"]))),
+            "FLIGHT": repr(max(flight_s, float(straight["FLIGHT"]) + 5.0 * math.ceil(sum(self.changes_s or ()) / 5.0))),
             "START": f"start = {{ position_m = {_numbers(leader_m)}{yaw} }}  ",
             "END": f"end = {{ {', '.join(end)}{yaw} }}{more}",
             "BOX_NORTH": _numbers([low[0], high[0]]),
             "BOX_EAST": _numbers([low[1], high[1]]),
             "BOX_HEIGHT": _numbers([0.0, max(40.0, high[2])]),
             "CLEARANCE": repr(max(0.1, min(5.0, round(lowest_m / 2.0, 1)))),
-            "SEPARATION": repr(math.floor(100.0 * min(5.0, *(0.6 * least for least in self._least_m()))) / 100.0),
+            "SEPARATION": repr(self._separation_m()),
             "FORMATION": formation,
         }
 
-    def _least_m(self) -> list[float]:
-        pads_m = self.positions.places_m * [1.0, 1.0, 0.0]
-        pairs = [nearest_pair(places) for places in (pads_m, *(sheet.places_m for sheet in self.shapes))]
-        return [math.inf if pair is None else pair.distance_m for pair in pairs]
+    @property
+    def usual_separation_m(self) -> float:
+        """The separation where none is asked for."""
+        return min(_SEPARATION_M, _CROSSING * self.least_m)
+
+    def _separation_m(self) -> float:
+        """The separation to write: never more than the sheets have."""
+        asked_m = self.usual_separation_m if self.separation_m is None else self.separation_m
+        return math.floor(1000.0 * min(asked_m, self.least_m) + 1e-6) / 1000.0
 
     def _formation(self, leader_m: Array) -> tuple[float, str]:
         """The flight's duration, s, and the table [formation]."""
@@ -96,13 +119,14 @@ class SheetFlight:
             lines += [f"  {_numbers(offset_m)}," for offset_m in sheet.offsets_m]
             lines.append("]")
         t_s, before_m = _HOLD_S, self.positions.offsets_m
+        durations_s = (float(math.ceil(seconds)) for seconds in self.changes_s or ())
         targets = [(sheet.name, sheet.offsets_m) for sheet in self.shapes]
         if targets:
             lines += ["", '# To turn a shape: kind = "rotate", angle_deg = 72.0, at_s between the times below.']
             targets.append((START_SHAPE, self.positions.offsets_m))
         for name, offsets_m in targets:
             lines += ["", "[[formation.change]]", 'kind = "reshape"', f'to = "{name}"', f"at_s = {t_s}"]
-            t_s, before_m = t_s + _change_s(before_m, offsets_m) + _HOLD_S, offsets_m
+            t_s, before_m = t_s + next(durations_s, _change_s(before_m, offsets_m)) + _HOLD_S, offsets_m
         return t_s, "\n".join(lines) + "\n"
 
 

@@ -1,7 +1,7 @@
 """A survey as a scenario: start, points of the route, line abreast, box, and the area that must be covered."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -9,6 +9,7 @@ import shapely
 from gcs.errors import UsageError, counted
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.places import ROUTE_MAX
+from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s
 from gcs.scenario.sources.mowing import BOW_M, Mowing, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
 from gcs.types import Array
@@ -17,6 +18,7 @@ COUNTS = (4, 5, 6)  # vehicles to choose from, where no number is given
 _ROOM_M = 50.0  # between the box and the tracks
 _BESIDE_ZONES_M = 5.0  # between a pass and a no-fly zone: the navigation error of ordinary GNSS has room
 _SQUARE_M_PER_HA = 10_000.0
+_COUNT_MAX = 20  # vehicles to propose
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,22 @@ class SurveyFlight:
     def flight_s(self) -> float:
         """From start to end, s."""
         return 5.0 * math.ceil(self.mowing.time_s / 5.0)
+
+    def quicker(self) -> None:
+        """Speed and number of vehicles are those of the order."""
+
+    def fitting(self, longest_s: float) -> str:
+        """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
+        mown = self.mowing
+        left_s = longest_s - sum(ground_phases_s(self.order.height_m)) - HOVERS_S
+        for count in range(mown.count + 1, _COUNT_MAX + 1):
+            try:
+                quick = survey_flight(replace(self.order, counts=(count,)))
+            except UsageError:
+                continue
+            if quick.flight_s <= left_s:
+                return f"give --count {count}, a wider --swath or less --overlap"
+        return "give a part of the area, a wider --swath, less --overlap or a lower --height"
 
     def points(self) -> list[tuple[str, tuple[float, float]]]:
         """The leader's points after the start, with their names."""

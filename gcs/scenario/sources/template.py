@@ -6,10 +6,10 @@ import os
 import re
 import tempfile
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Protocol, get_args
+from typing import Protocol, Self, get_args
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -20,8 +20,10 @@ from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.scenario import OriginTable, Scenario
 from gcs.scenario.schema.vehicle_types import KEY, presets
+from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s
 from gcs.scenario.sources.load import FILE_NAME, load_scenario, load_vehicle
 from gcs.scenario.validation.to_metres import question
+from gcs.scenario.values.battery_estimate import battery_estimate
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.scenario.values.si import offsets_ned_m
@@ -34,7 +36,8 @@ _LONGEST_M = 20_000.0
 _COMMENTS_AT = 30  # column of comments
 _BESIDE_M, _BESIDE_SHARE = 100.0, 0.3  # room beside the straight way, for detours: at least, and of its length
 _PACE_SPM = 0.3  # at rest at both ends
-_CLIMB_SPM, _SINK_SPM = 20.0 / 15.0, 2.0  # of height
+_LEAST_S, _ENDS_S = 30.0, 5.0  # of a flight; for its beginning and end at rest
+_ROUND_M = 10.0  # of a length that is proposed
 _NO_FLY = """[[no_fly]]@@  # as many as you like
 north_m = @NORTH@
 east_m = @EAST@
@@ -53,6 +56,12 @@ class Flight(Protocol):
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION replaces the table [formation] and what follows."""
 
+    def quicker(self) -> Self | None:
+        """The same flight as fast as it can be planned; None where nothing is left to choose."""
+
+    def fitting(self, longest_s: float) -> str:
+        """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
+
 
 @dataclass(frozen=True)
 class FirstFlight:
@@ -65,6 +74,47 @@ class FirstFlight:
     distance_m: float = 300.0
     height_m: float = 15.0
     end_deg: tuple[float, float] | None = None  # latitude and longitude of the end, to be written as they were given
+    pace_spm: float = _PACE_SPM
+
+    @property
+    def flight_s(self) -> float:
+        """From start to end, s."""
+        ends_s = 0.0 if self.pace_spm == _PACE_SPM else _ENDS_S
+        return max(_LEAST_S, 5.0 * math.ceil((self.pace_spm * self.distance_m + ends_s) / 5.0))
+
+    @property
+    def phases_s(self) -> tuple[float, float]:
+        """Take-off and landing, s."""
+        highest_m = float(places_up_m(self.shape, self.count, self.spacing_m)[:, 2].max())
+        return ground_phases_s(self.height_m + highest_m)
+
+    @property
+    def separation_m(self) -> float:
+        """Half the spacing, at most 5 m; less where vehicles above each other have their pads nearer."""
+        if self.count == 1:
+            return 5.0
+        places_m = places_up_m(self.shape, self.count, self.spacing_m)
+        pads_m = float(KDTree(places_m[:, :2]).query(places_m[:, :2], k=2)[0][:, 1].min())
+        return max(0.01, math.floor(100.0 * min(5.0, self.spacing_m / 2.0, 0.9 * pads_m)) / 100.0)
+
+    def quicker(self) -> Self | None:
+        """The same flight as fast as it can be planned; None where it is."""
+        faster = replace(self, pace_spm=1.0 / fastest_mps())
+        return faster if faster.flight_s < self.flight_s else None
+
+    def fitting(self, longest_s: float) -> str:
+        """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
+        on_ground_s = sum(self.phases_s) + HOVERS_S
+        length_m = (longest_s - on_ground_s - _ENDS_S) * fastest_mps()
+        if longest_s >= on_ground_s + _LEAST_S and length_m >= _ROUND_M:
+            option = f"an --end {_down(length_m)} m away" if self.end_deg else f"--distance {_down(length_m)}"
+            return f"give {option} or less, and fly the rest as a second flight"
+        # Lower as well as shorter, where a lower flight of this length is too long.
+        shorter = self.flight_s > longest_s - HOVERS_S - _LEAST_S
+        air_s = longest_s - HOVERS_S - (_LEAST_S if shorter else self.flight_s)
+        height_m = _down(self.height_m * air_s / sum(self.phases_s))
+        also = f" and --distance {_LEAST_S * fastest_mps() / 2.0:.0f} or less" if shorter else ""
+        return f"give --height {height_m} or less{also}: take-off and landing take {on_ground_s:.0f} s"
 
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@."""
@@ -85,15 +135,14 @@ class FirstFlight:
         if self.end_deg is not None:
             end_keys = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
         end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
-        phases = (max(20.0, math.ceil(_CLIMB_SPM * top_m)), max(30.0, math.ceil(_SINK_SPM * top_m)))
-        if top_m > 15.0:
-            end_line += f"\nground_phases = {{ takeoff_s = {float(phases[0])}, landing_s = {float(phases[1])} }}"
+        takeoff_s, landing_s = self.phases_s
+        end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s}, landing_s = {landing_s} }}"
         title, flies = self._title(), "fly" if self.count > 1 else "flies"
         way = "from one hover to another" + (", past a no-fly zone" if is_default else "")
         return {
             "TITLE": title,
             "SENTENCE": f"{title.capitalize().replace(' in a', f' {flies} in a')} {way}.",
-            "FLIGHT": repr(max(30.0, 5.0 * math.ceil(_PACE_SPM * self.distance_m / 5.0))),
+            "FLIGHT": repr(self.flight_s),
             "START": start_line.ljust(59) if is_default else f"{start_line}  ",
             "END": end_line,
             "START_PLACE": str(start),
@@ -106,23 +155,16 @@ class FirstFlight:
             "BOX_EAST": str([float(v) for v in east_m]),
             "BOX_HEIGHT": str([0.0, max(40.0, 10.0 * math.ceil(top_m / 10.0 + 1.5))]),
             "CLEARANCE": repr(min(5.0, self.height_m / 2.0)),
-            "SEPARATION": repr(self._separation_m(places_m)),
+            "SEPARATION": repr(self.separation_m),
             "COUNT": str(self.count),
             "SHAPE": self.shape,
             "SPACING": repr(self.spacing_m),
             "HEADING": f", heading_deg = {yaw_deg!r}" if yaw_deg else "",
             "HEADING_LINE": f"heading_deg = {yaw_deg!r}\n" if yaw_deg else "",
             "OTHERS": ", ".join(name for name in SHAPES if name != self.shape),
-            "TAKEOFF": repr(float(phases[0])),
-            "LANDING": repr(float(phases[1])),
+            "TAKEOFF": repr(takeoff_s),
+            "LANDING": repr(landing_s),
         }
-
-    def _separation_m(self, places_m: Array) -> float:
-        """Half the spacing, at most 5 m; less where vehicles above each other have their pads nearer."""
-        if self.count == 1:
-            return 5.0
-        pads_m = float(KDTree(places_m[:, :2]).query(places_m[:, :2], k=2)[0][:, 1].min())
-        return max(0.01, math.floor(100.0 * min(5.0, self.spacing_m / 2.0, 0.9 * pads_m)) / 100.0)
 
     def _title(self) -> str:
         count = _NUMBERS[self.count] if self.count < len(_NUMBERS) else str(self.count)
@@ -165,8 +207,8 @@ def scenario_text(
 
     `template` is the text that is filled otherwise: "template_route.toml" has points between start and end.
 
-    Raises UsageError for a folder whose name cannot be a scenario's, for a place out of range, and for a `flight` that
-    no scenario allows.
+    A flight for which a battery is not enough is written as its quicker one. Raises UsageError for a folder whose name
+    cannot be a scenario's, for a place out of range, and for a `flight` that no scenario or no battery allows.
     """
     name = folder.resolve().name
     pattern = next(m.pattern for m in Scenario.model_fields["name"].metadata if hasattr(m, "pattern"))
@@ -180,15 +222,43 @@ def scenario_text(
             f"--at {lat_deg:g} {lon_deg:g} {alt_amsl_m:g}: out of range.",
             hint="give latitude (-85 to 85), longitude (-180 to 180) and height above the sea (-500 to 9000 m)",
         ) from None
-    text = (files("gcs.scenario.sources") / ("template_full.toml" if full else template)).read_text(encoding="utf-8")
+    text = _template("template_full.toml" if full else template)
     filled = {"NAME": name, "FOLDER": str(folder), "LAT": repr(lat_deg), "LON": repr(lon_deg), "ALT": repr(alt_amsl_m)}
-    filled |= (flight or FirstFlight()).keys()
-    text, table, formation = text.partition("[formation]")
+    if flight is None:
+        return _written(text, filled | FirstFlight().keys())
+    made = _written(text, filled | flight.keys())
+    need = battery_estimate(possible_scenario(made))
+    if not need.is_enough and (quicker := flight.quicker()) is not None:
+        flight, made = quicker, _written(text, filled | quicker.keys())
+        need = battery_estimate(possible_scenario(made))
+    if not need.is_enough:
+        asks = f"the flight takes {need.whole_s:.0f} s from take-off to touch-down, about {need.share:.0%} of a battery"
+        most = f"one of {VEHICLE_TYPE} lasts {need.longest_s:.0f} s, with {1.0 - need.usable:.0%} of it in reserve"
+        raise UsageError(f"{asks}; {most}", hint=flight.fitting(need.longest_s))
+    return made
+
+
+def draft(flight: Flight) -> Scenario:
+    """The scenario of a flight at no particular place, whatever battery it needs. Raises UsageError as above."""
+    filled = {"NAME": "draft", "FOLDER": "draft", "LAT": "0.0", "LON": "0.0", "ALT": "0.0"}
+    return possible_scenario(_written(_template("template.toml"), filled | flight.keys()))
+
+
+def _template(file: str) -> str:
+    return (files("gcs.scenario.sources") / file).read_text(encoding="utf-8")
+
+
+def _down(length_m: float) -> int:
+    """A length that is a little less, in round metres."""
+    return int(_ROUND_M * (0.98 * length_m // _ROUND_M))
+
+
+def _written(template: str, filled: dict[str, str]) -> str:
+    """A template with its values."""
+    text, table, formation = template.partition("[formation]")
     text += filled[FORMATION] if FORMATION in filled else table + formation
     text = "\n".join(filled_line(line, filled) for line in text.split("\n"))
     tomllib.loads(text)
-    if flight is not None:
-        _refuse_impossible(text)
     return text
 
 
@@ -200,7 +270,7 @@ def flown_by(text: str, vehicle: str, folder: Path) -> str:
     if vehicle in presets():
         return _of_type(text, vehicle)
     load_vehicle(Path(vehicle))
-    _refuse_impossible(_of_type(text, Path(vehicle).resolve().as_posix()))
+    possible_scenario(_of_type(text, Path(vehicle).resolve().as_posix()))
     return _of_type(text, Path(os.path.relpath(vehicle, folder)).as_posix())
 
 
@@ -226,8 +296,8 @@ def _table(zone: list[float], *, commented: bool) -> str:
     return "\n".join(f"# {line}" if commented and line and not line.startswith("#") else line for line in lines)
 
 
-def _refuse_impossible(text: str) -> None:
-    """Raise UsageError for a scenario that its own rules refuse."""
+def possible_scenario(text: str) -> Scenario:
+    """The scenario of a text. Raises UsageError for one that its own rules refuse."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / FILE_NAME
         file.write_text(text, encoding="utf-8")
@@ -241,3 +311,4 @@ def _refuse_impossible(text: str) -> None:
     if apart_m < size_m:  # infinite for a single vehicle
         message = f"such a flight is not possible: vehicles of {size_m:.2f} m would be {apart_m:g} m apart"
         raise UsageError(message, hint="give a greater --spacing")
+    return scenario

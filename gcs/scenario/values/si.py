@@ -22,6 +22,8 @@ from gcs.types import Array
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 _SHARE = 0.6  # of what physics allows: feedback needs the rest
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
+# The peak speed and acceleration of a climb or descent of d in T, in units of d / T and d / T².
+STILL_PEAKS, WIND_PEAKS = (15 / 8, 10 / 3**0.5), (35 / 16, 84 * 5**0.5 / 25)
 
 
 def local_origin(scenario: Scenario) -> Origin:
@@ -112,7 +114,7 @@ def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
 
     In still air it is a quintic. In wind the vehicle tilts, so it is a septic, which has no jerk at its ends.
     """
-    return (15 / 8, 10 / 3**0.5) if steady_wind(scenario).is_still else (35 / 16, 84 * 5**0.5 / 25)
+    return STILL_PEAKS if steady_wind(scenario).is_still else WIND_PEAKS
 
 
 def ground_step_jerk_peak(scenario: Scenario) -> float:

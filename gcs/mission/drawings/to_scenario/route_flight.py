@@ -4,8 +4,8 @@ import json
 import math
 import re
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -15,19 +15,17 @@ from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
-from gcs.scenario.schema.vehicle_types import preset_file
-from gcs.scenario.sources.load import load_vehicle
+from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
 from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.types import Array
 
-_TYPE = "quad500"  # of the template
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed
 _ROOM_M = 60.0  # beside the formation, for detours
 _KEY_OF_POINT = re.compile(r"^(?:(start|end)|route\[([0-9]+)\])(?:\.\w+)?(?: = .*?)?: ", re.MULTILINE)
 _SAID_MAX = 40  # sentences in the scenario
 _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
-CRUISE_MPS = 10.0 / 3.0  # where no speed is drawn
+CRUISE_MPS = 10.0 / 3.0
 _ACCEL_MPS2 = 1.0  # half of what the vehicle type has
 _STEP_S, _LEAST_S = 5.0, 30.0
 _STRAIGHT_DEG = 30.0  # at a smaller turn a formation passes at its speed
@@ -43,6 +41,26 @@ class RouteFlight:
     count: int = 6
     shape: Generator = "vee"
     spacing_m: float = 10.0
+    cruise_mps: float = CRUISE_MPS  # where no speed is drawn
+
+    def quicker(self) -> Self | None:
+        """The same flight as fast as it can be planned; None where it is, or where all speeds are drawn."""
+        faster = replace(self, cruise_mps=self._most_mps)
+        return faster if faster.flight_s < self.flight_s else None
+
+    def fitting(self, longest_s: float) -> str:
+        """What to draw in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
+        on_ground_s = sum(self._phases_s(0.0)) + HOVERS_S
+        if longest_s <= on_ground_s + _LEAST_S:
+            return f"take-off and landing take {on_ground_s:.0f} s of it: draw it lower"
+        length_m = self.length_m * (longest_s - on_ground_s) / self.flight_s
+        slow = "" if self.drawing.speed_mps is None else ", or a higher speed"
+        return f"draw about {0.95 * length_m:.0f} of its {self.length_m:.0f} m, the rest in another file{slow}"
+
+    def _phases_s(self, above_m: float) -> tuple[float, float]:
+        """Take-off and landing of the vehicle that is highest above the leader, s."""
+        ends = self.route.points[0].place_m[2], self.route.points[0 if self.route.returns else -1].place_m[2]
+        return ground_phases_s(ends[0] + above_m, ends[1] + above_m)
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -54,7 +72,7 @@ class RouteFlight:
         """The time from start to end, s. Raises `FileFormatError` for more than a scenario allows."""
         holds_s = np.array([point.drawn.hold_s for point in self.route.points] + [0.0] * self.route.returns)
         holds_s[[0, -1]] = 0.0
-        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, _SHARE * _speed_limits_mps()[1], holds_s)
+        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, _SHARE * type_limits().speed_ned_mps[2], holds_s)
         if time_s > FLIGHT_MAX_S:
             text = f"the route is {self.length_m / 1000.0:.1f} km long and takes {time_s:,.0f} s; {_LONGEST_FLIGHT}"
             raise FileFormatError(f"{self.drawing.source}: {text}.", hint="split it into several files")
@@ -77,7 +95,7 @@ class RouteFlight:
         interior = points[1:] if returns else points[1:-1]
         legs = zip(interior, [float(turn) for turn in turns_rad(self._course_m)], strict=False)
         north_m, east_m = self._box(places_m)
-        ends = np.array([points[0].place_m[2], points[0 if returns else -1].place_m[2]]) + float(places_m[:, 2].max())
+        takeoff_s, landing_s = self._phases_s(float(places_m[:, 2].max()))
         return first | {
             "ALONG": _text(f"{first['TITLE']} along {source}")[1:-1],
             "SOURCE": source,
@@ -101,8 +119,8 @@ class RouteFlight:
             "BOX_EAST": str(east_m),
             "BOX_HEIGHT": str([0.0, max(40.0, 10.0 * math.ceil(highest_m / 10.0 + 1.5))]),
             "CLEARANCE": repr(min(5.0, math.floor(5.0 * lowest_m) / 10.0)),
-            "TAKEOFF": repr(max(20.0, float(math.ceil(20.0 / 15.0 * ends[0])))),
-            "LANDING": repr(max(30.0, float(math.ceil(2.0 * ends[1])))),
+            "TAKEOFF": repr(takeoff_s),
+            "LANDING": repr(landing_s),
         }
 
     def in_words(self, reason: str) -> str:
@@ -127,11 +145,11 @@ class RouteFlight:
     @property
     def _most_mps(self) -> float:
         """The fastest that a leg is flown."""
-        return _SHARE * _speed_limits_mps()[0]
+        return _SHARE * min(type_limits().speed_ned_mps[:2])
 
     @property
     def _leg_speeds_mps(self) -> Array:
-        plain_mps = self.drawing.speed_mps or CRUISE_MPS
+        plain_mps = self.drawing.speed_mps or self.cruise_mps
         drawn = [point.drawn.speed_mps for point in self.route.points[1:]] + [None] * self.route.returns
         return np.array([min(self._most_mps, plain_mps if speed is None else speed) for speed in drawn])
 
@@ -225,13 +243,6 @@ def route_text(folder: Path, flight: RouteFlight) -> str:
         text = f"{flight.drawing.source}: {which}, is not possible: {reason}"
         hint = "give a smaller --count or --spacing, or another --shape; or draw the area larger"
         raise ImpossibleFlight(text, hint=hint, reason=error.reason) from None
-
-
-@cache
-def _speed_limits_mps() -> tuple[float, float]:
-    """The speed limits of the vehicle type, horizontal and vertical."""
-    north, east, up = load_vehicle(preset_file(_TYPE)).limits.speed_ned_mps
-    return min(north, east), up
 
 
 def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:

@@ -103,6 +103,14 @@ def test_the_words_for_shapes_are_those_of_scenarios() -> None:
     assert new.SHAPES == SHAPES
 
 
+def test_the_separation_beside_a_typed_spacing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("new plans/near --count 4 --spacing 1.5") == 0
+    scenario = load_scenario("plans/near")
+    assert (scenario.formation.shape[0].spacing_m, scenario.limits.separation_min_m) == (1.5, 0.75)
+    told = "vehicles stand 1.5 m apart; separation_min_m is 0.75 m, less, for room to change the shape"
+    assert told in capsys.readouterr().out
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(("count", "course"), [(1, "north"), (5, "east"), (4, "225")])
@@ -130,8 +138,11 @@ def test_show_says_that_a_formation_turns_with_its_course(capsys: pytest.Capture
 
 def test_a_climb_that_wind_makes_too_quick_says_why(capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs("new plans/mine --count 5") == 0
-    with Path("plans/mine/scenario.toml").open("a") as file:
-        file.write("\n[wind]\nspeed_mps = 3\nfrom_deg = 240\n")
+    path = Path("plans/mine/scenario.toml")
+    wind = "\n[wind]\nspeed_mps = 3\nfrom_deg = 240\n"
+    path.write_text(path.read_text() + wind)
+    assert gcs("show plans/mine") == 0
+    path.write_text(path.read_text().replace("takeoff_s = 25.0", "takeoff_s = 20.0"))
     capsys.readouterr()
     assert gcs("show plans/mine") == 3
     told = capsys.readouterr().err

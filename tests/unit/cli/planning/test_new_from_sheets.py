@@ -11,6 +11,7 @@ import pytest
 from gcs.cli import main
 from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
+from gcs.plan.formation.timeline import made_changes
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.values import si
 from gcs.util.bounded_file import POSITION_SHEET
@@ -57,7 +58,51 @@ def test_forty_vehicles_and_two_shapes_need_no_typing(capsys: pytest.CaptureFixt
     assert [change.to for change in scenario.formation.change] == ["star", "ring", "start"]
     assert scenario.end.position_m[1] - scenario.start.position_m[1] == 200.0
     assert scenario.sensors.grade == "rtk"  # 2.5 m are too near for ordinary GNSS
-    assert scenario.limits.separation_min_m == 1.5
+    assert scenario.limits.separation_min_m == 2.5
+    assert "separation_min_m is 2.5 m, as --spacing asks" in said
+
+
+def test_a_spacing_that_no_change_of_shape_keeps_is_written_as_less_and_told_why(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    sheet("five.csv", [(n, 2.0 * (n % 3), 2.0 * (n // 3), 0.0) for n in range(5)])
+    turn, radius_m = 2.0 * math.pi / 5, 1.0 / math.sin(math.pi / 5)
+    upright = [(n, radius_m * math.cos(n * turn), 0.0, 30.0 + radius_m * math.sin(n * turn)) for n in range(5)]
+    sheet("upright.csv", upright)
+    line = "--positions five.csv --shapes upright.csv --spacing"
+    assert gcs(f"new kept {line} 1.5") == 0
+    assert load_scenario("kept").limits.separation_min_m == 1.5
+    assert "separation_min_m is 1.5 m, as --spacing asks" in capsys.readouterr().out
+    assert gcs(f"new less {line} 1.8") == 0
+    assert load_scenario("less").limits.separation_min_m == 1.53
+    told = (
+        'separation_min_m is 1.53 m, less than --spacing 1.8, with which reshape to "upright": vehicles 1 and 2 would'
+    )
+    assert told in capsys.readouterr().out
+
+
+def test_places_rounded_to_millimetres_have_the_spacing_that_they_were_drawn_with(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    side_m = 5.0 / (2.0 * math.sin(math.pi / 3))
+    angles = [2.0 * math.pi * n / 3 for n in range(3)]
+    sheet("ring.csv", [(n, side_m * math.cos(a), side_m * math.sin(a), 20.0) for n, a in enumerate(angles)])
+    sheet("pads.csv", [(n, 5.0 * n, 0.0, 0.0) for n in range(3)])
+    assert gcs("new ring --positions pads.csv --shapes ring.csv --spacing 5") == 0
+    assert 4.995 <= load_scenario("ring").limits.separation_min_m <= 5.0
+    assert "as --spacing asks" in capsys.readouterr().out
+
+
+def test_a_change_takes_the_time_that_it_needs_and_no_vehicle_climbs_too_fast_in_it() -> None:
+    sheet("pads.csv", [(n, 3.0 * n, 0.0, 0.0) for n in range(4)])
+    sheet("tower.csv", [(n, 3.0 * n, 0.0, 20.0 + 12.0 * n) for n in range(4)])  # nearly straight up
+    assert gcs("new show --positions pads.csv --shapes tower.csv --distance 30") == 0
+    scenario = load_scenario("show")
+    changes = made_changes(scenario)
+    at_s = [change.at_s for change in scenario.formation.change]
+    assert at_s == [10.0, 10.0 + math.ceil(changes[0].duration_s) + 10.0]
+    assert {change.limited_by for change in changes} == {"vertical speed"}
+    assert changes[0].duration_s == pytest.approx(35.0 / 16.0 * 36.0 / (0.9 * 1.5), rel=1e-3)
 
 
 def test_the_same_sheet_in_degrees_is_the_same_formation(capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,6 +48,15 @@ def test_one_limit_alone_sets_the_time(limits: dict[str, float], name: str, peak
     assert seconds == pytest.approx((7.0 * peak / 0.5) ** (1.0 / order), rel=1e-4)
 
 
+def test_the_limit_on_vertical_speed_counts_for_the_part_of_a_move_that_is_vertical(simulation1: Scenario) -> None:
+    move = straight(np.zeros((1, 3)), np.array([[3.0, 0.0, -4.0]]))
+    seconds, limited_by = least_duration(move, replace(FREE, speed_mps=2.0, vertical_mps=1.0))
+    assert limited_by == "vertical speed"
+    assert seconds == pytest.approx(4.0 * SPEED, rel=1e-4)
+    assert least_duration(move, replace(FREE, speed_mps=1.0, vertical_mps=1.0))[1] == "speed"
+    assert budget(simulation1).vertical_mps == pytest.approx(0.9 * simulation1.limits.speed_ned_mps[2])
+
+
 def test_the_tightest_limit_sets_the_time_and_is_reached(simulation1: Scenario) -> None:
     limits = budget(simulation1)
     bounds = np.array([limits.speed_mps, limits.accel_mps2, limits.jerk_mps3, limits.snap_mps4])
