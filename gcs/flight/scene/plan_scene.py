@@ -1,4 +1,4 @@
-"""The scene of a scenario or a plan: ground, zones, planned tracks, phases, changes of shape, curves."""
+"""The scene of a plan: ground, zones, planned tracks, phases, changes of shape, curves."""
 
 import numpy as np
 import shapely
@@ -13,34 +13,12 @@ from gcs.scenario.environment.no_fly import Zone, outline, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, Scenario
 from gcs.scenario.values.navigation_error import judged_separation_m
-from gcs.scenario.values.si import NED_FROM_UP, offsets_ned_m, sysids
 from gcs.types import Array
 
 _CELLS = 121  # of the ground along each side
 _RIPPLE_M = 1.0  # a grid with larger cells misses the ripple, and shows the ground without it
 _EDGE_M = 0.05  # an outline may be off by that
 _LEVEL_M = 0.01
-
-
-def scene_of_scenario(scenario: Scenario) -> Scene:
-    """Return what is known before planning: ground, zones, and the vehicles at start and end."""
-    route = (point.position_m for point in scenario.route)
-    leader = np.array([scenario.start.position_m, *route, scenario.end.position_m]) * NED_FROM_UP
-    places = offsets_ned_m(scenario)[:, None] + leader  # (V, K, 3)
-    t_s = np.linspace(0.0, scenario.time.flight_s, len(leader))
-    planned = scene_curves.motion_of(scenario, places, np.zeros_like(places))
-    return Scene(
-        f"{scenario.title or scenario.name}: not planned",
-        SceneKind.SCENARIO,
-        sysids(scenario),
-        scenario.formation.leader,
-        t_s,
-        ground_of(scenario, places),
-        zones_of(scenario),
-        planned,
-        limits=limits_of(scenario),
-        notes=("The tracks join start, route points and end; nothing is planned yet.",),
-    )
 
 
 def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:

@@ -108,7 +108,7 @@ def _formation_curve(plan: Plan, t_s: Array, places_ned_m: Array) -> Curve:
     error_m = np.full(len(t_s), np.nan)
     if kept.any():
         error_m[kept] = formation_error_m(places_ned_m[:, kept], plan.offsets(t_s[kept]))
-    return Curve("formation error", "m", error_m, None, np.zeros((len(t_s), 2), dtype=np.int64))
+    return Curve("formation error", "m", error_m, None, np.zeros((len(t_s), 2), dtype=np.int64), at_least=False)
 
 
 def _events(recording: Recording, from_s: float, to_s: float) -> tuple[Happening, ...]:

@@ -1,5 +1,7 @@
 """What is drawn over time: heights above ground, nearest neighbours, errors, and of each the vehicle behind it."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -65,12 +67,12 @@ def ground_curve(sysids: tuple[int, ...], flown: Motion | None, planned: Motion 
 def speed_curve(sysids: tuple[int, ...], flown: Motion | None, planned: Motion | None) -> Curve:
     """Return the greatest speed, and the vehicle that is so fast."""
     values = [None if one is None else _extreme(one.speed_mps, least=False) for one in (flown, planned)]
-    return _curve("greatest speed", "m/s", sysids, values, None)
+    return _curve("greatest speed", "m/s", sysids, values, None, at_least=False)
 
 
 def error_curve(sysids: tuple[int, ...], error_m: Array) -> Curve:
     """Return the greatest of position errors (V, N), and the vehicle that has it."""
-    return _curve("greatest position error", "m", sysids, [_extreme(error_m, least=False), None], None)
+    return _curve("greatest position error", "m", sysids, [_extreme(error_m, least=False), None], None, at_least=False)
 
 
 def separation_curve(
@@ -86,7 +88,7 @@ def separation_curve(
     row = next(one for one in values if one is not None)[1]
     other = shown.neighbour[np.maximum(row, 0), np.arange(len(row))]
     pairs = np.sort(np.stack([ids[row + 1], ids[np.where(row < 0, -1, other) + 1]], axis=1), axis=1)
-    return Curve(curve.name, curve.unit, curve.flown, curve.planned, pairs, limit_m)
+    return replace(curve, vehicles=pairs)
 
 
 def _extreme(values: Array, *, least: bool) -> tuple[Array, Rows]:
@@ -99,10 +101,16 @@ def _extreme(values: Array, *, least: bool) -> tuple[Array, Rows]:
 
 
 def _curve(
-    name: str, unit: str, sysids: tuple[int, ...], values: list[tuple[Array, Rows] | None], limit: float | None
+    name: str,
+    unit: str,
+    sysids: tuple[int, ...],
+    values: list[tuple[Array, Rows] | None],
+    limit: float | None,
+    *,
+    at_least: bool = True,
 ) -> Curve:
     flown, planned = values
     rows = next(one for one in values if one is not None)[1]
     ids = np.array([0, *sysids], dtype=np.int64)[rows + 1]
     vehicles = np.stack([ids, np.zeros_like(ids)], axis=1)
-    return Curve(name, unit, flown and flown[0], planned and planned[0], vehicles, limit)
+    return Curve(name, unit, flown and flown[0], planned and planned[0], vehicles, limit, at_least)

@@ -14,7 +14,6 @@ Rows = NDArray[np.int64]
 class SceneKind(StrEnum):
     """Where a scene comes from."""
 
-    SCENARIO = "scenario"  # not planned: ground, zones, start and end
     PLAN = "plan"
     REPLAY = "replay"
     FLIGHT = "flight"  # under way: pictures follow

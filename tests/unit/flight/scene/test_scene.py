@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.recording import Recording, VehicleTrack
-from gcs.flight.scene.plan_scene import scene_of_plan, scene_of_scenario
+from gcs.flight.scene.plan_scene import scene_of_plan, zones_of
 from gcs.flight.scene.recording_scene import scene_of_recording
 from gcs.flight.scene.scene_curves import course_rad, instants_s, neighbours
 from gcs.flight.scene.scene_json import scene_json
@@ -25,7 +24,6 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outline
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.places import NoFlyZone
-from gcs.scenario.sources.load import load_scenario
 from tests.real_flights import plan_of
 
 NAME = "px4-1.17dev-stream"
@@ -109,23 +107,13 @@ def test_a_zone_is_shown_with_its_way(plan: Plan) -> None:
     corners = ((300.0, -60.0), (340.0, -60.0), (320.0, -20.0))
     moving = NoFlyZone(polygon_m=corners, moves=((0.0, 0.0, 0.0), (100.0, 60.0, -40.0)))
     scenario = plan.scenario.model_copy(update={"no_fly": (*plan.scenario.no_fly, moving)})
-    *disks, last = scene_of_scenario(scenario).zones
+    *disks, last = zones_of(scenario)
     np.testing.assert_array_equal(last.t_s, [0.0, 100.0])
     np.testing.assert_array_equal(last.moved_m, [[0.0, 0.0], [60.0, -40.0]])
     assert set(map(tuple, last.corners_m.tolist())) == set(corners)
     for disk, zone in zip(disks, plan.scenario.no_fly, strict=True):
         away_m = [outline(zone).exterior.hausdorff_distance(type(outline(zone))(disk.corners_m).exterior)]
         assert max(away_m) < 0.1 and not disk.keep_in
-
-
-def test_a_scenario_that_is_not_planned_shows_start_and_end(repo_root: Path) -> None:
-    scenario = load_scenario(repo_root / "missions" / "gap")
-    scene = scene_of_scenario(scenario)
-    assert scene.planned is not None
-    leader = scene.planned.places_ned_m[scene.sysids.index(scene.leader)]
-    assert leader[0] == pytest.approx(np.array(scenario.start.position_m) * (1, 1, -1))
-    assert leader[-1] == pytest.approx(np.array(scenario.end.position_m) * (1, 1, -1))
-    assert scene.kind is SceneKind.SCENARIO and not scene.phases
 
 
 def test_a_replay_holds_what_was_reported_and_how_far_off_it_was(plan: Plan, replay: Scene) -> None:
