@@ -122,7 +122,7 @@ class Browser:
 
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
             page = next(one for one in json.load(answer) if one["type"] == "page")
-        return connect(page["webSocketDebuggerUrl"], max_size=None)
+        return connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
 
     def _note(self, method: str, given: dict[str, Any]) -> None:
         if method == "Network.requestWillBeSent":

@@ -231,6 +231,9 @@ class Watcher:
         """Take one warning."""
         self.say(f"WARNING: {text}")
 
+    def event(self, event: Event) -> None:
+        """Take one incident or order; `say` or `warn` has had it as a line."""
+
     def lap(self, name: str) -> None:
         """Note that this part of the work is done."""
 

@@ -27,11 +27,11 @@ def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
     t_s = scene_curves.instants_s(plan.t_start_s, plan.t_end_s, len(ids))
     planned = planned_motion(plan, t_s)
     limits = limits_of(scenario)
+    if kind is SceneKind.PLAN:  # a flight may use up what the plan keeps for errors of navigation
+        limits["separation_m"] = scenario.limits.separation_min_m
     curves = [scene_curves.ground_curve(ids, None, planned, limits["above_ground_m"])]
     if len(ids) > 1:
-        planned_m = scenario.limits.separation_min_m
-        curves.append(scene_curves.separation_curve(ids, None, planned, planned_m))
-        limits |= {"separation_m": planned_m if kind is SceneKind.PLAN else limits["separation_m"]}
+        curves.append(scene_curves.separation_curve(ids, None, planned, limits["separation_m"]))
     curves.append(scene_curves.speed_curve(ids, None, planned))
     return Scene(
         scenario.title or scenario.name,

@@ -188,7 +188,7 @@ class Page {
       this.t = Math.min(this.t + past * this.rate, scene.end);
       if (this.t >= scene.end) this.play(false);
     }
-    const vehicles = scene.vehicles(this.isNow ? Infinity : this.t);
+    const vehicles = scene.vehicles(this.t, this.isNow);
     if (this.isBehind && !(ms - this.newsMs < NEWS_MS)) {
       this.newsMs = ms;
       this.isBehind = false;
@@ -202,8 +202,7 @@ class Page {
       this.tableMs = ms;
       this.table.show(vehicles, scene.isAloft(this.t));
       this.log.show(this.isNow ? Infinity : this.t);
-      const phase = scene.isLive ? (scene.pictureAt(this.isNow ? Infinity : this.t)?.step ?? "") : scene.phase(this.t);
-      this.find(".now").textContent = `t = ${this.t.toFixed(1)} s  ${phase}`;
+      this.find(".now").textContent = this.words();
       this.find(".time").value = this.t;
       this.find(".live").setAttribute("aria-pressed", this.isNow);
     }
@@ -212,6 +211,15 @@ class Page {
       this.onDrawn(scene.events.length);
     }
     this.frame = requestAnimationFrame((next) => this.draw(next));
+  }
+
+  // The time and what is flown then.
+  words() {
+    const { scene, t } = this;
+    if (!scene.isLive) return `t = ${t.toFixed(1)} s  ${scene.phase(t)}`;
+    const picture = this.isNow ? scene.newest : scene.pictureAt(t);
+    const when = this.isNow && !Number.isFinite(picture?.t_s) ? "before T0" : `t = ${t.toFixed(1)} s`;
+    return `${when}  ${picture?.step ?? ""}`;
   }
 
   close() {

@@ -90,10 +90,10 @@ export class SceneData {
     return !["takeoff", "landing", ""].includes(this.phase(t));
   }
 
-  // Every vehicle at a time.
-  vehicles(t) {
+  // Every vehicle at a time; of a flight under way as it was reported last, if that is `isNow`.
+  vehicles(t, isNow) {
     const at = this.at(t);
-    if (this.isLive) return this.reported(t, at);
+    if (this.isLive) return this.reported(isNow ? this.newest : this.pictureAt(t), t, at);
     const motion = this.flown ?? this.planned;
     const told = this.told;
     return this.sysids.map((sysid, row) => {
@@ -121,10 +121,10 @@ export class SceneData {
     });
   }
 
-  reported(t, at) {
-    const picture = this.pictureAt(t);
-    const planned = (row) => (t >= this.begin && t <= this.end ? this.place(this.planned, row, at) : null);
-    if (!picture) return this.sysids.map((sysid, row) => ({ sysid, place: null, planned: planned(row) }));
+  reported(picture, t, at) {
+    if (!picture) return this.sysids.map((sysid) => ({ sysid, place: null }));
+    const isPlanned = !Number.isNaN(picture.t_s) && t >= this.begin && t <= this.end;
+    const planned = (row) => (isPlanned ? this.place(this.planned, row, at) : null);
     return picture.vehicles.map((one) => ({
       sysid: one.sysid,
       place: one.place_ned_m.includes(null) ? null : one.place_ned_m,
@@ -143,9 +143,8 @@ export class SceneData {
     }));
   }
 
-  // The last picture at or before a time; the newest for times after it, and before any plan time is known.
+  // The last picture at or before a time; the first for times before it.
   pictureAt(t) {
-    if (!this.newest || Number.isNaN(this.newest.t_s) || t >= this.newest.t_s) return this.newest;
     for (let n = this.pictures.length - 1; n >= 0; n--) {
       if (this.pictures[n].t_s <= t) return this.pictures[n];
     }
