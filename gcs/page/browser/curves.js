@@ -88,10 +88,7 @@ export class Curves {
   words(curve, t) {
     const points = curve.flown.length ? curve.flown : curve.planned;
     const value = valueAt(points, t);
-    const { low, next, share } = this.scene.at(t);
-    const at = share < 0.5 ? low : next;
-    const pair = curve.vehicles ? [curve.vehicles.data[2 * at], curve.vehicles.data[2 * at + 1]] : [];
-    const named = pair.filter((sysid) => sysid > 0);
+    const named = curve.behind(t).filter((sysid) => sysid > 0);
     const who = named.length ? ` (${named.length > 1 ? "vehicles" : "vehicle"} ${named.join(", ")})` : "";
     const said = Number.isFinite(value) ? `${value.toFixed(2)} ${curve.unit}${who}` : "–";
     const holds = curve.name !== "least height above ground" || this.scene.isAloft(t);

@@ -7,6 +7,7 @@ import { VehicleTable } from "./vehicle_table.js";
 import { World } from "./world.js";
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50];
+const FRAME_MS = 30; // between frames
 const TABLE_MS = 200; // between redraws of the table
 const NEWS_MS = 1000; // between redraws of what a flight under way adds to: curves, tracks, log
 const KEYS = "space: play, ← →: 1 s (with shift 10 s), [ ]: slower, faster, home, end, n: now, a: all, c: chase, u: above";
@@ -51,6 +52,7 @@ class Page {
     this.element = element;
     this.onDrawn = onDrawn;
     this.isPlaying = false;
+    this.isStale = true; // something has changed since the last frame
     this.rate = 1;
     const style = document.createElement("link");
     style.rel = "stylesheet";
@@ -74,7 +76,7 @@ class Page {
     this.t = scene.isLive ? this.newest() : scene.begin;
     this.isNow = scene.isLive;
     this.find(".live").hidden = !scene.isLive;
-    this.world = new World(this.find(".space"), scene);
+    this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
     this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
     this.table = new VehicleTable(this.find(".table"), scene, (sysid) => this.look(`${sysid}`));
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
@@ -84,6 +86,7 @@ class Page {
     this.look(scene.isLive ? "chase" : "all");
     this.frame = requestAnimationFrame((ms) => this.draw(ms));
     this.onDrawn(scene.events.length);
+    new ResizeObserver(() => (this.isStale = true)).observe(this.element);
   }
 
   listen() {
@@ -97,7 +100,7 @@ class Page {
     rate.append(...RATES.map((value) => new Option(`${value} ×`, value, false, value === 1)));
     rate.onchange = () => (this.rate = Number(rate.value));
     this.find(".play").onclick = () => this.play(!this.isPlaying);
-    this.find(".live").onclick = () => (this.isNow = true);
+    this.find(".live").onclick = () => this.follow();
     this.find(".dark").onclick = () => this.setDark(!this.isDark);
     const time = this.find(".time");
     [time.min, time.max] = [this.scene.begin, this.scene.end];
@@ -120,7 +123,7 @@ class Page {
       End: () => this.seek(this.scene.end),
       "[": () => this.change(-1),
       "]": () => this.change(1),
-      n: () => (this.isNow = this.scene.isLive),
+      n: () => this.follow(),
       a: () => this.look("all"),
       c: () => this.look("chase"),
       u: () => this.look("above"),
@@ -139,6 +142,7 @@ class Page {
 
   look(view) {
     this.world.setView(view);
+    this.isStale = true;
     for (const button of this.element.querySelectorAll("[data-view]")) {
       button.setAttribute("aria-pressed", button.dataset.view === view);
     }
@@ -153,8 +157,14 @@ class Page {
     this.find(".play").textContent = isPlaying ? "❚❚" : "▶";
   }
 
+  follow() {
+    this.isNow = this.scene.isLive;
+    this.isStale = true;
+  }
+
   seek(t) {
     this.isNow = false;
+    this.isStale = true;
     this.t = Math.min(Math.max(t, this.scene.begin), this.scene.end);
   }
 
@@ -168,6 +178,7 @@ class Page {
     this.element.classList.toggle("is-dark", isDark);
     this.style = { ...SAME, ...LOOKS[isDark ? "dark" : "light"] };
     this.world.setDark(isDark);
+    this.isStale = true;
   }
 
   // What the server sends of a flight under way.
@@ -179,15 +190,27 @@ class Page {
     if (document.hidden) this.onDrawn(this.scene.events.length); // a hidden page draws no frame
   }
 
+  // Draw if anything has changed: a browser that draws in software takes its time from a flight on the same machine.
   draw(ms) {
-    const { scene } = this;
+    this.frame = requestAnimationFrame((next) => this.draw(next));
+    if (ms - this.lastMs < FRAME_MS) return;
     const past = Math.min((ms - (this.lastMs ?? ms)) / 1000, 0.25);
     this.lastMs = ms;
     if (this.isNow) this.t = this.newest();
     else if (this.isPlaying) {
-      this.t = Math.min(this.t + past * this.rate, scene.end);
-      if (this.t >= scene.end) this.play(false);
+      this.t = Math.min(this.t + past * this.rate, this.scene.end);
+      if (this.t >= this.scene.end) this.play(false);
     }
+    const isTableDue = this.isTableBehind && !(ms - this.tableMs < TABLE_MS);
+    const isNewsDue = this.isBehind && !(ms - this.newsMs < NEWS_MS);
+    if (!this.isStale && !this.isPlaying && !this.hasNews && !isTableDue && !isNewsDue) return;
+    this.isStale = false;
+    this.drawAll(ms);
+  }
+
+  drawAll(ms) {
+    const { scene } = this;
+    this.isTableBehind = true;
     const vehicles = scene.vehicles(this.t, this.isNow);
     if (this.isBehind && !(ms - this.newsMs < NEWS_MS)) {
       this.newsMs = ms;
@@ -200,6 +223,7 @@ class Page {
     this.curves.draw(this.t, this.style);
     if (!(ms - this.tableMs < TABLE_MS)) {
       this.tableMs = ms;
+      this.isTableBehind = false;
       this.table.show(vehicles, scene.isAloft(this.t));
       this.log.show(this.isNow ? Infinity : this.t);
       this.find(".now").textContent = this.words();
@@ -210,7 +234,6 @@ class Page {
       this.hasNews = false;
       this.onDrawn(scene.events.length);
     }
-    this.frame = requestAnimationFrame((next) => this.draw(next));
   }
 
   // The time and what is flown then.

@@ -170,29 +170,44 @@ export class SceneData {
   // The curves over time: [time, value] of what was flown and planned, and what the legend says at a time.
   curveLines() {
     const pairs = (values) => (values ? Array.from(values.data, (value, n) => [this.times[n], value]) : []);
-    const lines = this.curves.map((curve) => ({ ...curve, flown: pairs(curve.flown), planned: pairs(curve.planned) }));
+    const behind = (curve) => (t) => {
+      const { low, next, share } = this.at(t);
+      const first = 2 * (share < 0.5 ? low : next);
+      return [...curve.vehicles.data.slice(first, first + 2)];
+    };
+    const lines = this.curves.map((curve) => ({
+      ...curve,
+      flown: pairs(curve.flown),
+      planned: pairs(curve.planned),
+      behind: behind(curve),
+    }));
     if (!this.isLive) return lines;
     const known = this.pictures.filter((picture) => !Number.isNaN(picture.t_s));
-    const worst = (key, pick) => (picture) => {
-      const values = picture.vehicles.map((one) => one[key]).filter((value) => value !== null);
-      return values.length ? pick(...values) : NaN;
+    // The value, and the vehicles behind it.
+    const worst = (key, isWorse) => (picture) => {
+      const ones = picture.vehicles.filter((one) => one[key] !== null);
+      if (!ones.length) return [NaN, []];
+      const one = ones.reduce((a, b) => (isWorse(b[key], a[key]) ? b : a));
+      return [one[key], [one.sysid]];
     };
+    const less = (a, b) => a < b;
+    const more = (a, b) => a > b;
     const figures = {
-      "least height above ground": worst("above_ground_m", Math.min),
-      "least separation": (picture) => finite(picture.separation_m),
-      "greatest speed": worst("speed_mps", Math.max),
-      "greatest position error": worst("error_m", Math.max),
-      "formation error": (picture) => finite(picture.formation_error_m),
+      "least height above ground": worst("above_ground_m", less),
+      "least separation": (picture) => [finite(picture.separation_m), picture.nearest],
+      "greatest speed": worst("speed_mps", more),
+      "greatest position error": worst("error_m", more),
+      "formation error": (picture) => [finite(picture.formation_error_m), []],
     };
-    const more = ["greatest position error", "formation error"].map((name) => ({
+    const added = ["greatest position error", "formation error"].map((name) => ({
       name,
       unit: "m",
       planned: [],
     }));
-    return [...lines, ...more].map((curve) => ({
+    return [...lines, ...added].map((curve) => ({
       ...curve,
-      vehicles: null,
-      flown: known.map((picture) => [picture.t_s, figures[curve.name](picture)]),
+      flown: known.map((picture) => [picture.t_s, figures[curve.name](picture)[0]]),
+      behind: (t) => (known.length ? figures[curve.name](this.pictureAt(t))[1] : []),
     }));
   }
 

@@ -14,7 +14,7 @@ const BANDS = 10;
 const GRID = 12; // lines over the ground, each way
 
 export class World {
-  constructor(element, scene) {
+  constructor(element, scene, onChange) {
     this.scene = scene;
     this.view = "all";
     this.space = new THREE.Scene();
@@ -30,6 +30,7 @@ export class World {
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener("start", () => (this.isMoved = true));
+    this.controls.addEventListener("change", onChange);
     this.lights = [new THREE.AmbientLight(0xffffff), new THREE.DirectionalLight(0xffffff)];
     this.lights[1].position.set(-1, 1, 1.2);
     this.space.add(...this.lights);
@@ -42,7 +43,10 @@ export class World {
     this.drops = this.line("#808080", 0.5);
     this.tails = this.line("#444444", 1);
     this.drawMarkers();
-    this.resizing = new ResizeObserver(() => this.resize(element));
+    this.resizing = new ResizeObserver(() => {
+      this.resize(element);
+      onChange();
+    });
     this.resizing.observe(element);
     this.resize(element);
     this.setView("all");
@@ -224,7 +228,8 @@ export class World {
     dart.rotateY(Math.PI / 4);
     dart.scale(1, 1, 0.55); // points to y, that is north
     const drop = new THREE.OctahedronGeometry(0.8);
-    const look = () => new THREE.MeshLambertMaterial({ color: 0xffffff });
+    // Seen through the ground: a vehicle on its pad reports itself metres off, also below it.
+    const look = () => new THREE.MeshLambertMaterial({ color: 0xffffff, depthTest: false, transparent: true });
     this.darts = new THREE.InstancedMesh(dart, look(), sysids.length);
     this.balls = new THREE.InstancedMesh(drop, look(), sysids.length); // without a heading
     const hollow = new THREE.MeshBasicMaterial({ color: "#222222", wireframe: true });
@@ -237,6 +242,7 @@ export class World {
     }
     for (const mesh of [this.darts, this.balls, this.ghosts]) {
       mesh.frustumCulled = false;
+      mesh.renderOrder = 1;
       this.space.add(mesh);
     }
     this.names = sysids.slice(0, LABELS).map(() => this.labels.appendChild(document.createElement("span")));

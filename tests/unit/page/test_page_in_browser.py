@@ -108,6 +108,11 @@ def test_a_replay_is_played_dragged_and_sought_by_its_events(plan: Plan, shown: 
         at(shown, 25.0)
         assert shown.value("skein.world.placeOf(2)") is None, "a silent vehicle has no place"
         assert cell(shown, 2, "heard").startswith("! ")
+        frames = shown.value("skein.world.renderer.info.render.frame")
+        shown.value("new Promise((done) => setTimeout(done, 1000))")
+        assert shown.value("skein.world.renderer.info.render.frame") <= frames + 1, (
+            "nothing has changed, nothing is drawn"
+        )
         shown.press("Home")
         shown.press("]")
         shown.press(" ")
@@ -144,6 +149,8 @@ def test_a_silent_flight_under_way_shows_its_newest_picture_and_its_events(plan:
         assert off_m(shown, places, plan.sysids) < 0.1
         assert shown.until("skein.table.rows.get(3).row.innerText.includes('GUIDED')")
         assert "flying: mission" in shown.until("document.querySelector('.now').innerText")
+        words = shown.value("skein.curves.lines.map((curve) => skein.curves.words(curve, 50).text)")
+        assert "least separation: 5.00 m (vehicles 1, 2)" in words and "formation error: 0.40 m" in words
         at(shown, 49.0)
         assert off_m(shown, places - (0.0, 1.0, 0.0), plan.sysids) < 0.1, "the past can be looked at"
         feed.show(picture(51.0, 1.0))
