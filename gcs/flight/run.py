@@ -241,7 +241,7 @@ class _LinkedFlight:
             pid=os.getpid(),
             waived=tuple(sorted(order.options.waived)),
         )
-        self.journal = FlightJournal(folder, state, watcher.say, watcher.warn)
+        self.journal = FlightJournal(folder, state, watcher.say, watcher.warn, note=watcher.event)
         self.checks: tuple[PreflightCheck, ...] = ()
         self.sent: Mapping[int, SentAs] = {}
         self._loaded: tuple[VehicleLoad, ...] = ()

@@ -9,8 +9,10 @@ import typer
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
+from gcs.cli.shared.page_option import PageOption
 from gcs.errors import UsageError
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLeaderLoss, OnLoss, TimeKeeping
+from gcs.page.page_feed import refuse_without_nicegui
 
 if TYPE_CHECKING:
     from gcs.scenario.schema.scenario import Scenario
@@ -98,6 +100,7 @@ def fly(
     ] = None,
     to: Annotated[Path, shared.option("Folder for the folders of flights.")] = Path("flights"),
     also_to: shared.AlsoToOption = None,
+    page: PageOption = False,
     yes_arm: Annotated[bool, shared.option("With --link: arm without confirmation.", "--yes-arm")] = False,
     unverified: shared.UnverifiedOption = False,
     json: shared.JsonOption = False,
@@ -113,6 +116,8 @@ def fly(
     gcs fly missions/simulation1 --sim --mode mission --speedup max
 
     gcs fly missions/simulation1 --sim --speedup 1 --also-to udpout:127.0.0.1:14550
+
+    gcs fly missions/simulation1 --sim --page
     """
     screen = Screen(json=json)
     share = None if reserve is None else shared.as_share(reserve)
@@ -121,6 +126,10 @@ def fly(
     for name, given in (("--reserve", reserve), ("--waive", waive)):
         if given and sim:
             raise UsageError(f"{name} applies to vehicles on a --link only", hint=f"leave {name} out with --sim")
+    if page:
+        refuse_without_nicegui()
+        if json:
+            raise UsageError("--page and --json exclude each other: nobody would read the page's address")
     if share is not None and not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
     known = shared.connection(link, systems, signing_key_file, transfer) if link else None
@@ -165,7 +174,7 @@ def fly(
     run = FlightRun(
         plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
     )
-    return fly_and_judge(run, screen, watch, asks=not yes_arm)
+    return fly_and_judge(run, screen, watch, asks=not yes_arm, page=page)
 
 
 def _check(keeping: TimeKeeping, speedup: str, *, on_link: bool, follow: bool) -> None:

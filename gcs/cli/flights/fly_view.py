@@ -3,12 +3,14 @@
 import asyncio
 import math
 import sys
+from contextlib import nullcontext
 
 from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
 from gcs.cli.flights.flight_table import FlightTable
+from gcs.cli.flights.live_page import LivePage, live_page
 from gcs.cli.flights.report import verdict_table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
@@ -16,9 +18,10 @@ from gcs.errors import JudgementError, UsageError, counted
 from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.monitoring.monitor import skew_s
 from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
-from gcs.flight.monitoring.progress import InFlight, Snapshot, Watcher
+from gcs.flight.monitoring.progress import Event, InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import REPORTS, TELEMETRY, limit_text, planned_text
 from gcs.flight.run import FlightRun, Flown, fly_run
+from gcs.util.aio import ended
 
 CONFIRMATION = "arm"
 _REFRESH_S = 0.25
@@ -28,8 +31,9 @@ _LINE_EVERY_S = 5.0
 class FlightView(Watcher):
     """The output of a flight: lines, or a live table on a terminal."""
 
-    def __init__(self, screen: Screen, watch: Stopwatch, question: str) -> None:
+    def __init__(self, screen: Screen, watch: Stopwatch, question: str, page: LivePage | None = None) -> None:
         self._screen = screen
+        self._page = page
         self._watch = watch
         self._question = question  # empty: arm without confirmation
         self._live: Live | None = None
@@ -69,8 +73,23 @@ class FlightView(Watcher):
         if self._live is not None:
             self._live.start()
 
+    def event(self, event: Event) -> None:
+        """Add an event to the log of the page."""
+        if self._page is not None:
+            self._page.event(event)
+
     async def follow(self, flight: InFlight) -> None:
-        """Show the flight until cancelled: a live table on a terminal, else a line every few seconds."""
+        """Show the flight until cancelled: a live table on a terminal, else a line every few seconds; and on a page."""
+        if self._page is None:
+            await self._show(flight)
+            return
+        beside = asyncio.ensure_future(self._page.run(flight))
+        try:
+            await self._show(flight)
+        finally:
+            await ended(beside)
+
+    async def _show(self, flight: InFlight) -> None:
         if not self._screen.is_watched:
             await _say_progress(self._screen, flight)
         console, table = self._screen.console, FlightTable()
@@ -80,18 +99,21 @@ class FlightView(Watcher):
                 await asyncio.sleep(_REFRESH_S)
 
 
-def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
+def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool, page: bool = False) -> int:
     """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
-    Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation.
+    Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation. With
+    `page` the flight is shown on a page as well, until this returns.
     """
     question = ""
     if asks and run.link is not None:
         count = len(run.plan.sysids)
         question = f"This arms and flies {counted(count, 'vehicle')} at {run.link}. Type '{CONFIRMATION}' to continue:"
-    with screen.without_waiting():
-        flown = fly_run(run, FlightView(screen, watch, question))
+    with live_page(run.plan, screen.say) if page else nullcontext() as shown, screen.without_waiting():
+        flown = fly_run(run, FlightView(screen, watch, question, shown))
     _show(screen, flown)
+    if page:
+        screen.say(f"the page has ended; gcs replay {flown.folder} --page shows the flight again")
     screen.say(f"time: {watch}")
     screen.result(flown.data)
     return screen.ended(_failure(flown))

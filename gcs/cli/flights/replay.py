@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import Screen
+from gcs.cli.shared.page_option import PageOption, show_page
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, as_rate, option, recordings
 from gcs.errors import UsageError
+from gcs.page.page_feed import refuse_without_nicegui
 
 if TYPE_CHECKING:
     from gcs.flight.recording.recording import Recording
@@ -36,6 +38,7 @@ def replay(
             metavar="LINK",
         ),
     ] = None,
+    page: PageOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -46,11 +49,16 @@ def replay(
     gcs replay flights/2026-01-31-120000-simulation1 --picture flight.png
 
     gcs replay recorded.tlog --to-link udpout:127.0.0.1:14550
+
+    gcs replay flights/2026-01-31-120000-simulation1 --page
     """
     screen = Screen(json=json)
     rate = _rate(speed, to_link)
-    if picture is not None and to_link is not None:
-        raise UsageError("--picture and --to-link exclude each other", hint="draw in a command of its own")
+    given = [name for name, is_given in (("--picture", picture), ("--to-link", to_link), ("--page", page)) if is_given]
+    if len(given) > 1:
+        raise UsageError(f"{' and '.join(given)} exclude each other", hint="give each in a command of its own")
+    if page:
+        refuse_without_nicegui()
     if picture is not None:
         from gcs.flight.plots.figure_file import refuse_kind
 
@@ -62,6 +70,11 @@ def replay(
     for note in recording.notes:
         screen.say(f"note: {note}")
     window = _window(recording, from_s, until_s)
+    if page:
+        from gcs.flight.scene.recording_scene import scene_of_recording
+
+        show_page(screen, scene_of_recording(recording, *window), _data(recording, window))
+        return 0
     if picture is not None:
         from gcs.flight.plots.replay_plot import save_picture
 

@@ -16,9 +16,11 @@ from gcs.cli.planning.plan_tables import (
     shown,
     write_pads,
 )
-from gcs.cli.shared.console import Screen
+from gcs.cli.shared.console import BEGAN_S, Screen
+from gcs.cli.shared.page_option import PageOption, show_page
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, option
 from gcs.errors import UsageError
+from gcs.page.page_feed import refuse_without_nicegui
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -39,6 +41,7 @@ def show(
     ] = None,
     pads: Annotated[Path | None, option("Write the pads of all vehicles as CSV, for the crew.", metavar="FILE")] = None,
     coverage: Annotated[Path | None, option("Draw the coverage of a survey's area.", metavar="FILE")] = None,
+    page: PageOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -51,16 +54,19 @@ def show(
     gcs show plans/simulation1.skein --pads pads.csv
 
     gcs show plans/meadow.skein --coverage meadow.png
+
+    gcs show plans/gap.skein --page
     """
     screen = Screen(json=json)
     if pads is not None:
         refuse_no_csv(pads)
-    from gcs.plan.plan_file import is_plan_file, load_plan
+    if page:
+        refuse_without_nicegui()
     from gcs.plan.verification.navigation_margins import thin_margins
     from gcs.scenario.sources.load import load_scenario
     from gcs.scenario.validation.unit_guesses import doubts
 
-    plan, report = load_plan(mission, screen.warn) if is_plan_file(mission) else (None, None)
+    plan, report = _loaded(mission, screen, plans=page)
     scenario = plan.scenario if plan else load_scenario(mission)
     for question in doubts(scenario):
         screen.warn(question)
@@ -96,11 +102,27 @@ def show(
         screen.say(f"pads: {pads}")
     ends = _ends(scenario)
     files = {"picture": picture, "pads_file": pads, "coverage_picture": coverage}
-    screen.result(
-        {"name": scenario.name, **found, **ends, "pads": places, "greatest_motion": motion}
-        | surveyed
-        | {name: file for name, file in files.items() if file is not None}
-    )
+    data = {"name": scenario.name, **found, **ends, "pads": places, "greatest_motion": motion}
+    data |= surveyed | {name: file for name, file in files.items() if file is not None}
+    if page and plan is not None:
+        from gcs.flight.scene.plan_scene import scene_of_plan
+
+        show_page(screen, scene_of_plan(plan), data)
+    else:
+        screen.result(data)
+
+
+def _loaded(mission: Path, screen: Screen, *, plans: bool) -> tuple[Plan, Report] | tuple[None, None]:
+    """A plan file's plan; none of a scenario, unless `plans` has it planned, whatever its verdict is."""
+    from gcs.plan.plan_file import is_plan_file, load_plan
+
+    if is_plan_file(mission):
+        return load_plan(mission, screen.warn)
+    if not plans:
+        return None, None
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+
+    return plan_for(mission, screen, Stopwatch(BEGAN_S), unverified=True)
 
 
 def _scenario(scenario: Scenario) -> JsonObject:

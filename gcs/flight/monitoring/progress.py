@@ -172,6 +172,8 @@ class VehicleNow:
     above_ground_m: float  # vertically
     fence_m: float = math.nan  # inside the side of the fence, negative outside
     ceiling_m: float = math.nan  # below `[limits] height_m`
+    place_ned_m: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    velocity_ned_mps: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
 GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
@@ -228,6 +230,9 @@ class Watcher:
     def warn(self, text: str) -> None:
         """Take one warning."""
         self.say(f"WARNING: {text}")
+
+    def event(self, event: Event) -> None:
+        """Take one incident or order; `say` or `warn` has had it as a line."""
 
     def lap(self, name: str) -> None:
         """Note that this part of the work is done."""

@@ -47,7 +47,7 @@ class ReportedNow:
         found = []
         for row, sysid in enumerate(plan.sysids):
             session, view = self._sessions[sysid], self._monitor.views[sysid]
-            loss = session.quality.loss
+            loss, rates = session.quality.loss, view.velocity_ned_mps
             status = session.latest.get(_BATTERY)
             left = -1 if status is None else int(status.fields["battery_remaining"])
             found.append(
@@ -56,7 +56,7 @@ class ReportedNow:
                     mode_name(session.autopilot, session.custom_mode) if session.heard else "",
                     session.armed,
                     float(places[row, 2]),
-                    float(np.linalg.norm(view.velocity_ned_mps)) if known[row] else math.nan,
+                    float(np.linalg.norm(rates)) if known[row] else math.nan,
                     float(left) if left >= 0 else math.nan,
                     session.silent_s(),
                     math.nan if loss is None else loss,
@@ -65,6 +65,8 @@ class ReportedNow:
                     float(above_m[row]),
                     float(fence_m[row]),
                     plan.scenario.limits.height_m[1] - float(places[row, 2]),
+                    (float(places[row, 0]), float(places[row, 1]), -float(places[row, 2])),
+                    (float(rates[0]), float(rates[1]), float(rates[2])),
                 )
             )
         return tuple(found)

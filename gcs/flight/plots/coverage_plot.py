@@ -12,6 +12,7 @@ from gcs.errors import UsageError
 from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import BESIDE, Labels, Look, colours, head, save, settle
 from gcs.flight.plots.flight_map import vehicle_entries
+from gcs.flight.scene.ground_area import area_of
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.coverage import Coverage, coverage
 
@@ -32,7 +33,7 @@ def draw_coverage(plan: Plan, found: Coverage) -> Figure:
     """Return the map of a survey."""
     scenario, span_s = plan.scenario, (0.0, plan.flight_s)
     places = shapely.get_coordinates([found.tracks, found.area])
-    low, high = area = map_layers.area_of(scenario, np.column_stack([places, np.zeros(len(places))]))
+    low, high = area = area_of(scenario, np.column_stack([places, np.zeros(len(places))]))
     width_in, height_in = map_layers.map_size_in(scenario, area)
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     map_layers.draw_ground(axes, scenario, area)

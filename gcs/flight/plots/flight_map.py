@@ -13,6 +13,7 @@ from matplotlib.transforms import Affine2D
 
 from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours
+from gcs.flight.scene.ground_area import Area, area_of
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
 
@@ -35,9 +36,9 @@ class FlightMap:
     ends: tuple[str, str] = ("take-off", "landing")
 
     @property
-    def area(self) -> map_layers.Area:
+    def area(self) -> Area:
         """What the map covers."""
-        return map_layers.area_of(self.scenario, self.tracks_ned_m)
+        return area_of(self.scenario, self.tracks_ned_m)
 
     @property
     def leader(self) -> int:

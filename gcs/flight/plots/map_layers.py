@@ -14,22 +14,17 @@ from matplotlib.transforms import Affine2D
 from shapely.geometry.base import BaseGeometry
 
 from gcs.flight.plots.figure_file import Labels, Look
-from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
-from gcs.scenario.environment.terrain import ground_height_m
+from gcs.flight.scene.ground_area import Area, ground_grid, moving_s, outlines
+from gcs.scenario.environment.no_fly import zones
 from gcs.scenario.schema.scenario import KeepIn, Scenario
 from gcs.types import Array
 
 DART = Shape([(0.0, 1.0), (0.6, -0.8), (0.0, -0.4), (-0.6, -0.8), (0.0, 1.0)])  # points north
-Area = tuple[Array, Array]  # the least and the greatest north and east (2,), m
-_GRID = 141
 _LEVEL_M = 0.1  # a lower relief is level ground
 _BANDS = 10
 _LARGEST_IN = (6.2, 6.2)  # width and height of a map
 BESIDE_IN = 2.6  # its axis and its legend
 _BELOW_IN, _COLOURS_IN = 0.85, 0.65  # its title and axis; the colours of heights
-_ROOM, _LEAST_ROOM_M = 0.12, 5.0  # around tracks: share of their extent, and metres
-_OUTSIDE_M = 15.0  # of the box of Eq. 51, how far its ground is known
-_THIN = 0.4  # shorter over longer side of an area, at least
 ZONE = "#c00000"
 ROUTE = "#7b2d8e"
 KEEP_IN = "#1b7837"
@@ -39,42 +34,12 @@ ARROW = Shape(
 )
 
 
-def area_of(scenario: Scenario | None, places_ned_m: Array) -> Area:
-    """Return the area around places (..., 3) and the zones beside them, with some room."""
-    flat = places_ned_m[..., :2].reshape(-1, 2)
-    low, high = np.nanmin(flat, axis=0), np.nanmax(flat, axis=0)
-    room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
-    if scenario is not None:
-        near = low - 3.0 * room_m, high + 3.0 * room_m
-        for zone in zones(scenario):
-            for corners in outlines(zone, (0.0, scenario.time.flight_s)):
-                low = np.minimum(low, np.maximum(corners.min(axis=0), near[0]))
-                high = np.maximum(high, np.minimum(corners.max(axis=0), near[1]))
-    low, high = low - room_m, high + room_m
-    least_m = _THIN * float(np.max(high - low))
-    short_m = np.maximum(least_m - (high - low), 0.0)
-    low, high = low - 0.5 * short_m, high + 0.5 * short_m
-    if scenario is not None and scenario.terrain.relief is not None:  # its ground is known so far and no further
-        box = np.array([scenario.limits.north_m, scenario.limits.east_m])
-        low = np.minimum(np.maximum(low, box[:, 0] - _OUTSIDE_M), np.nanmin(flat, axis=0))
-        high = np.maximum(np.minimum(high, box[:, 1] + _OUTSIDE_M), np.nanmax(flat, axis=0))
-    return low, high
-
-
 def map_size_in(scenario: Scenario | None, area: Area) -> tuple[float, float]:
     """Return width and height, in inches, of a map that the area fills, with its axes and legend."""
     north_m, east_m = area[1] - area[0]
     inches = min(_LARGEST_IN[0] / east_m, _LARGEST_IN[1] / north_m)
     level = scenario is None or not len(levels_m(ground_grid(scenario, area)[2]))
     return float(inches * east_m) + BESIDE_IN, float(inches * north_m) + _BELOW_IN + (0.0 if level else _COLOURS_IN)
-
-
-def ground_grid(scenario: Scenario, area: Area, cells: int = _GRID) -> tuple[Array, Array, Array]:
-    """North, east and height (G, G) of an area, without the ripple, which is finer than the grid."""
-    low, high = area
-    grids = np.meshgrid(np.linspace(low[0], high[0], cells), np.linspace(low[1], high[1], cells), indexing="ij")
-    smooth = scenario.terrain.model_copy(update={"ripple": None})
-    return grids[0], grids[1], ground_height_m(smooth, *grids)
 
 
 def levels_m(height_m: Array) -> Array:
@@ -162,7 +127,7 @@ def label_zones(axes: Axes, labels: Labels, scenario: Scenario, span_s: tuple[fl
     for zone in scenario.no_fly:
         places = outlines(zone, span_s)
         if len(places) > 1:
-            for corners, t_s in zip(places, _moving_s(zone, span_s), strict=True):
+            for corners, t_s in zip(places, moving_s(zone, span_s), strict=True):
                 north, east = corners.mean(axis=0)
                 labels.place(axes, f"zone at {t_s:.0f} s", (float(east), float(north)), color=ZONE)
 
@@ -198,18 +163,3 @@ def wind_entry(scenario: Scenario, *, in_space: bool = False) -> list[Line2D]:
 def _hidden(area: Area, north_m: tuple[float, float], east_m: tuple[float, float]) -> bool:
     inside = [low < edge < high for low, high, edges in zip(*area, (north_m, east_m), strict=True) for edge in edges]
     return not any(inside)
-
-
-def _moving_s(zone: Zone, span_s: tuple[float, float]) -> Array:
-    if not zone.moves:
-        return np.array([span_s[0]])
-    times = [t_s for t_s, *_ in zone.moves]
-    return np.clip([times[0], times[-1]], *span_s)
-
-
-def outlines(zone: Zone, span_s: tuple[float, float]) -> list[Array]:
-    """Corners (C, 2), north and east, of a zone where it is first and last in a span; once if it does not move."""
-    moved = displacement_m(zone, _moving_s(zone, span_s))
-    area = zone.area if isinstance(zone, KeepIn) else outline(zone)
-    corners = np.array(area.exterior.coords)
-    return [corners + one for one in moved[: 1 + bool(np.ptp(moved, axis=0).any())]]

@@ -14,6 +14,7 @@ from gcs.flight.plots import map_layers
 from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
+from gcs.flight.scene.ground_area import area_of
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.timeline import AUTO
 from gcs.plan.trajectory.phases import PhaseKind
@@ -44,7 +45,7 @@ def draw_scenario(scenario: Scenario) -> Figure:
     start, end = (np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end))
     offsets, ids = offsets_ned_m(scenario), sysids(scenario)
     drawn = np.array([point.position_m for point in scenario.route]).reshape(-1, 3) * NED_FROM_UP
-    low, high = area = map_layers.area_of(scenario, np.stack([offsets + place for place in (start, *drawn, end)]))
+    low, high = area = area_of(scenario, np.stack([offsets + place for place in (start, *drawn, end)]))
     width_in, height_in = map_layers.map_size_in(scenario, area)
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     span_s = (0.0, scenario.time.flight_s)

@@ -20,6 +20,7 @@ from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import NAMED, Labels, Look, colours, head, settle
 from gcs.flight.plots.flight_map import FlightMap, vehicle_entries
 from gcs.flight.recording.recording import nearest_m
+from gcs.flight.scene.ground_area import Area, ground_grid, outlines
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory.distances import zone_distances_m
 from gcs.scenario.environment.no_fly import zones
@@ -71,7 +72,7 @@ def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
     lowest_m, top_m = _draw_ground(axes, scenario, area), float(np.nanmax(-tracks_ned_m[..., 2]))
     for zone in zones(scenario):
         colour = map_layers.KEEP_IN if isinstance(zone, KeepIn) else map_layers.ZONE
-        for corners in map_layers.outlines(zone, span_s):
+        for corners in outlines(zone, span_s):
             _draw_zone(axes, scenario, np.clip(corners, low, high), top_m, colour)
     for colour, track in zip(colours(sysids), tracks_ned_m, strict=True):
         under_m = ground_height_m(scenario.terrain, track[:, 0], track[:, 1])
@@ -101,7 +102,7 @@ def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
     head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
 
 
-def _draw_wind(axes: Axes3D, scenario: Scenario, area: map_layers.Area, flat_ned_m: Array, top_m: float) -> None:
+def _draw_wind(axes: Axes3D, scenario: Scenario, area: Area, flat_ned_m: Array, top_m: float) -> None:
     """Draw an arrow along the wind, as high as the highest track, over the corner that is farthest from all tracks."""
     if scenario.wind is None or scenario.wind.speed_mps == 0.0:
         return
@@ -117,9 +118,9 @@ def _draw_wind(axes: Axes3D, scenario: Scenario, area: map_layers.Area, flat_ned
     axes.add_collection3d(Poly3DCollection([outline], facecolor=map_layers.WIND, edgecolor="none", zorder=11))
 
 
-def _draw_ground(axes: Axes3D, scenario: Scenario, area: map_layers.Area) -> float:
+def _draw_ground(axes: Axes3D, scenario: Scenario, area: Area) -> float:
     """Draw the ground as it is, in bands of height; return its lowest height."""
-    north, east, height = map_layers.ground_grid(scenario, area, _CELLS)
+    north, east, height = ground_grid(scenario, area, _CELLS)
     levels = map_layers.levels_m(height)
     if len(levels):
         range_m = Normalize(float(height.min()), float(height.max()))

@@ -268,8 +268,11 @@ class FlightJournal:
         say: Callable[[str], None],
         warn: Callable[[str], None],
         telemetry: str = TELEMETRY,
+        note: Callable[[Event], None] = lambda event: None,
     ) -> None:
+        """`note` gets every event beside its line."""
         self.state = state
+        self._note = spared(note, "the page")
         self.say = spared(say, "the screen")
         self._warn = spared(warn, "the screen")
         self.record = FlightRecord(folder, self._warn, self._now_s, telemetry)
@@ -285,6 +288,7 @@ class FlightJournal:
         """Record an event, and say it; an alarm is a warning."""
         self.record.write_event(event)
         (self._warn if event.alarm else self.say)(str(event))
+        self._note(event)
 
     def on_step(self, step: Step, t0_unix_s: float | None) -> None:
         """Record that a step began; T0 stays the last known one."""

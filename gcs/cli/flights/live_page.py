@@ -1,0 +1,51 @@
+"""The page of a flight under way: pictures several times a second, and every event. The flight never waits for it."""
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from gcs.flight.monitoring.progress import Event, InFlight
+from gcs.flight.scene.flight_picture import picture_of
+from gcs.flight.scene.plan_scene import scene_of_plan
+from gcs.flight.scene.recording_scene import happening
+from gcs.flight.scene.scene_json import event_json, picture_json, scene_json
+from gcs.flight.scene.scene_model import SceneKind
+from gcs.page.page_feed import PageFeed
+from gcs.plan.trajectory.plan import Plan
+
+_STEP_S = 0.1  # between pictures at least
+_SHARE = 0.05  # of the time at most goes into pictures: of a large fleet there are fewer
+
+
+class LivePage:
+    """Feeds a page from a flight. A page that ends is told once."""
+
+    def __init__(self, feed: PageFeed, say: Callable[[str], None]) -> None:
+        self._feed = feed
+        self._say = say
+
+    def event(self, event: Event) -> None:
+        """Add an event to the page's log."""
+        self._feed.tell(event_json(happening(event, is_bad=True)))
+
+    async def run(self, flight: InFlight) -> None:
+        """Send pictures until cancelled, or until the page ends."""
+        while not self._feed.has_ended:
+            began_s = time.perf_counter()
+            try:
+                self._feed.show(picture_json(picture_of(flight)))
+            except Exception as failure:
+                self._say(f"WARNING: the flight goes on without its page: {type(failure).__name__}: {failure}")
+                return
+            spent_s = time.perf_counter() - began_s
+            await asyncio.sleep(max(_STEP_S, spent_s / _SHARE))
+        self._say("WARNING: the page has ended; the flight goes on without it")
+
+
+@contextmanager
+def live_page(plan: Plan, say: Callable[[str], None]) -> Iterator[LivePage]:
+    """Open the page of a plan's flight, say its address, and end it with the block. Raises as `PageFeed`."""
+    with PageFeed(scene_json(scene_of_plan(plan, SceneKind.FLIGHT))) as feed:
+        say(f"page: {feed.url}")
+        yield LivePage(feed, say)

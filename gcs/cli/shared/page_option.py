@@ -1,0 +1,37 @@
+"""The option --page, and the commands that end with a page: they keep it open until Ctrl-C."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import option
+from gcs.errors import GcsError
+
+if TYPE_CHECKING:
+    from gcs.flight.scene.scene_model import Scene
+    from gcs.types import JsonObject
+
+PageOption = Annotated[
+    bool,
+    option("Show it on a page in a browser on this machine, at the address that is printed.", "--page"),
+]
+
+
+def show_page(screen: Screen, scene: Scene, data: JsonObject) -> None:
+    """Open the page of a scene, print its address, and the result `data` with it; return at Ctrl-C.
+
+    Raises UsageError without NiceGUI, and GcsError for a page that does not start, or ends by itself.
+    """
+    from gcs.flight.scene.scene_json import scene_json
+    from gcs.page.page_feed import PageFeed
+
+    with PageFeed(scene_json(scene)) as feed:
+        screen.say(f"page: {feed.url}")
+        screen.say("Ctrl-C ends the page.")
+        screen.result({**data, "page": feed.url})
+        try:
+            feed.wait()
+        except KeyboardInterrupt:
+            return
+    raise GcsError("the page has ended by itself.", hint="run the same command again")

@@ -1,0 +1,117 @@
+"""The scene of a recorded flight: flown and planned tracks, what vehicles reported, curves, events."""
+
+import numpy as np
+
+from gcs.autopilots.traits import mode_name
+from gcs.flight.monitoring.progress import Event
+from gcs.flight.recording.recording import Recording, VehicleTrack
+from gcs.flight.scene import scene_curves
+from gcs.flight.scene.plan_scene import changes_of, ground_of, limits_of, phases_of_plan, zones_of
+from gcs.flight.scene.scene_model import Curve, Happening, Motion, ReportedState, Scene, SceneKind
+from gcs.plan.trajectory.distances import formation_error_m
+from gcs.plan.trajectory.plan import Plan
+from gcs.types import Array
+
+
+def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scene:
+    """Return the scene of a section of a recorded flight, with its plan beside it where it has one."""
+    plan, ids = recording.plan, recording.sysids
+    scenario = None if plan is None else plan.scenario
+    t_s = scene_curves.instants_s(from_s, to_s, len(ids))
+    places, rates = recording.at(t_s)
+    flown = scene_curves.motion_of(scenario, places, rates)
+    expected = recording.planned(t_s)
+    planned = None if expected is None else _planned(recording, t_s, *expected)
+    error_m = np.full(places.shape[:2], np.nan)
+    if planned is not None:
+        error_m = np.linalg.norm(places - planned.places_ned_m, axis=-1)
+    limits = {} if scenario is None else limits_of(scenario)
+    return Scene(
+        recording.name,
+        SceneKind.REPLAY,
+        ids,
+        0 if scenario is None else scenario.formation.leader,
+        t_s,
+        None if scenario is None else ground_of(scenario, _known(places, planned)),
+        () if scenario is None else zones_of(scenario),
+        planned,
+        flown,
+        _reported(recording.tracks, t_s, error_m),
+        () if plan is None else phases_of_plan(plan),
+        () if plan is None else changes_of(plan),
+        _curves(plan, ids, t_s, flown, planned, error_m, limits),
+        _events(recording, from_s, to_s),
+        limits,
+        recording.notes,
+    )
+
+
+def happening(event: Event, *, is_bad: bool) -> Happening:
+    """Return an event in words, without its time."""
+    text = f"{event.what}. {event.rule}".rstrip(". ")
+    return Happening(event.t_s, event.sysid, text, is_bad)
+
+
+def _planned(recording: Recording, t_s: Array, places: Array, rates: Array) -> Motion:
+    plan = recording.plan
+    assert plan is not None
+    inside_s = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    yaw_rad = plan.named_states(inside_s).attitude_rad[..., 2]
+    return scene_curves.motion_of(plan.scenario, places, rates, yaw_rad)
+
+
+def _known(places: Array, planned: Motion | None) -> Array:
+    return places if planned is None else np.concatenate([places, planned.places_ned_m])
+
+
+def _reported(tracks: tuple[VehicleTrack, ...], t_s: Array, error_m: Array) -> ReportedState:
+    words: dict[str, int] = {}
+    shape = len(tracks), len(t_s)
+    mode, armed, battery = (np.full(shape, fill, dtype=np.int64) for fill in (-1, 0, -1))
+    age_s = np.full(shape, np.nan)
+    for row, track in enumerate(tracks):
+        last = np.searchsorted(track.t_s, t_s, side="right") - 1
+        heard = last >= 0
+        at = last[heard]
+        named = {int(one): mode_name(track.autopilot, int(one)) for one in np.unique(track.mode)}
+        place = {one: words.setdefault(name, len(words)) for one, name in named.items()}
+        mode[row, heard] = [place[int(one)] for one in track.mode[at]]
+        armed[row, heard], battery[row, heard] = track.armed[at], track.battery_pct[at]
+        age_s[row, heard] = t_s[heard] - track.t_s[at]
+    return ReportedState(tuple(words), mode, armed, battery, age_s, error_m)
+
+
+def _curves(
+    plan: Plan | None,
+    ids: tuple[int, ...],
+    t_s: Array,
+    flown: Motion,
+    planned: Motion | None,
+    error_m: Array,
+    limits: dict[str, float],
+) -> tuple[Curve, ...]:
+    curves = []
+    if plan is not None:
+        curves.append(scene_curves.ground_curve(ids, flown, planned, limits["above_ground_m"]))
+    if len(ids) > 1:
+        curves.append(scene_curves.separation_curve(ids, flown, planned, limits.get("separation_m")))
+    if plan is not None:
+        curves.append(scene_curves.error_curve(ids, error_m))
+    if plan is not None and len(ids) > 1:
+        curves.append(_formation_curve(plan, t_s, flown.places_ned_m))
+    return (*curves, scene_curves.speed_curve(ids, flown, planned))
+
+
+def _formation_curve(plan: Plan, t_s: Array, places_ned_m: Array) -> Curve:
+    """Definition 1, from T0 to the order to land, where all vehicles are known: elsewhere no shape is kept."""
+    kept = (t_s >= 0.0) & (t_s <= plan.landing_s) & np.isfinite(places_ned_m[..., 0]).all(axis=0)
+    error_m = np.full(len(t_s), np.nan)
+    if kept.any():
+        error_m[kept] = formation_error_m(places_ned_m[:, kept], plan.offsets(t_s[kept]))
+    return Curve("formation error", "m", error_m, None, np.zeros((len(t_s), 2), dtype=np.int64), at_least=False)
+
+
+def _events(recording: Recording, from_s: float, to_s: float) -> tuple[Happening, ...]:
+    found = [happening(event, is_bad=True) for event in recording.events]
+    found += [happening(event, is_bad=event.alarm) for event in recording.remarks]
+    return tuple(sorted((one for one in found if from_s <= one.t_s <= to_s), key=lambda one: one.t_s))

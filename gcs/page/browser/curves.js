@@ -1,0 +1,205 @@
+// Curves over time, one panel each, above a strip with the phases: one canvas, dragged to choose the time.
+
+import { niceStep } from "./world.js";
+
+const PANEL = 62;
+const STRIP = 36; // phases and changes of shape
+const LEFT = 46;
+const RIGHT = 10;
+
+export class Curves {
+  constructor(canvas, scene, onTime) {
+    this.canvas = canvas;
+    this.scene = scene;
+    this.pen = canvas.getContext("2d");
+    const drag = (event) => onTime(this.timeAt(event.offsetX));
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      drag(event);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (event.buttons) drag(event);
+    });
+    this.update();
+  }
+
+  // Read the curves again: of a flight under way they grow.
+  update() {
+    this.lines = this.scene.curveLines();
+    this.canvas.style.height = `${this.lines.length * PANEL + STRIP}px`;
+    this.drawn = null;
+  }
+
+  x(t) {
+    const { begin, end } = this.scene;
+    return LEFT + ((t - begin) / (end - begin)) * (this.width - LEFT - RIGHT);
+  }
+
+  timeAt(x) {
+    const { begin, end } = this.scene;
+    const share = (x - LEFT) / (this.width - LEFT - RIGHT);
+    return begin + Math.min(Math.max(share, 0), 1) * (end - begin);
+  }
+
+  // All but the line of now is drawn once, and again when size, colours or curves change.
+  draw(t, style) {
+    const ratio = window.devicePixelRatio;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const key = `${width} ${height} ${ratio} ${style.text}`;
+    if (this.drawn !== key) {
+      this.drawn = key;
+      this.width = width;
+      this.canvas.width = width * ratio;
+      this.canvas.height = height * ratio;
+      this.still = document.createElement("canvas");
+      this.still.width = this.canvas.width;
+      this.still.height = this.canvas.height;
+      const pen = this.still.getContext("2d");
+      pen.scale(ratio, ratio);
+      this.drawStill(pen, style, height);
+    }
+    const { pen } = this;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    pen.drawImage(this.still, 0, 0);
+    pen.scale(ratio, ratio);
+    pen.strokeStyle = style.text;
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    pen.moveTo(this.x(t), 0);
+    pen.lineTo(this.x(t), height);
+    pen.stroke();
+    pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "left";
+    pen.textBaseline = "top";
+    for (const [n, curve] of this.lines.entries()) {
+      const words = this.words(curve, t);
+      const room = pen.measureText(words.text).width;
+      pen.fillStyle = style.back;
+      pen.globalAlpha = 0.8;
+      pen.fillRect(LEFT + 2, n * PANEL + 3, room + 8, 15);
+      pen.globalAlpha = 1;
+      pen.fillStyle = words.isBad ? style.bad : style.text;
+      pen.fillText(words.text, LEFT + 6, n * PANEL + 4);
+    }
+  }
+
+  // What a curve says at a time, and whether it is beyond its limit.
+  words(curve, t) {
+    const points = curve.flown.length ? curve.flown : curve.planned;
+    const value = valueAt(points, t);
+    const named = curve.behind(t).filter((sysid) => sysid > 0);
+    const who = named.length ? ` (${named.length > 1 ? "vehicles" : "vehicle"} ${named.join(", ")})` : "";
+    const said = Number.isFinite(value) ? `${value.toFixed(2)} ${curve.unit}${who}` : "–";
+    const holds = curve.name !== "least height above ground" || this.scene.isAloft(t);
+    const isBad = holds && curve.limit != null && (curve.at_least ? value < curve.limit : value > curve.limit);
+    return { text: `${isBad ? "! " : ""}${curve.name}: ${said}`, isBad };
+  }
+
+  drawStill(pen, style, height) {
+    pen.font = "10px system-ui, sans-serif";
+    for (const [n, curve] of this.lines.entries()) this.drawPanel(pen, style, curve, n * PANEL);
+    this.drawStrip(pen, style, this.lines.length * PANEL);
+    for (const event of this.scene.events) {
+      if (!event.is_bad || event.t_s === null) continue;
+      pen.strokeStyle = style.bad;
+      pen.globalAlpha = 0.6;
+      pen.setLineDash([2, 3]);
+      pen.beginPath();
+      pen.moveTo(this.x(event.t_s), 0);
+      pen.lineTo(this.x(event.t_s), height);
+      pen.stroke();
+      pen.setLineDash([]);
+      pen.globalAlpha = 1;
+    }
+  }
+
+  drawPanel(pen, style, curve, top) {
+    const bottom = top + PANEL - 6;
+    const values = [...curve.flown, ...curve.planned].map(([, value]) => value).filter(Number.isFinite);
+    const sorted = values.sort((a, b) => a - b);
+    // What counts of a distance is how small it is: landed vehicles may be far apart, beyond the panel.
+    const usual = sorted[Math.floor((curve.at_least ? 0.95 : 1) * (sorted.length - 1))] ?? 1;
+    const most = Math.max(1.25 * usual, 1.3 * (curve.limit ?? 0), 1e-3);
+    const least = Math.min(sorted[0] ?? 0, 0);
+    const y = (value) => bottom - ((value - least) / (most - least)) * (PANEL - 22);
+    pen.strokeStyle = style.faint;
+    pen.fillStyle = style.text;
+    pen.lineWidth = 1;
+    pen.textAlign = "right";
+    pen.textBaseline = "middle";
+    const step = niceStep((most - least) / 3);
+    for (let value = Math.ceil(least / step) * step; value <= most; value += step) {
+      pen.beginPath();
+      pen.moveTo(LEFT, y(value));
+      pen.lineTo(this.width - RIGHT, y(value));
+      pen.stroke();
+      pen.fillText(`${Number(value.toPrecision(3))}`, LEFT - 5, y(value));
+    }
+    pen.save();
+    pen.beginPath();
+    pen.rect(LEFT, top + 2, this.width - LEFT - RIGHT, PANEL - 6);
+    pen.clip();
+    this.stroke(pen, curve.planned, y, curve.flown.length || this.scene.isLive ? style.planned : style.line, 1.3);
+    this.stroke(pen, curve.flown, y, style.line, 1.6);
+    pen.restore();
+    if (curve.limit == null) return;
+    pen.strokeStyle = style.bad;
+    pen.setLineDash([6, 4]);
+    pen.beginPath();
+    pen.moveTo(LEFT, y(curve.limit));
+    pen.lineTo(this.width - RIGHT, y(curve.limit));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
+  stroke(pen, points, y, colour, width) {
+    pen.strokeStyle = colour;
+    pen.lineWidth = width;
+    pen.beginPath();
+    let isDown = false;
+    for (const [t, value] of points) {
+      if (!Number.isFinite(value)) {
+        isDown = false;
+        continue;
+      }
+      if (isDown) pen.lineTo(this.x(t), y(value));
+      else pen.moveTo(this.x(t), y(value));
+      isDown = true;
+    }
+    pen.stroke();
+  }
+
+  drawStrip(pen, style, top) {
+    const { begin, end, phases, changes } = this.scene;
+    pen.textBaseline = "middle";
+    pen.textAlign = "center";
+    for (const [n, { name, begin_s, end_s }] of phases.entries()) {
+      const [from, to] = [this.x(Math.max(begin_s, begin)), this.x(Math.min(end_s, end))];
+      if (to <= from) continue;
+      pen.fillStyle = n % 2 ? style.faint : style.band;
+      pen.fillRect(from, top, to - from, 16);
+      pen.fillStyle = style.text;
+      if (pen.measureText(name).width < to - from - 4) pen.fillText(name, (from + to) / 2, top + 8);
+    }
+    for (const { name, begin_s, end_s } of changes) {
+      const [from, to] = [this.x(begin_s), this.x(end_s)];
+      pen.fillStyle = style.change;
+      pen.fillRect(from, top + 16, Math.max(to - from, 2), 4);
+    }
+    pen.fillStyle = style.text;
+    const step = niceStep((end - begin) / Math.max(Math.floor(this.width / 110), 2));
+    for (let t = Math.ceil(begin / step) * step; t <= end; t += step) {
+      pen.fillText(`${Number(t.toPrecision(6))} s`, this.x(t), top + 28);
+    }
+  }
+}
+
+function valueAt(points, t) {
+  let found = NaN;
+  for (const [at, value] of points) {
+    if (at > t + 1e-6) break;
+    found = value;
+  }
+  return found;
+}

@@ -1,0 +1,137 @@
+"""The page as its parent sees it: a process that is fed through a pipe, and never waited for.
+
+A thread writes to the pipe. While the page does not read, the newest picture replaces the one before it, and events
+are kept: a frozen page delays nothing, and knows all events once it reads again.
+"""
+
+import secrets
+import subprocess
+import sys
+import tempfile
+import threading
+from collections import deque
+from contextlib import suppress
+from importlib.util import find_spec
+from types import TracebackType
+from typing import IO, Self
+
+from gcs.errors import GcsError, UsageError
+from gcs.page.pipe_frames import PageFrame, write_frame
+
+_PROCESS = ("-m", "gcs.page.page_process")
+_START_S = 60.0  # a busy machine needs long to import NiceGUI
+_EVENTS = 10_000  # kept for a page that does not read; then the oldest go
+_TAIL = 400  # characters of what the process said before it failed
+
+
+def refuse_without_nicegui() -> None:
+    """Raise UsageError where the page's library is not installed. It is looked for, not imported."""
+    if find_spec("nicegui") is None:
+        raise UsageError("--page needs NiceGUI, which is not installed", hint="pip install 'skein-gcs[page]'")
+
+
+class PageFeed:
+    """One page of one scene. Use it as a context manager: the page ends with it."""
+
+    def __init__(self, scene: bytes) -> None:
+        """Start the process and wait until it answers at its address. Raises UsageError and GcsError."""
+        refuse_without_nicegui()
+        self._token = secrets.token_urlsafe(16)
+        self._wake = threading.Condition()
+        self._frames: deque[tuple[PageFrame, bytes]] = deque(maxlen=_EVENTS)
+        self._picture: bytes | None = None
+        self._closed = False
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the page)
+        self._process = subprocess.Popen(
+            [sys.executable, *_PROCESS],
+            stdin=subprocess.PIPE,  # closes when this program ends, however it ends, and the page ends with it
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            start_new_session=True,  # Ctrl-C is for the flight
+        )
+        self._frames.extend([(PageFrame.TOKEN, self._token.encode()), (PageFrame.SCENE, scene)])
+        self._writer = threading.Thread(target=self._write, daemon=True, name="page")
+        self._writer.start()
+        self.url = f"http://127.0.0.1:{self._port()}/?token={self._token}"
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the page's process has ended by itself, or was killed."""
+        return self._process.poll() is not None and not self._closed
+
+    def show(self, picture: bytes) -> None:
+        """Show this picture next, instead of one that is not sent yet."""
+        with self._wake:
+            self._picture = picture
+            self._wake.notify()
+
+    def tell(self, event: bytes) -> None:
+        """Add an event to the page's log."""
+        with self._wake:
+            self._frames.append((PageFrame.EVENT, event))
+            self._wake.notify()
+
+    def wait(self) -> None:
+        """Wait until the page's process has ended."""
+        self._process.wait()
+
+    def close(self) -> None:
+        """End the page."""
+        with self._wake:
+            self._closed = True
+            self._wake.notify()
+        self._process.kill()
+        self._process.wait()
+        self._writer.join(1.0)
+        for pipe in (self._process.stdin, self._process.stdout, self._errors):
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _write(self) -> None:
+        pipe = self._process.stdin
+        assert pipe is not None
+        with suppress(OSError, ValueError):  # the page has ended
+            while (frame := self._next()) is not None:
+                write_frame(pipe, *frame)  # type: ignore[arg-type]
+
+    def _next(self) -> tuple[PageFrame, bytes] | None:
+        """The next frame, as soon as there is one; None at the end."""
+        with self._wake:
+            while not (self._frames or self._picture is not None or self._closed):
+                self._wake.wait()
+            if self._closed:
+                return None
+            if self._frames:
+                return self._frames.popleft()
+            picture, self._picture = self._picture, None
+            assert picture is not None
+            return PageFrame.PICTURE, picture
+
+    def _port(self) -> int:
+        found: list[bytes] = []
+        pipe = self._process.stdout
+        assert pipe is not None
+        reader = threading.Thread(target=lambda: found.append(pipe.readline()), daemon=True)
+        reader.start()
+        reader.join(_START_S)
+        if found and found[0].strip().isdigit():
+            return int(found[0])
+        said = self._said()
+        self.close()
+        raise GcsError(f"the page did not start: {said or f'no answer within {_START_S:.0f} s'}")
+
+    def _said(self) -> str:
+        with suppress(OSError, ValueError):
+            self._errors.seek(0)
+            lines = self._errors.read().decode(errors="replace").strip().splitlines()
+            return lines[-1][-_TAIL:] if lines else ""
+        return ""

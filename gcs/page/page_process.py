@@ -1,0 +1,113 @@
+"""The page's process: `python -m gcs.page.page_process`, fed through standard input. It prints its port, nothing else.
+
+A view gets the newest picture once it has drawn the one before, so a slow reader keeps nobody waiting.
+"""
+
+import asyncio
+import os
+import socket
+import sys
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import uvicorn
+from fastapi import FastAPI, Response
+from nicegui import ui
+
+from gcs.page.formation_view import FormationView
+from gcs.page.page_guard import PageGuard
+from gcs.page.page_state import PageState, in_thread, read_state
+
+_STEP_S = 0.1  # between pictures at least
+_ADDRESS = "127.0.0.1"
+
+
+@dataclass
+class _Reader:
+    events: int  # that it has
+    sent: int = -1  # what the state had counted when it was last sent something
+    is_ready: bool = True
+
+
+class PageReaders:
+    """The open views, and what each has of the state."""
+
+    def __init__(self, state: PageState) -> None:
+        self._state = state
+        self._readers: dict[FormationView, _Reader] = {}
+
+    def drawn(self, view: FormationView, events: int) -> None:
+        """Take in that a view has drawn what it got, and has so many events."""
+        reader = self._readers.setdefault(view, _Reader(events))
+        reader.events, reader.is_ready = events, True
+
+    async def run(self) -> None:
+        """Send what is new until cancelled."""
+        while True:
+            await asyncio.sleep(_STEP_S)
+            self.send()
+
+    def send(self) -> None:
+        """Send what is new to every view that waits for it."""
+        self._readers = {view: reader for view, reader in self._readers.items() if not view.is_deleted}
+        for view, reader in self._readers.items():
+            if reader.is_ready and reader.sent != self._state.number:
+                reader.sent, reader.is_ready = self._state.number, False
+                view.receive(self._state.since(reader.events))
+
+
+def application(state: PageState) -> FastAPI:
+    """Return the page without its guard."""
+    readers = PageReaders(state)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        sending = asyncio.create_task(readers.run())
+        yield
+        sending.cancel()
+
+    app = FastAPI(lifespan=lifespan, openapi_url=None)
+
+    @app.get("/scene")
+    def scene() -> Response:
+        return Response(state.whole(), media_type="application/json", headers={"Cache-Control": "no-store"})
+
+    def page() -> None:
+        ui.query("body").style("margin: 0")
+        ui.query(".nicegui-content").style("padding: 0; gap: 0")
+        FormationView(readers.drawn)
+
+    ui.run_with(app, root=page, title="Skein", dark=None, gzip_middleware_factory=None, show_welcome_message=False)
+    return app
+
+
+def serve() -> None:
+    """Read the token and the scene, print the port, and serve until the pipe ends."""
+    with os.fdopen(os.dup(1), "w") as out:
+        os.dup2(2, 1)
+        os.nice(5)  # the flight goes first
+        pipe = sys.stdin.buffer
+        begun = read_state(pipe)
+        if begun is None:
+            return
+        token, state = begun
+        with socket.create_server((_ADDRESS, 0)) as listening:
+            port = int(listening.getsockname()[1])
+            config = uvicorn.Config(PageGuard(application(state), token, port), log_level="warning", access_log=False)
+            server, at_end = uvicorn.Server(config), threading.Event()
+            in_thread(state, pipe, at_end)
+            threading.Thread(target=_end_with, args=(at_end,), daemon=True).start()
+            out.write(f"{port}\n")
+            out.flush()
+            server.run(sockets=[listening])
+
+
+def _end_with(at_end: threading.Event) -> None:
+    at_end.wait()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    serve()

@@ -1,0 +1,75 @@
+"""What the page's process knows: the scene, the newest picture, some pictures before it, and all events."""
+
+import json
+import threading
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+from gcs.page.pipe_frames import PageFrame, read_frame
+
+_APART_S = 1.0  # of plan time, between pictures that are kept
+_KEPT = 7200  # pictures; then every other one goes
+
+
+@dataclass
+class PageState:
+    """Filled by one thread, read by another; every change is one assignment or one append."""
+
+    scene: bytes
+    newest: bytes | None = None
+    number: int = 0  # of pictures and events, so far
+    events: list[bytes] = field(default_factory=list)
+    past: list[bytes] = field(default_factory=list)
+    _last_s: float = -float("inf")
+
+    def receive(self, pipe: BinaryIO) -> None:
+        """Take in frames until the pipe ends."""
+        while (frame := read_frame(pipe)) is not None:
+            self.take(*frame)
+
+    def take(self, kind: PageFrame, data: bytes) -> None:
+        """Take in one frame."""
+        if kind is PageFrame.EVENT:
+            self.events.append(data)
+        elif kind is PageFrame.PICTURE:
+            self.newest = data
+            self._keep(data)
+        self.number += 1
+
+    def whole(self) -> bytes:
+        """Return all that a page needs that opens now, as one JSON object."""
+        parts = {"pictures": [*self.past, *([self.newest] if self.newest else [])], "events": self.events}
+        lists = b",".join(b'"%s":[%s]' % (name.encode(), b",".join(list(one))) for name, one in parts.items())
+        return b'{"scene":%s,%s}' % (self.scene, lists)
+
+    def since(self, events: int) -> str:
+        """Return the newest picture, and the events after the first `events`, as one JSON object."""
+        later = b",".join(self.events[events:])
+        return (b'{"picture":%s,"events":[%s]}' % (self.newest or b"null", later)).decode()
+
+    def _keep(self, picture: bytes) -> None:
+        t_s = json.loads(picture).get("t_s")
+        if t_s is None or t_s < self._last_s + _APART_S:
+            return
+        self._last_s = t_s
+        self.past.append(picture)
+        if len(self.past) > _KEPT:
+            self.past = self.past[::2]
+
+
+def read_state(pipe: BinaryIO) -> tuple[str, PageState] | None:
+    """Return the token and the state from the first two frames; None if the pipe ends before."""
+    token, scene = read_frame(pipe), read_frame(pipe)
+    if token is None or scene is None:
+        return None
+    return token[1].decode(), PageState(scene[1])
+
+
+def in_thread(state: PageState, pipe: BinaryIO, at_end: threading.Event) -> None:
+    """Fill the state in a thread of its own, and set `at_end` when the pipe ends."""
+
+    def receive() -> None:
+        state.receive(pipe)
+        at_end.set()
+
+    threading.Thread(target=receive, daemon=True, name="feed").start()

@@ -1,0 +1,32 @@
+"""The frames on the pipe to the page's process: one letter of what it is, four bytes of length, and the data."""
+
+import struct
+from enum import StrEnum
+from typing import BinaryIO
+
+_HEAD = struct.Struct(">cI")
+
+
+class PageFrame(StrEnum):
+    """What a frame holds, all of it JSON but the token."""
+
+    TOKEN = "t"  # first
+    SCENE = "s"  # second
+    PICTURE = "p"
+    EVENT = "e"
+
+
+def write_frame(pipe: BinaryIO, kind: PageFrame, data: bytes) -> None:
+    """Write one frame, and wait until the pipe has taken it. Raises OSError where nobody reads any more."""
+    pipe.write(_HEAD.pack(kind.value.encode(), len(data)) + data)
+    pipe.flush()
+
+
+def read_frame(pipe: BinaryIO) -> tuple[PageFrame, bytes] | None:
+    """Return the next frame; None at the end, also amid a frame."""
+    head = pipe.read(_HEAD.size)
+    if len(head) < _HEAD.size:
+        return None
+    kind, length = _HEAD.unpack(head)
+    data = pipe.read(length)
+    return None if len(data) < length else (PageFrame(kind.decode()), data)

@@ -1,0 +1,118 @@
+"""The page of a flight under way: its pictures are what the vehicles report, and the flight goes on without it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Collection
+from dataclasses import replace
+
+import pytest
+
+from gcs.cli.flights.live_page import LivePage
+from gcs.flight.monitoring.progress import Event, FlightPart, NearestPair, Snapshot, VehicleNow
+from gcs.flight.scene.flight_picture import picture_of
+from tests.virtual_clock import VirtualLoop
+
+USUAL = VehicleNow(1, "GUIDED", True, 20.0, 5.0, 80.0, 0.1, 0.0, 0.3, 12.0, 20.0)
+AT = ((0.0, 0.0, -20.0), (3.0, 4.0, -20.0), (30.0, 0.0, -20.0))
+FLEET = tuple(
+    replace(USUAL, sysid=sysid, place_ned_m=place, velocity_ned_mps=(0.0, 5.0, 0.0))
+    for sysid, place in zip((1, 2, 7), AT, strict=True)
+)
+NEAREST = NearestPair(FlightPart.FLIGHT, (1, 2), 5.0, 1.7e9)
+NOW = Snapshot("flying", 0.4, 61.0, {}, {}, {}, 5.0, 0.02, "mission", 120.0, 1.7e9, NEAREST, 3.0)
+
+
+class Flight:
+    """A flight that stands still."""
+
+    def __init__(self, now: Snapshot = NOW, fleet: tuple[VehicleNow, ...] = FLEET) -> None:
+        self.now, self.fleet = now, fleet
+
+    def snapshot(self) -> Snapshot:
+        return self.now
+
+    def vehicles_now(self) -> tuple[VehicleNow, ...]:
+        return self.fleet
+
+    def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
+        raise AssertionError("takes long: a picture does not ask for it")
+
+
+class Feed:
+    """A page without a process."""
+
+    def __init__(self) -> None:
+        self.has_ended = False
+        self.pictures: list[bytes] = []
+        self.events: list[bytes] = []
+
+    def show(self, picture: bytes) -> None:
+        self.pictures.append(picture)
+
+    def tell(self, event: bytes) -> None:
+        self.events.append(event)
+
+
+def test_a_picture_has_every_vehicle_as_it_reports_itself() -> None:
+    picture = picture_of(Flight())
+    assert (picture.t_s, picture.step, picture.nearest, picture.separation_m) == (61.0, "flying: mission", (1, 2), 5.0)
+    first, second, last = picture.vehicles
+    assert [one.sysid for one in picture.vehicles] == [1, 2, 7]
+    assert first.place_ned_m == AT[0] and first.heading_rad == pytest.approx(math.pi / 2)
+    assert (first.neighbour, first.neighbour_m) == (2, 5.0) and second.neighbour == 1
+    assert last.neighbour == 2 and last.neighbour_m == pytest.approx(math.hypot(27.0, 4.0))
+    assert (first.mode, first.armed, first.battery_pct, first.error_m) == ("GUIDED", True, 80.0, 0.3)
+
+
+def test_before_the_first_report_a_picture_says_that_nothing_is_known() -> None:
+    unheard = VehicleNow(3, "", False, *[math.nan] * 3, math.inf, math.nan, math.nan, math.inf, math.nan)
+    before = replace(NOW, plan_time_s=None, nearest=None, separation_m=math.nan, plan_phase="")
+    feed = Feed()
+    followed(feed, Flight(before, (unheard,)), 0.05)
+    picture = json.loads(feed.pictures[0])
+    assert (picture["t_s"], picture["separation_m"], picture["nearest"]) == (None, None, [0, 0])
+    assert picture["vehicles"][0]["place_ned_m"] == [None] * 3 and picture["vehicles"][0]["link_age_s"] is None
+
+
+def followed(feed: Feed, flight: Flight, seconds: float, ends_s: float = math.inf) -> list[str]:
+    """What is said while a page follows a flight, which ends by itself after `ends_s`."""
+    said: list[str] = []
+
+    async def follow() -> None:
+        running = asyncio.ensure_future(LivePage(feed, said.append).run(flight))  # type: ignore[arg-type]
+        asyncio.get_running_loop().call_later(min(ends_s, 1e6), setattr, feed, "has_ended", True)
+        await asyncio.sleep(seconds)
+        running.cancel()
+        await asyncio.wait({running})
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(follow())
+    return said
+
+
+def test_pictures_come_ten_times_a_second_or_less_often() -> None:
+    feed = Feed()
+    assert followed(feed, Flight(), 5.0) == []
+    assert 10 <= len(feed.pictures) <= 51
+
+
+def test_a_page_that_ends_is_told_once_and_the_flight_goes_on() -> None:
+    feed = Feed()
+    assert followed(feed, Flight(), 5.0, ends_s=1.0) == ["WARNING: the page has ended; the flight goes on without it"]
+    assert len(feed.pictures) <= 11
+
+
+def test_a_picture_that_fails_is_told_once_and_the_flight_goes_on() -> None:
+    flight = Flight()
+    flight.vehicles_now = lambda: 1 / 0  # type: ignore[assignment, method-assign, return-value]
+    said = followed(Feed(), flight, 5.0)
+    assert said == ["WARNING: the flight goes on without its page: ZeroDivisionError: division by zero"]
+
+
+def test_every_event_reaches_the_log_in_words() -> None:
+    feed = Feed()
+    LivePage(feed, print).event(Event(1.7e9, 12.5, 3, "is silent", "lost: land"))  # type: ignore[arg-type]
+    assert json.loads(feed.events[0]) == {"t_s": 12.5, "sysid": 3, "text": "is silent. lost: land", "is_bad": True}

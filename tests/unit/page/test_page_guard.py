@@ -1,0 +1,166 @@
+"""The guard of the page as a table of requests, over HTTP and websockets: one wrong part, and nothing is shown."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+from gcs.page.page_guard import PageGuard
+
+PORT, TOKEN = 8123, "the-token"
+HOST, OTHER = f"127.0.0.1:{PORT}", "127.0.0.1:9999"
+SHOWN, ENTRY, REFUSED = "shown", "entry", "refused"
+Headers = list[tuple[bytes, bytes]]
+
+
+async def _page(scope: Any, receive: Any, send: Any) -> None:
+    """The page behind the guard."""
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.accept"})
+        return
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-type", b"text/plain")]})
+    await send({"type": "http.response.body", "body": b"a flight"})
+
+
+def asked(guard: PageGuard, scope: dict[str, Any]) -> list[dict[str, Any]]:
+    """What the guard answers to one request."""
+    sent: list[dict[str, Any]] = []
+
+    async def send(message: Any) -> None:
+        sent.append(dict(message))
+
+    async def receive() -> Any:
+        return {"type": "http.request"}
+
+    asyncio.run(guard(scope, receive, send))
+    return sent
+
+
+def http(headers: Iterable[tuple[str, str]], query: str = "", path: str = "/", method: str = "GET") -> dict[str, Any]:
+    raw = [(name.encode(), value.encode()) for name, value in headers]
+    return {"type": "http", "method": method, "path": path, "query_string": query.encode(), "headers": raw}
+
+
+def socket(headers: Iterable[tuple[str, str]], query: str = "") -> dict[str, Any]:
+    return {**http(headers, query, "/_nicegui_ws/socket.io/"), "type": "websocket"}
+
+
+def verdict(sent: list[dict[str, Any]]) -> str:
+    """What came of a request."""
+    if sent[0]["type"] == "websocket.accept":
+        return SHOWN
+    if sent[0]["type"] == "websocket.close":
+        return REFUSED
+    body = b"".join(one.get("body", b"") for one in sent)
+    if b"a flight" in body:
+        return SHOWN
+    return ENTRY if sent[0]["status"] == 200 else REFUSED
+
+
+@pytest.fixture
+def guard() -> PageGuard:
+    return PageGuard(_page, TOKEN, PORT)
+
+
+@pytest.fixture
+def cookie(guard: PageGuard) -> str:
+    """The cookie that the token is exchanged for."""
+    sent = asked(guard, http([("host", HOST)], f"token={TOKEN}"))
+    return dict(sent[0]["headers"])[b"set-cookie"].decode().split(";")[0]
+
+
+ORIGIN = f"http://{HOST}"
+# headers ("COOKIE" is the right one), and what comes of them over HTTP and as a websocket
+TABLE = [
+    ([("host", HOST), ("cookie", "COOKIE")], SHOWN, REFUSED),  # a websocket names its origin
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", ORIGIN)], SHOWN, SHOWN),
+    ([("host", f"localhost:{PORT}"), ("cookie", "COOKIE"), ("origin", f"http://localhost:{PORT}")], SHOWN, SHOWN),
+    ([("host", HOST), ("cookie", "a=b; COOKIE; c=d"), ("origin", ORIGIN)], SHOWN, SHOWN),
+    ([("host", HOST), ("origin", ORIGIN)], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIEx"), ("origin", ORIGIN)], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", f"skein-{PORT}={TOKEN}"), ("origin", ORIGIN)], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", f"skein-{PORT}="), ("origin", ORIGIN)], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "\x7f=;;=,"), ("origin", ORIGIN)], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", "http://evil.example")], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", f"http://{OTHER}")], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", f"https://{HOST}")], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", f"http://localhost:{PORT}")], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", "null")], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", "")], REFUSED, REFUSED),
+    ([("host", HOST), ("cookie", "COOKIE"), ("origin", ORIGIN), ("origin", "http://evil.example")], REFUSED, REFUSED),
+    ([("host", OTHER), ("cookie", "COOKIE"), ("origin", f"http://{OTHER}")], REFUSED, REFUSED),
+    ([("host", "evil.example"), ("cookie", "COOKIE"), ("origin", "http://evil.example")], REFUSED, REFUSED),
+    ([("host", f"evil.example:{PORT}"), ("cookie", "COOKIE")], REFUSED, REFUSED),  # a name that points to this machine
+    ([("host", "127.0.0.1"), ("cookie", "COOKIE")], REFUSED, REFUSED),
+    ([("host", HOST), ("host", "evil.example"), ("cookie", "COOKIE")], REFUSED, REFUSED),
+    ([("cookie", "COOKIE"), ("origin", ORIGIN)], REFUSED, REFUSED),
+]
+
+
+@pytest.mark.parametrize("row", range(len(TABLE)))
+@pytest.mark.parametrize("query", ["", f"token={TOKEN}x", "token="])
+def test_a_request_is_answered_if_every_part_of_it_is_right(
+    guard: PageGuard, cookie: str, row: int, query: str
+) -> None:
+    headers, over_http, as_socket = TABLE[row]
+    filled = [(name, value.replace("COOKIE", cookie)) for name, value in headers]
+    assert verdict(asked(guard, http(filled, query))) == over_http
+    assert verdict(asked(guard, socket(filled, query))) == as_socket
+
+
+@pytest.mark.parametrize(
+    ("headers", "query", "path", "method", "expected"),
+    [
+        ([("host", HOST)], f"token={TOKEN}", "/", "GET", ENTRY),
+        ([("host", HOST), ("cookie", "skein-8123=old")], f"token={TOKEN}", "/", "GET", ENTRY),
+        ([("host", HOST)], f"token={TOKEN}", "/scene", "GET", REFUSED),
+        ([("host", HOST)], f"token={TOKEN}", "/", "POST", REFUSED),
+        ([("host", HOST), ("origin", ORIGIN)], f"token={TOKEN}", "/", "POST", REFUSED),
+        ([("host", HOST)], f"token={TOKEN}&token={TOKEN}", "/", "GET", REFUSED),
+        ([("host", HOST)], f"token={TOKEN.upper()}", "/", "GET", REFUSED),
+        ([("host", HOST)], f"Token={TOKEN}", "/", "GET", REFUSED),
+        ([("host", HOST)], "token=%ff", "/", "GET", REFUSED),
+        ([("host", OTHER)], f"token={TOKEN}", "/", "GET", REFUSED),
+        ([("host", HOST), ("origin", "http://evil.example")], f"token={TOKEN}", "/", "GET", REFUSED),
+    ],
+)
+def test_the_token_opens_the_page_at_its_own_address_only(
+    guard: PageGuard, headers: list[tuple[str, str]], query: str, path: str, method: str, expected: str
+) -> None:
+    sent = asked(guard, http(headers, query, path, method))
+    assert verdict(sent) == expected
+    assert (b"set-cookie" in dict(sent[0]["headers"])) == (expected == ENTRY)
+    assert verdict(asked(guard, socket(headers, query))) == REFUSED, "a websocket has the cookie, never the token"
+
+
+def test_the_cookie_is_for_the_page_alone_and_not_the_token(guard: PageGuard) -> None:
+    sent = asked(guard, http([("host", HOST)], f"token={TOKEN}"))
+    given = dict(sent[0]["headers"])[b"set-cookie"].decode()
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(given.split("; ")) and TOKEN not in given
+    assert dict(sent[0]["headers"])[b"cache-control"] == b"no-store"
+
+
+def test_a_request_with_the_cookie_that_changes_something_comes_from_the_page(guard: PageGuard, cookie: str) -> None:
+    alone = [("host", HOST), ("cookie", cookie)]
+    assert verdict(asked(guard, http(alone, path="/orders", method="POST"))) == REFUSED
+    assert verdict(asked(guard, http([*alone, ("origin", ORIGIN)], path="/orders", method="POST"))) == SHOWN
+
+
+def test_the_browser_is_told_to_ask_nobody_else(guard: PageGuard, cookie: str) -> None:
+    sent = asked(guard, http([("host", HOST), ("cookie", cookie)]))
+    policy = dict(sent[0]["headers"])[b"content-security-policy"].decode()
+    assert "default-src 'self'" in policy and f"connect-src 'self' ws://{HOST};" in policy
+    assert "frame-ancestors 'none'" in policy and "http:" not in policy
+
+
+def test_the_life_of_the_application_passes() -> None:
+    seen = []
+
+    async def inner(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope["type"])
+
+    asked(PageGuard(inner, TOKEN, PORT), {"type": "lifespan"})
+    assert seen == ["lifespan"]

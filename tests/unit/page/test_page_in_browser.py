@@ -1,0 +1,160 @@
+"""The page in a real Chromium: what stands in it was planned and flown, and it asks nobody else for anything."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+
+from gcs.flight.scene.plan_scene import scene_of_plan
+from gcs.flight.scene.recording_scene import scene_of_recording
+from gcs.flight.scene.scene_json import event_json, picture_json, scene_json
+from gcs.flight.scene.scene_model import FlightPicture, Happening, Scene, SceneKind, VehiclePicture
+from gcs.page.page_feed import PageFeed
+from gcs.physics.states import POSITION
+from gcs.plan.trajectory.plan import Plan
+from tests.browser import CHROMIUM, WHY_NOT, Browser
+from tests.real_flights import plan_of
+from tests.unit.flight.scene.test_scene import NAME, recording_of
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason=WHY_NOT)]
+DRAWN = "skein.world.markers.size"
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of(NAME)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with Browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def shown(browser: Browser) -> Iterator[Browser]:
+    """The browser, which must have asked nobody else, and reported no error, when the test ends."""
+    browser.asked.clear()
+    browser.said.clear()
+    yield browser
+    assert browser.asked and browser.elsewhere() == [] and browser.said == []
+
+
+@contextmanager
+def page_of(scene: Scene, browser: Browser, first: bytes | None = None) -> Iterator[PageFeed]:
+    """The page of a scene, opened and drawn; `first` is the picture that a flight under way begins with."""
+    with PageFeed(scene_json(scene)) as feed:
+        if first is not None:
+            feed.show(first)
+        browser.go(feed.url)
+        browser.until(DRAWN)
+        yield feed
+        browser.go("about:blank")  # before the page ends, which it would report
+
+
+def at(browser: Browser, t_s: float) -> None:
+    """Show a time, and wait until it is drawn, in the table as well."""
+    browser.value(f"skein.seek({t_s}), skein.tableMs = undefined")
+    browser.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def cell(browser: Browser, sysid: int, column: str) -> str:
+    """A cell of the table of vehicles."""
+    names = browser.value("[...document.querySelectorAll('th')].map((one) => one.innerText)")
+    number = next(n for n, name in enumerate(names) if name.startswith(column))
+    found: str = browser.value(f"skein.table.rows.get({sysid}).cells[{number}].textContent")
+    return found
+
+
+def off_m(browser: Browser, places: Any, sysids: tuple[int, ...]) -> float:
+    """How far markers stand from places (V, 3) at most; a marker that is missing is infinitely far."""
+    drawn = [browser.value(f"skein.world.placeOf({sysid})") or [np.inf] * 3 for sysid in sysids]
+    return float(np.linalg.norm(np.array(drawn) - places, axis=1).max())
+
+
+def test_a_plan_is_drawn_where_it_flies_at_every_time(plan: Plan, shown: Browser, tmp_path: Path) -> None:
+    with page_of(scene_of_plan(plan), shown):
+        for t_s in (plan.t_start_s, -10.0, 0.0, 33.3, 130.0, plan.landing_s, plan.t_end_s - 0.01):
+            at(shown, t_s)
+            assert off_m(shown, plan.states(np.array([t_s]))[:, 0, POSITION], plan.sysids) < 0.1
+        at(shown, 130.0)
+        separation = shown.value("skein.curves.words(skein.curves.lines[1], 130).text")
+        assert separation.startswith(f"least separation: {plan.separations_m(np.array([130.0]))[0]:.2f} m (vehicles ")
+        speed_mps = np.linalg.norm(plan.named_states(np.array([130.0])).velocity_ned_mps[0, 0])
+        assert float(cell(shown, plan.sysids[0], "speed")) == pytest.approx(speed_mps, abs=0.06)
+        shown.picture(tmp_path / "plan.png")
+        space = plt.imread(io.BytesIO((tmp_path / "plan.png").read_bytes()))[100:450, 50:700, :3]
+        assert len(np.unique((255 * space).astype(int).reshape(-1, 3), axis=0)) > 50, "no blank ground"
+
+
+def test_a_replay_is_played_dragged_and_sought_by_its_events(plan: Plan, shown: Browser) -> None:
+    recording = recording_of(plan)
+    with page_of(scene_of_recording(recording, 0.0, 79.5), shown):
+        shown.value("[...document.querySelectorAll('li button')].at(-1).click()")
+        assert shown.value("skein.t") == 40.0 and "told to land" in shown.value("skein.log.list.innerText")
+        at(shown, 40.0)
+        assert off_m(shown, recording.at(np.array([40.0]))[0][:, 0], plan.sysids) < 0.1
+        for _ in range(2):  # the second turns the order round
+            shown.value("skein.table.heads.find((one) => one.innerText.startsWith('error')).firstChild.click()")
+        assert shown.value("document.querySelector('tbody td').innerText") == "3", "the vehicle that is off comes first"
+        assert float(cell(shown, 3, "error")) == pytest.approx(2.0, abs=0.1)
+        at(shown, 25.0)
+        assert shown.value("skein.world.placeOf(2)") is None, "a silent vehicle has no place"
+        assert cell(shown, 2, "heard").startswith("! ")
+        frames = shown.value("skein.world.renderer.info.render.frame")
+        shown.value("new Promise((done) => setTimeout(done, 1000))")
+        assert shown.value("skein.world.renderer.info.render.frame") <= frames + 1, (
+            "nothing has changed, nothing is drawn"
+        )
+        shown.press("Home")
+        shown.press("]")
+        shown.press(" ")
+        assert shown.until("skein.t > 2.5 && skein.rate === 2")
+        shown.press(" ")
+        t_s = shown.value("skein.t")
+        shown.press("ArrowLeft")
+        assert shown.value("skein.t") == pytest.approx(t_s - 1.0)
+        box = shown.value("(({ left, top, width }) => [left, top, width])(skein.curves.canvas.getBoundingClientRect())")
+        for kind in ("mousePressed", "mouseReleased"):
+            place = {"x": box[0] + 0.5 * box[2], "y": box[1] + 80, "button": "left", "clickCount": 1}
+            shown.call("Input.dispatchMouseEvent", type=kind, **place)
+        assert shown.value("skein.t") == pytest.approx(40.0, abs=2.0)
+
+
+def test_a_silent_flight_under_way_shows_its_newest_picture_and_its_events(plan: Plan, shown: Browser) -> None:
+    places = plan.states(np.array([50.0]))[:, 0, POSITION] + (0.0, 3.0, 0.0)
+
+    def picture(t_s: float, aside_m: float) -> bytes:
+        vehicles = tuple(
+            VehiclePicture(
+                sysid,
+                (float(north), float(east) + aside_m, float(down)),
+                *(0.5, 7.0, "GUIDED", True, 63.0, 0.1, 0.02, 3.0, 20.0, plan.sysids[row - 1], 5.0),
+            )
+            for row, (sysid, (north, east, down)) in enumerate(zip(plan.sysids, places, strict=True))
+        )
+        return picture_json(FlightPicture(t_s, "flying: mission", vehicles, 5.0, (1, 2), 0.4))
+
+    with page_of(scene_of_plan(plan, SceneKind.FLIGHT), shown, picture(49.0, -1.0)) as feed:
+        feed.tell(event_json(Happening(49.5, 3, "is told to hold", is_bad=True)))
+        feed.show(picture(50.0, 0.0))
+        shown.until("skein.t === 50 && skein.log.lines.length === 1")
+        assert off_m(shown, places, plan.sysids) < 0.1
+        assert shown.until("skein.table.rows.get(3).row.innerText.includes('GUIDED')")
+        assert "flying: mission" in shown.until("document.querySelector('.now').innerText")
+        words = shown.value("skein.curves.lines.map((curve) => skein.curves.words(curve, 50).text)")
+        assert "least separation: 5.00 m (vehicles 1, 2)" in words and "formation error: 0.40 m" in words
+        at(shown, 49.0)
+        assert off_m(shown, places - (0.0, 1.0, 0.0), plan.sysids) < 0.1, "the past can be looked at"
+        feed.show(picture(51.0, 1.0))
+        shown.until("skein.scene.newest.t_s === 51")
+        assert shown.value("skein.t") == 49.0, "and stays until you ask for now"
+        shown.value("document.querySelector('.live').click()")
+        shown.until("skein.t === 51")
