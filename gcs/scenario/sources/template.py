@@ -306,9 +306,10 @@ def possible_scenario(text: str) -> Scenario:
         except ScenarioError as mistakes:
             text = f"such a flight is not possible: {mistakes.reason}"
             raise ImpossibleFlight(text, hint="give other numbers", reason=mistakes.reason) from None
-    places = offsets_ned_m(scenario)
-    size_m, apart_m = vehicle_size_m(scenario.vehicle), float(KDTree(places).query(places, k=2)[0][:, 1].min())
-    if apart_m < size_m:  # infinite for a single vehicle
-        message = f"such a flight is not possible: vehicles of {size_m:.2f} m would be {apart_m:g} m apart"
-        raise UsageError(message, hint="give a greater --spacing")
+    places, size_m = offsets_ned_m(scenario), vehicle_size_m(scenario.vehicle)
+    for points, where in ((places, "be"), (places[:, :2], "take off")):
+        apart_m = float(KDTree(points).query(points, k=2)[0][:, 1].min())  # infinite for a single vehicle
+        if apart_m < size_m:
+            message = f"such a flight is not possible: vehicles of {size_m:.2f} m would {where} {apart_m:.3g} m apart"
+            raise UsageError(message, hint="give a greater --spacing")
     return scenario

@@ -89,6 +89,7 @@ def test_short_and_full_are_the_same_flight(capsys: pytest.CaptureFixture[str]) 
         ("--spacing 0", "--spacing 0: not from 0.1 to 1000 m"),
         ("--count 0", "--count 0: not from 1 to 10000"),
         ("--spacing 0.1 --count 2", "such a flight is not possible"),
+        ("--shape sphere --count 30 --spacing 4 --height 60", "vehicles of 0.75 m would take off 0.677 m apart"),
     ],
 )
 def test_what_is_no_flight_writes_nothing(options: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
