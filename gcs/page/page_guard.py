@@ -50,7 +50,7 @@ class PageGuard:
     def _host(self, scope: Any) -> str | None:
         """The host that is asked for, if it is this one and the request comes from the page or from no page at all."""
         hosts, origins = (_all(scope["headers"], name) for name in (b"host", b"origin"))
-        if len(hosts) != 1 or hosts[0] not in self._hosts or len(origins) > 1:
+        if len(hosts) != 1 or hosts[0] not in self._hosts:
             return None
         from_the_page = origins == [f"http://{hosts[0]}"]
         needs_none = scope["type"] == "http" and scope["method"] in ("GET", "HEAD") and not origins

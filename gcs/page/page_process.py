@@ -21,6 +21,7 @@ from gcs.page.page_guard import PageGuard
 from gcs.page.page_state import PageState, in_thread, read_state
 
 _STEP_S = 0.1  # between pictures at least
+_BUSY_S = 60.0  # a browser that reads a large scene answers nothing meanwhile; after that its page is begun anew
 _ADDRESS = "127.0.0.1"
 
 
@@ -79,7 +80,15 @@ def application(state: PageState) -> FastAPI:
         ui.query(".nicegui-content").style("padding: 0; gap: 0")
         FormationView(readers.drawn)
 
-    ui.run_with(app, root=page, title="Skein", dark=None, gzip_middleware_factory=None, show_welcome_message=False)
+    ui.run_with(
+        app,
+        root=page,
+        title="Skein",
+        dark=None,
+        reconnect_timeout=_BUSY_S,
+        gzip_middleware_factory=None,  # all is on one machine
+        show_welcome_message=False,
+    )
     return app
 
 

@@ -29,7 +29,7 @@ const PAGE = `
   <p class="notes"></p>
   <main>
     <section class="space" aria-label="scene in space"></section>
-    <aside><div class="table"></div><div class="events"><h2>Events</h2></div></aside>
+    <aside><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
   </main>
   <footer>
     <div class="player">
@@ -78,7 +78,7 @@ class Page {
     this.find(".live").hidden = !scene.isLive;
     this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
     this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
-    this.table = new VehicleTable(this.find(".table"), scene, (sysid) => this.look(`${sysid}`));
+    this.table = new VehicleTable(this.find(".fleet"), scene, (sysid) => this.look(`${sysid}`));
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
     this.listen();
     this.setDark(window.matchMedia("(prefers-color-scheme: dark)").matches);

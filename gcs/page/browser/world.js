@@ -5,8 +5,8 @@ import { colourOf } from "./colours.js";
 
 const MARKER_PX = 11; // half the length of a marker
 const LABELS = 60; // vehicles with a number beside them, at most
-const LABEL_PX = 15; // nearer labels are joined
-const NAMED = 8; // numbers in one label, at most
+const LABEL_PX = 17; // of a number; labels that would cover each other are joined
+const NAMED = 6; // numbers in one label, at most
 const FIELD_DEG = 45;
 const LIGHTS = { true: [0.7, 1.1], false: [1.6, 2.2] }; // all around and from the sun; in the dark less
 const HIGH = 0.25; // of the longer side of the ground: how high zones are, at least
@@ -364,7 +364,10 @@ export class World {
       name.style.display = "none";
       if (!seen || Math.abs(seen.x) > 1 || Math.abs(seen.y) > 1 || Math.abs(seen.z) > 1) continue;
       const at = [((seen.x + 1) * this.width) / 2 + 9, ((1 - seen.y) * this.height) / 2 - 20];
-      const beside = shown.find((other) => Math.hypot(at[0] - other.at[0], at[1] - other.at[1]) < LABEL_PX);
+      const beside = shown.find((other) => {
+        const [right, down] = [at[0] - other.at[0], at[1] - other.at[1]];
+        return Math.abs(down) < LABEL_PX && right > -LABEL_PX && right < LABEL_PX * Math.min(other.numbers.length, NAMED + 1);
+      });
       const group = beside ?? { name, at, numbers: [], isBad: false };
       if (!beside) shown.push(group);
       group.numbers.push(one.sysid === this.scene.leader ? `${one.sysid}★` : `${one.sysid}`);

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 
+from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.scene.plan_scene import scene_of_plan
 from gcs.flight.scene.recording_scene import scene_of_recording
 from gcs.flight.scene.scene_json import event_json, picture_json, scene_json
@@ -158,3 +159,21 @@ def test_a_silent_flight_under_way_shows_its_newest_picture_and_its_events(plan:
         assert shown.value("skein.t") == 49.0, "and stays until you ask for now"
         shown.value("document.querySelector('.live').click()")
         shown.until("skein.t === 51")
+
+
+def test_a_thousand_vehicles_leave_the_page_in_its_window(shown: Browser) -> None:
+    t_s = np.arange(0.0, 60.0)
+    tracks = []
+    for number in range(1000):
+        place = np.stack([5.0 * (number % 32) + t_s, np.full(60, 5.0 * (number // 32)), np.full(60, -20.0)], axis=1)
+        none = np.zeros(60, dtype=np.int64)
+        tracks.append(VehicleTrack(number + 1, 3, t_s, place, np.gradient(place, axis=0), none == 0, none, none))
+    recording = Recording("thousand", tuple(tracks), (), (), None)
+    with page_of(scene_of_recording(recording, 0.0, 59.0), shown):
+        at(shown, 30.0)
+        assert shown.value("skein.world.placeOf(1000)") == pytest.approx([5.0 * 7 + 30.0, 5.0 * 31, -20.0], abs=0.1)
+        bottoms = (
+            "['.fleet', '.space', 'footer'].map((one) => document.querySelector(one).getBoundingClientRect().bottom)"
+        )
+        fleet, space, footer = shown.value(bottoms)
+        assert fleet <= space + 1 <= footer <= 901
