@@ -158,7 +158,7 @@ def _batches(vehicles: int) -> Iterator[slice]:
 # The values of each content. `mission_files` makes, verifies and writes missions.
 _VALUES: dict[Content, Callable[[_Material], _Values]] = {
     Content.FENCE: lambda m: ((name, m.safety.fence.geofence) for name in m.by_stem),
-    Content.RALLY: lambda m: ((name, list(each)) for name, each in zip(m.by_stem, m.safety.rally, strict=True)),
+    Content.RALLY: lambda m: ((name, list(each)) for name, each in zip(m.by_stem, m.safety.rally, strict=True) if each),
     Content.PARAMETERS: _parameters,
     Content.SETPOINTS: _setpoints,
     Content.HISTORY: _histories,

@@ -107,6 +107,7 @@ def _worst(worst: WorstReturn) -> dict[str, object]:
 def _returns(safety: Safety) -> dict[str, object]:
     returns = safety.returns
     return {
+        "refused": returns.why_none or None,
         "step_m": returns.step_m,
         "ground_max_m": returns.ground_max_m,
         "top_m": returns.top_m,
