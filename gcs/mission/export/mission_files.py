@@ -18,7 +18,7 @@ from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing, predicted
 from gcs.mission.returns.fence_rally import Safety
 from gcs.mission.waypoints.arrival_times import climb_s, corrected_legs
-from gcs.mission.waypoints.mission_items import build_missions, starting_at, timed_legs
+from gcs.mission.waypoints.mission_items import TooManyItems, build_missions, starting_at, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
@@ -155,7 +155,10 @@ class MissionOrder:
 
 @dataclass(frozen=True)
 class MadeMissions:
-    """Missions, their legs by autopilot, their files by name, and the result of their check."""
+    """Missions, their legs by autopilot, their files by name, and the result of their check.
+
+    Missions with a `refusal` are not written; their report and their timing say what was found.
+    """
 
     legs: dict[Autopilot, TimedLegs]
     missions: tuple[VehicleMission, ...]
@@ -168,9 +171,9 @@ class MadeMissions:
 def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequence[Format]) -> MadeMissions:
     """The verified missions of a plan, in those formats that hold missions.
 
-    Raises `ScenarioError` if the autopilot cannot store them, and `NotWritten` if missions at the plan's own speeds
-    fail verification. Missions at corrected speeds return a `refusal` instead. Landings at the autopilots' own speeds
-    are verified for streams too: they raise `VerificationError`.
+    Missions that no autopilot model can time, that an autopilot cannot store or that fail verification have a `refusal`
+    and no files. Landings at the autopilots' own speeds are verified for streams too: they raise `VerificationError`.
+    Raises `ScenarioError` for gates that do not fit, and for altitudes that an autopilot refuses.
     """
     altitude = order.altitude
     autopilots = one_each(order.firmware, len(plan.sysids))
@@ -178,11 +181,17 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     refuse_close_landing(plan, autopilots, parameters)
     formats = [row for row in formats if row.content is Content.MISSION]
     corrected = order.corrected and bool(formats) and plan.begin_state is None
-    if corrected:
-        legs = {known: corrected_legs(plan, known, order.gates) for known in dict.fromkeys(autopilots)}
-    else:
-        legs = dict.fromkeys(autopilots, timed_legs(plan))
-    missions = build_missions(plan, legs, firmware=autopilots, altitude=altitude)
+    legs: dict[Autopilot, TimedLegs] = {}
+    try:
+        if corrected:
+            legs = {known: corrected_legs(plan, known, order.gates) for known in dict.fromkeys(autopilots)}
+        else:
+            legs = dict.fromkeys(autopilots, timed_legs(plan))
+        missions = build_missions(plan, legs, firmware=autopilots, altitude=altitude)
+    except (VerificationError, TooManyItems) as reason:
+        # What cannot be a mission may still be flown as a stream.
+        refusal = NotWritten(reason.message, hint=reason.hint) if formats else None
+        return MadeMissions(legs or dict.fromkeys(autopilots, timed_legs(plan)), (), {}, None, None, refusal)
     if plan.begin_state is not None:
         return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if formats else None)
     if order.start_s is not None:
@@ -208,9 +217,7 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
             refuse_close_landing(plan, autopilots, parameters, timing.may_differ_s)
     except VerificationError as reason:
         refusal = NotWritten(reason.message, hint=reason.hint)
-        if timing is None:
-            raise refusal from reason
-        return MadeMissions(legs, missions, {}, None, timing, refusal)
+        return MadeMissions(legs, missions, {}, report, timing, refusal)
     return MadeMissions(legs, missions, files, report, timing)
 
 

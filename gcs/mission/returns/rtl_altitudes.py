@@ -52,6 +52,7 @@ NO_RETURNS = (
     "no vehicle is given a return (RTL altitude, rally points): set the vehicles' own failsafe actions to land, and do "
     "not command RTL"
 )
+LAND_INSTEAD = "do not have the ground station return all vehicles: order them to land"
 BETTER_M = 0.05  # of the least distance: a slower return that gains less is not taken
 KEPT_M = 5e-4  # a length that misses its limit by less keeps it: a plan may lie on the limit, but for its last bits
 _LEVEL_M = 0.02  # so much above its return altitude a vehicle returns at its own height
@@ -286,17 +287,21 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
 
 
 def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
-    """Warnings: no returns, for want of separation; returns above the plan's ceiling, or through no-fly zones."""
-    required_m = judged_separation_m(plan.scenario)
+    """Warnings: returns for want of separation, with its figures, and those of `place_warnings`."""
+    required_m, routed = judged_separation_m(plan.scenario), returns.routed
     if not returns.separated:
         yield f"{returns.why_none}; {NO_RETURNS}"
+    if routed is not None and routed.distance_m < required_m:
+        yield f"if the ground station returns all vehicles at {routed.in_words(required_m)}; {LAND_INSTEAD}"
+    yield from place_warnings(plan, returns, firmware)
+
+
+def place_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
+    """Warnings: returns above the plan's ceiling, without a way, or through no-fly zones."""
     ceiling_m = plan.scenario.limits.height_m[1]
     if returns.separated and returns.top_m > ceiling_m:
         above = f"above the plan's ceiling of {ceiling_m:g} m"
         yield f"returns reach {returns.top_m:.1f} m, {above}; check that the airspace allows it"
-    routed = returns.routed
-    if routed is not None and routed.distance_m < required_m:
-        yield f"if the ground station returns all vehicles at {routed.in_words(required_m)}; land them instead"
     for gap in returns.no_way:
         yield (
             f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} cannot return outside all no-fly zones "

@@ -45,6 +45,10 @@ _SURE_DECIMALS = 6  # m: heights in metres and millimetres stay on the same side
 _DAY_S = 86400
 
 
+class TooManyItems(ScenarioError):
+    """An autopilot cannot store a mission."""
+
+
 def timed_legs(plan: Plan) -> TimedLegs:
     """The times of the waypoints of all vehicles, for an autopilot that keeps the commanded speeds exactly.
 
@@ -84,8 +88,8 @@ def build_missions(
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
     Missions are for `firmware`, or else for the scenario's autopilots. `legs` may differ between autopilots. Relative
-    altitudes count from the vehicle's own home, the ground under its pad. Raises `ScenarioError` for more items than an
-    autopilot stores, and for altitudes that it refuses.
+    altitudes count from the vehicle's own home, the ground under its pad. Raises `TooManyItems` for more items than an
+    autopilot stores, and `ScenarioError` for altitudes that it refuses.
     """
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     for known in set(autopilots):
@@ -99,7 +103,7 @@ def build_missions(
         count, most = known.home_is_item_0 + len(mission.items), known.traits.missions.items_max
         if count > most:
             text = f"A mission has {count} items; {known.title} stores at most {most}."
-            raise ScenarioError(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
+            raise TooManyItems(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
     return missions
 
 
