@@ -97,7 +97,7 @@ def _of_missions(plan: Plan, autopilots: Sequence[Autopilot], made: MadeMissions
         yield Separation(f"missions, {how}", distance_m, proved, required_m, sysids, t_s, given)
     near = None if made.timing is None else made.timing.nearest
     if near is not None:
-        what = f"missions, one {near.apart_s:.3g} s early or late"
+        what = f"their legs, one {near.apart_s:.3g} s off"
         yield Separation(what, near.distance_m, False, required_m, near.sysids, near.t_s, given)
 
 

@@ -71,7 +71,7 @@ def test_separations_are_said_once_before_anything_is_written(
     rows = [float(row) for row in re.findall(r"│ +(\d+\.\d+) m +│ +(?:proved|seen)", table)]
     assert len(rows) == 5  # plan, missions by the model and out of time, both kinds of returns
     assert "│ ok" in table
-    assert "too near" not in table
+    assert "left out" not in table
     (least_m,) = re.findall(r"nearest of all: (\d+\.\d+) m, vehicles 1 and 2 at -?\d", table)
     assert float(least_m) == min(rows)
     assert "apart" not in files + told
