@@ -185,9 +185,13 @@ class ReturnBehaviour:
     at_fence: str  # what it does where its return meets an exclusion of its fence, in words: "it ..."
     table: ReturnTable
 
-    def parameters(self, wanted: ReturnSettings) -> ReturnParameters:
-        """Return the parameters with which a vehicle returns in this way."""
-        return tuple((name, value(wanted)) for name, (_, value) in self.table.items())
+    def parameters(self, wanted: ReturnSettings, *, returns: bool = True) -> ReturnParameters:
+        """Return the parameters with which a vehicle returns in this way.
+
+        Without `returns` they are those of its speeds and its fence alone: what only a return uses is `RTL_...`.
+        """
+        names = [name for name in self.table if returns or not name.startswith("RTL_")]
+        return tuple((name, self.table[name][1](wanted)) for name in names)
 
 
 @dataclass(frozen=True)

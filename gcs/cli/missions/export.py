@@ -17,7 +17,10 @@ from gcs.errors import NotWritten, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gcs.mission.export.index import ExportIndex
+    from gcs.mission.export.separations import Separation
     from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import Scenario
 
@@ -98,7 +101,7 @@ def export(
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
-    from gcs.mission.export.export import export as write
+    from gcs.mission.export.export import prepared
     from gcs.mission.export.mission_files import MissionOrder
     from gcs.mission.model import Altitude
     from gcs.scenario.values.si import autopilots
@@ -117,9 +120,8 @@ def export(
     watch.lap("start")
     plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True, refuse=refuse)
     with shown(screen.say):
-        index = write(
+        ready = prepared(
             plan,
-            to,
             formats=wanted,
             firmware=firmware,
             altitude=Altitude(altitude),
@@ -129,20 +131,23 @@ def export(
             start_s=start_s,
             report=report,
         )
+    _say_separations(screen, ready.separations)
+    index = ready.write(to)
     watch.lap("export")
     for name in index.sha256:
         screen.say(f"  {to / name}")
-    screen.say(
-        f"{index.waypoints} waypoints per vehicle; the polyline is at most {index.deviation.path_m:.3f} m from the "
-        f"plan, and at most {index.deviation.time_m:.3f} m at equal time"
-    )
+    if index.report is not None:
+        screen.say(
+            f"{index.waypoints} waypoints per vehicle; the polyline is at most {index.deviation.path_m:.3f} m from the "
+            f"plan, and at most {index.deviation.time_m:.3f} m at equal time"
+        )
     if index.smoothing is not None:
         screen.say(
             f"smoothed setpoints keep the plan's limits within 1 %: at most {index.smoothing.deviation_m:.3f} m and "
             f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
             f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
         )
-    _say_verified(screen, index, plan)
+    _say_verified(screen, index)
     _say_timing(screen, index)
     _say_returns(screen, index, plan)
     screen.say(f"time: {watch}")
@@ -155,6 +160,7 @@ def export(
             "altitude": index.altitude,
             "waypoints": index.waypoints,
             "timing": None if index.timing is None else index.timing.data(),
+            "separations": [row.data() for row in index.separations],
             "ok": not index.refused,
             "refused": index.refused or None,
             "findings": [] if index.report is None else [f.data() for f in index.report.findings],
@@ -174,7 +180,26 @@ def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:
     return NotWritten(f"{written}: {index.refused}", hint=hint)
 
 
-def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
+def _say_separations(screen: Screen, rows: Sequence[Separation]) -> None:
+    """One table, and the least of what the export has: nothing else that an export says is about separations."""
+    from gcs.mission.export.separations import GROUND_RETURNS, least
+
+    if not rows:
+        return
+    table = Table("separation", "least", "", "required", "vehicles", "when", "")
+    for row in rows:
+        first, second = row.sysids
+        verdict = "left out" if not row.given and row.what != GROUND_RETURNS else "ok" if row.kept else "too near"
+        sure, required = "proved" if row.proved else "seen", f"{row.required_m:g} m"
+        table.add_row(row.what, row.figure, sure, required, f"{first}, {second}", f"{row.t_s:.1f} s", verdict)
+    screen.show(table)
+    worst = least(rows)
+    if worst is not None:
+        first, second = worst.sysids
+        screen.say(f"nearest of all: {worst.figure}, vehicles {first} and {second} at {worst.t_s:.1f} s ({worst.what})")
+
+
+def _say_verified(screen: Screen, index: ExportIndex) -> None:
     from gcs.mission.machine_independent import rounded_down
 
     report = index.report
@@ -184,10 +209,6 @@ def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     text = f"missions, read back and computed {how}"
     if report.clearance_proved_m is not None:
         text += f": at least {rounded_down(report.clearance_proved_m, 3):.3f} m above ground, proved"
-    if report.closest is not None:
-        first, second = (plan.sysids[row] for row in report.closest.pair)
-        apart_m = rounded_down(report.closest.proved_m, 3)
-        text += f"; all vehicles at least {apart_m:.3f} m apart, proved (nearest: {first} and {second})"
     screen.say(text)
 
 
@@ -206,36 +227,24 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
     screen.show(table)
     if len(timing.vehicles) > _SHOWN:
         screen.say(f"  and {len(timing.vehicles) - _SHOWN} more; largest delay {timing.late_s:+.2f} s")
-    near = timing.nearest
-    if near is not None:
-        first, second = near.sysids
-        screen.say(
-            f"vehicles {first} and {second} come within {near.distance_m:.2f} m at {near.t_s:.1f} s if one is "
-            f"{near.apart_s:.3g} s early"
-        )
     screen.say(spread_in_words(timing.may_differ_s, index.autopilots))
     for number, early_s in enumerate(timing.gates_early_s, start=1):
         screen.say(f"gate {number}: all vehicles arrive {early_s:.1f} s before it opens")
 
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    from gcs.mission.machine_independent import rounded_down
-    from gcs.mission.returns.rtl_altitudes import return_warnings
+    from gcs.mission.export.separations import GROUND_RETURNS
+    from gcs.mission.returns.rtl_altitudes import LAND_INSTEAD, NO_RETURNS, place_warnings
 
     returns = index.safety.returns
     low, high = min(returns.altitudes_m), max(returns.altitudes_m)
-    screen.say(f"return altitudes: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
-    worst = returns.worst
-    if worst is not None:
-        first, second = worst.sysids
-        proved = ""
-        if worst.proved_m is not None:
-            proved = f"; at least {rounded_down(worst.proved_m, 3):.3f} m, whenever it begins, proved"
-        screen.say(
-            f"  if all return at any time: at least {worst.distance_m:.2f} m apart (vehicles {first} and {second}, "
-            f"return to {worst.ends.words} at {worst.t_s:.1f} s){proved}"
-        )
-    for text in return_warnings(plan, returns, index.autopilots):
+    if returns.separated:
+        screen.say(f"return altitudes: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
+    else:
+        screen.warn(NO_RETURNS)
+    if any(row.what == GROUND_RETURNS and not row.given for row in index.separations):
+        screen.warn(LAND_INSTEAD)
+    for text in place_warnings(plan, returns, index.autopilots):
         screen.warn(text)
 
 

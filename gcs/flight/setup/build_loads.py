@@ -4,14 +4,14 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
-from gcs.errors import GcsError, PeerError, UsageError
+from gcs.errors import GcsError, NotWritten, PeerError, UsageError
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.export import export
 from gcs.mission.export.index import ExportIndex
-from gcs.mission.export.mission_files import MissionOrder, make_missions
-from gcs.mission.formats.registry import DEFAULT, select_formats
+from gcs.mission.export.mission_files import STREAM_INSTEAD, MissionOrder, make_missions
+from gcs.mission.formats.registry import select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.mission.predicted.arrival_spread import spread_in_words
@@ -158,11 +158,11 @@ def export_for_flight(
     other.
     """
     if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL):
-        return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
+        return _fit(export(plan, folder, timed=False, report=report), plan), NavigatorChoice.IDEAL
     say("timing the missions by the model of their autopilot, for all answers that it may give")
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
     if not keeping.emulated or keeping.navigator is NavigatorChoice.OWN:
-        index = export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report)
+        index = _fit(export(plan, folder, gates=keeping.gates, start_s=start_s, report=report), plan)
         _say_spread(index.timing, index.autopilots, say)
         return index, NavigatorChoice.OWN
     index = export(plan, folder, gates=keeping.gates, start_s=start_s, report=report)
@@ -171,7 +171,14 @@ def export_for_flight(
         _say_spread(index.timing, index.autopilots, say)
         return index, NavigatorChoice.OWN
     say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {reason}")
-    return export(plan, folder, timed=False, report=report), NavigatorChoice.IDEAL
+    return _fit(export(plan, folder, timed=False, report=report), plan), NavigatorChoice.IDEAL
+
+
+def _fit(index: ExportIndex, plan: Plan) -> ExportIndex:
+    """The index of an export with missions; a plan that begins in the air has none. Raises `NotWritten` without."""
+    if index.refused and plan.begin_state is None:
+        raise NotWritten(index.refused, hint=STREAM_INSTEAD)
+    return index
 
 
 def _say_spread(timing: Timing | None, autopilots: Iterable[Autopilot], say: Callable[[str], None]) -> None:

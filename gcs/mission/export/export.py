@@ -12,10 +12,11 @@ from pathlib import Path
 
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
-from gcs.mission.export.atomic_folder import replaced
+from gcs.mission.export.atomic_folder import refuse_foreign, replaced
 from gcs.mission.export.bspline_smoothing import SmoothPath, smoothed
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
-from gcs.mission.export.mission_files import MissionOrder, make_missions
+from gcs.mission.export.mission_files import MadeMissions, MissionOrder, make_missions
+from gcs.mission.export.separations import Separation, separations
 from gcs.mission.export.setpoint_stream import build_stream, of_vehicle
 from gcs.mission.formats.maps.tracks import build_map
 from gcs.mission.formats.param import ParameterFile
@@ -54,56 +55,103 @@ def export(
     (UTC, s) at which all vehicles leave the hover; `gates` need it. The plan is verified first, unless you pass the
     `report` of `gcs.verify`, with which a failed plan is written too.
 
-    Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates, and OSError
-    as the file system does. Raises `VerificationError` if the plan, the missions as written or the smoothed path
-    violate a limit, or if an autopilot cannot store the missions. Where other files are written too, such missions are
-    left out instead, and the index says why.
+    Missions that are not fit to fly are left out, and the index says why; `NotWritten` is raised if nothing else was
+    asked for. Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates.
+    Raises `ScenarioError` for altitudes and gates that cannot be, and OSError as the file system does. Raises
+    `VerificationError` if the plan, its landing or the smoothed path violate a limit.
     """
+    refuse_foreign(Path(folder).resolve())
+    return prepared(
+        plan,
+        formats=formats,
+        firmware=firmware,
+        altitude=altitude,
+        setpoint_rate_hz=setpoint_rate_hz,
+        smooth_m=smooth_m,
+        timed=timed,
+        gates=gates,
+        start_s=start_s,
+        report=report,
+    ).write(folder)
+
+
+def prepared(
+    plan: Plan,
+    *,
+    formats: Iterable[str | Format] | None = None,
+    firmware: FleetFirmware | None = None,
+    altitude: Altitude = Altitude.RELATIVE,
+    setpoint_rate_hz: float | None = None,
+    smooth_m: float | None = None,
+    timed: bool = True,
+    gates: int = 0,
+    start_s: int | None = None,
+    report: Report | None = None,
+) -> PreparedExport:
+    """What `export` would write, with its separations, before anything is written. Arguments and errors are its own."""
     wanted = DEFAULT if formats is None else select_formats(formats)
     if not isinstance(report, Report):  # the stored verdict of a file is none
-        found = verify(plan)
-        if not found.ok:
-            raise refusal(found)
+        report = verify(plan)
+        if not report.ok:
+            raise refusal(report)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     order = MissionOrder(autopilots, altitude, timed, gates, start_s)
     order.refuse_impossible()
-    with replaced(Path(folder)) as files:
-        safety = build_safety(plan, autopilots)
-        path = None if smooth_m is None else smoothed(plan, smooth_m)
-        made = make_missions(plan, order, safety, wanted)
-        if made.refusal is not None and all(row.content is Content.MISSION for row in wanted):
-            raise made.refusal
-        for name, text in made.files.items():
-            files.write(name, text)
-        material = _Material(plan, autopilots, safety, rate_hz, path)
-        for content, values in _VALUES.items():
-            rows = [row for row in wanted if row.content is content]
-            for stem, value in values(material) if rows else ():
-                for row in rows:
-                    files.write(row.file_name(stem, material.by_stem.get(stem, autopilots[0])), row.write(value))
-        index = ExportIndex(
-            plan.scenario.name,
-            plan.hash,
-            autopilots,
-            altitude,
-            rate_hz,
-            max(len(legs.t_s) for legs in made.legs.values()),
-            max(len(m.items) for m in made.missions),
-            Deviation(
-                max(legs.error.path_m for legs in made.legs.values()),
-                max(legs.error.time_m for legs in made.legs.values()),
-            ),
-            dict(sorted(files.sha256.items())),
-            safety,
-            made.report,
-            None if path is None else _smoothing(path),
-            made.timing,
-            "" if made.refusal is None else made.refusal.message,
-            made.missions,
-        )
-        files.write_index(index_document(index, plan))
-    return index
+    safety = build_safety(plan, autopilots)
+    path = None if smooth_m is None else smoothed(plan, smooth_m)
+    made = make_missions(plan, order, safety, wanted)
+    if made.refusal is not None and all(row.content is Content.MISSION for row in wanted):
+        raise made.refusal
+    rows = separations(plan, report, autopilots, made, safety.returns)
+    return PreparedExport(wanted, altitude, _Material(plan, autopilots, safety, rate_hz, path), made, rows)
+
+
+@dataclass(frozen=True)
+class PreparedExport:
+    """An export that is verified and not yet written."""
+
+    wanted: tuple[Format, ...]
+    altitude: Altitude
+    material: _Material
+    made: MadeMissions
+    separations: tuple[Separation, ...]
+
+    def write(self, folder: Path | str) -> ExportIndex:
+        """Write the files and their index. Raises `UsageError` for a folder of other files, and OSError."""
+        material, made = self.material, self.made
+        with replaced(Path(folder)) as files:
+            for name, text in made.files.items():
+                files.write(name, text)
+            for content, values in _VALUES.items():
+                rows = [row for row in self.wanted if row.content is content]
+                for stem, value in values(material) if rows else ():
+                    firmware = material.by_stem.get(stem, material.autopilots[0])
+                    for row in rows:
+                        files.write(row.file_name(stem, firmware), row.write(value))
+            index = ExportIndex(
+                material.plan.scenario.name,
+                material.plan.hash,
+                material.autopilots,
+                self.altitude,
+                material.rate_hz,
+                max(len(legs.t_s) for legs in made.legs.values()),
+                max((len(m.items) for m in made.missions), default=0),
+                Deviation(
+                    max(legs.error.path_m for legs in made.legs.values()),
+                    max(legs.error.time_m for legs in made.legs.values()),
+                ),
+                dict(sorted(files.sha256.items())),
+                material.safety,
+                None if made.refusal is not None else made.report,
+                None if material.path is None else _smoothing(material.path),
+                made.timing,
+                "" if made.refusal is None else made.refusal.message,
+                made.missions,
+                self.separations,
+            )
+            files.write_index(index_document(index, material.plan))
+        return index
 
 
 def _smoothing(path: SmoothPath) -> Smoothing:
@@ -158,7 +206,7 @@ def _batches(vehicles: int) -> Iterator[slice]:
 # The values of each content. `mission_files` makes, verifies and writes missions.
 _VALUES: dict[Content, Callable[[_Material], _Values]] = {
     Content.FENCE: lambda m: ((name, m.safety.fence.geofence) for name in m.by_stem),
-    Content.RALLY: lambda m: ((name, list(each)) for name, each in zip(m.by_stem, m.safety.rally, strict=True)),
+    Content.RALLY: lambda m: ((name, list(each)) for name, each in zip(m.by_stem, m.safety.rally, strict=True) if each),
     Content.PARAMETERS: _parameters,
     Content.SETPOINTS: _setpoints,
     Content.HISTORY: _histories,

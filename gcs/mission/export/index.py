@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
+from gcs.mission.export.separations import Separation
 from gcs.mission.machine_independent import rounded, rounded_down
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
@@ -47,6 +48,7 @@ class ExportIndex:
     timing: Timing | None = None  # of missions whose speeds are corrected for their autopilot
     refused: str = ""  # why the missions of the default formats are left out
     missions: tuple[VehicleMission, ...] = field(default=(), repr=False)
+    separations: tuple[Separation, ...] = ()
 
     def firmware_data(self, sysids: Sequence[int]) -> str | dict[str, str]:
         """The autopilot of all vehicles, or that of each by system id, for index.json and `--json`."""
@@ -71,6 +73,7 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, object]:
         "verified": None if index.report is None else rounded(_verified(index, index.report, plan)),
         "timing": None if index.timing is None else rounded(index.timing.data()),
         "refused": index.refused or None,
+        "separations": rounded([row.data() for row in index.separations]),
         "fence": {
             "inclusion_margin_m": INCLUSION_MARGIN_M,
             "zones": rounded([asdict(zone) for zone in index.safety.fence.zones]),
@@ -107,6 +110,7 @@ def _worst(worst: WorstReturn) -> dict[str, object]:
 def _returns(safety: Safety) -> dict[str, object]:
     returns = safety.returns
     return {
+        "refused": returns.why_none or None,
         "step_m": returns.step_m,
         "ground_max_m": returns.ground_max_m,
         "top_m": returns.top_m,

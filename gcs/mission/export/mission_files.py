@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each, titles
-from gcs.errors import NotWritten, ScenarioError, UsageError, VerificationError
+from gcs.errors import NotWritten, UsageError, VerificationError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.check.fleet_check import FleetReport, check_fleet
 from gcs.mission.check.landing_separation import refuse_close_landing
@@ -18,7 +18,7 @@ from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing, predicted
 from gcs.mission.returns.fence_rally import Safety
 from gcs.mission.waypoints.arrival_times import climb_s, corrected_legs
-from gcs.mission.waypoints.mission_items import build_missions, refuse_long, starting_at, timed_legs
+from gcs.mission.waypoints.mission_items import TooManyItems, build_missions, starting_at, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
@@ -155,7 +155,10 @@ class MissionOrder:
 
 @dataclass(frozen=True)
 class MadeMissions:
-    """Missions, their legs by autopilot, their files by name, and the result of their check."""
+    """Missions, their legs by autopilot, their files by name, and the result of their check.
+
+    Missions with a `refusal` are not written; their report and their timing say what was found.
+    """
 
     legs: dict[Autopilot, TimedLegs]
     missions: tuple[VehicleMission, ...]
@@ -168,9 +171,9 @@ class MadeMissions:
 def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequence[Format]) -> MadeMissions:
     """The verified missions of a plan, in those formats that hold missions.
 
-    Raises `NotWritten` if missions at the plan's own speeds fail verification. Missions at corrected speeds, and those
-    that an autopilot cannot store, return a `refusal` instead. Landings at the autopilots' own speeds
-    are verified for streams too: they raise `VerificationError`.
+    Missions that no autopilot model can time, that an autopilot cannot store or that fail verification have a `refusal`
+    and no files. Landings at the autopilots' own speeds are verified for streams too: they raise `VerificationError`.
+    Raises `ScenarioError` for gates that do not fit, and for altitudes that an autopilot refuses.
     """
     altitude = order.altitude
     autopilots = one_each(order.firmware, len(plan.sysids))
@@ -178,28 +181,23 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     refuse_close_landing(plan, autopilots, parameters)
     formats = [row for row in formats if row.content is Content.MISSION]
     corrected = order.corrected and bool(formats) and plan.begin_state is None
-    refusal: NotWritten | None = None
-    legs = {}
+    legs: dict[Autopilot, TimedLegs] = {}
     try:
         if corrected:
             legs = {known: corrected_legs(plan, known, order.gates) for known in dict.fromkeys(autopilots)}
-    except VerificationError as reason:
-        refusal = NotWritten(reason.message, hint=reason.hint)
-    if refusal is not None or not corrected:
-        legs = dict.fromkeys(autopilots, timed_legs(plan))
-    missions = build_missions(plan, legs, firmware=autopilots, altitude=altitude, stored=False)
+        else:
+            legs = dict.fromkeys(autopilots, timed_legs(plan))
+        missions = build_missions(plan, legs, firmware=autopilots, altitude=altitude)
+    except (VerificationError, TooManyItems) as reason:
+        # What cannot be a mission may still be flown as a stream.
+        refusal = NotWritten(reason.message, hint=reason.hint) if formats else None
+        return MadeMissions(legs or dict.fromkeys(autopilots, timed_legs(plan)), (), {}, None, None, refusal)
     if plan.begin_state is not None:
         return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if formats else None)
     if order.start_s is not None:
         missions = tuple(starting_at(mission, order.start_s) for mission in missions)
     if not formats:
         return MadeMissions(legs, missions, {}, None, None)
-    try:
-        refuse_long(plan, missions, autopilots)
-    except ScenarioError as reason:
-        refusal = refusal or NotWritten(reason.message, hint=f"{reason.hint}; or {STREAM_INSTEAD}")
-    if refusal is not None:
-        return MadeMissions(legs, missions, {}, None, None, refusal)
     held = _held(missions, autopilots, safety)
     files: dict[str, str | bytes] = {}
     read: list[list[MissionFile]] = []
@@ -219,9 +217,7 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
             refuse_close_landing(plan, autopilots, parameters, timing.may_differ_s)
     except VerificationError as reason:
         refusal = NotWritten(reason.message, hint=reason.hint)
-        if timing is None:
-            raise refusal from reason
-        return MadeMissions(legs, missions, {}, None, timing, refusal)
+        return MadeMissions(legs, missions, {}, report, timing, refusal)
     return MadeMissions(legs, missions, files, report, timing)
 
 

@@ -48,7 +48,10 @@ class Fence:
 
 @dataclass(frozen=True)
 class Safety:
-    """Fence, rally points, returns and parameters of a fleet; one entry per vehicle, in the plan's order."""
+    """Fence, rally points, returns and parameters of a fleet; one entry per vehicle, in the plan's order.
+
+    Without proved separation of its returns, a fleet has no rally points, and no parameters of returns.
+    """
 
     fence: Fence
     rally: tuple[tuple[RallyPoint, ...], ...]
@@ -66,7 +69,8 @@ def build_safety(plan: Plan, firmware: FleetFirmware) -> Safety:
         return_parameters(known, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
         for row, known in enumerate(autopilots)
     )
-    return Safety(build_fence(plan), build_rally(plan, autopilots, returns), returns, parameters)
+    rally = build_rally(plan, autopilots, returns) if returns.separated else ((),) * len(autopilots)
+    return Safety(build_fence(plan), rally, returns, parameters)
 
 
 def build_fence(plan: Plan) -> Fence:
@@ -152,4 +156,4 @@ def return_parameters(
         fence_top_m=float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M - _ROUND_OFF_M)),
         takeoff_m=round(takeoff_m, _TAKEOFF_DECIMALS),
     )
-    return firmware.traits.returns.parameters(settings)
+    return firmware.traits.returns.parameters(settings, returns=returns.separated)

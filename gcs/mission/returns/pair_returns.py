@@ -243,14 +243,14 @@ class StraightReturns:
             yield Tubes.of(motion, starts.level_m, starts.vertical_m, climbs_m, self.speeds), may
 
 
-def proved_separation(returns: StraightReturns, seen_m: float) -> ProvedSeparation:
+def proved_separation(returns: StraightReturns, seen_m: float, longest_s: float = LONGEST_S) -> ProvedSeparation:
     """The proved separation of returns to homes and to rally points; `seen_m` is a distance that is known to occur."""
     proof, looks, plan = Proof.begun((1, 1), 3, seen_m), Looks(_PAIRS_MAX), returns.plan
-    begin_s, end_s = plan_intervals(plan, LONGEST_S)
+    begin_s, end_s = plan_intervals(plan, longest_s)
     every = np.stack(np.triu_indices(len(returns.altitudes_m), 1), axis=1)
     cells, pairs = len(begin_s), len(every)
     whole = subdivision.plain_cells(np.tile(every, (cells, 1)), np.repeat(begin_s, pairs), np.repeat(end_s, pairs))
-    for to_rally in (False, True):
+    for to_rally in (False, True) if returns.ends.ned_m.shape[1] > 1 else (False,):
         family = replace(returns, to_rally=to_rally)
         subdivision.settle(family, family.cells(whole), proof, looks)
     return ProvedSeparation.of(proof)

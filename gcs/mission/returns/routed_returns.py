@@ -16,7 +16,7 @@ from gcs.mission.predicted.closest_approach import least_distance
 from gcs.mission.returns.ground_below import highest_along_m
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
-from gcs.mission.returns.rtl_cases import ReturnSpeeds, ReturnTo, WorstReturn
+from gcs.mission.returns.rtl_cases import ReturnSpeeds, ReturnTo, WorstReturn, landing_ends_ned_m
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -89,7 +89,7 @@ def routed_returns(plan: Plan, routes: ReturnRoutes, t_s: Array) -> list[RoutedR
     velocities = (leader[:, VELOCITY] + plan.offsets(t_s, 1)).reshape(-1, 3)
     all_s = np.tile(t_s, len(plan.sysids))
     stop = stops(places, velocities, all_s, routes)
-    ends = [np.repeat(end, count, axis=0) for end in (plan.pads_ned_m, plan.landing_points_ned_m)]
+    ends = [np.repeat(end, count, axis=0) for end in (plan.pads_ned_m, landing_ends_ned_m(plan))]
     homes, landings = (routes.ways(stop.end_ned_m[:, :2], end[:, :2], all_s) for end in ends)
     home_first = homes.length_m <= landings.length_m
     points = max(homes.points_m.shape[1], landings.points_m.shape[1])

@@ -1,8 +1,9 @@
 """Staggered return (RTL) altitudes, with which the whole fleet can return at once from any instant of a plan.
 
 Altitudes start above the highest ground under all return tracks and are one step apart. `stagger_order` searches the
-order of vehicles. Fleets of more than 12 return at one altitude, in formation. Vehicles return to their homes, or to
-the nearest of home and rally points (`rtl_cases`).
+order of vehicles. Fleets of more than 12 return at one altitude, in formation; where that is too near and they are
+at most 60, at a few altitudes (`return_lanes`). Vehicles return to their homes, or to the nearest of home and rally
+points (`rtl_cases`). Returns that are not proved to keep the judge's separation are given to no vehicle.
 
 If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
 under climbing ones; at a lower speed it passes later, when they are higher.
@@ -24,8 +25,9 @@ from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.returns import rtl_cases
 from gcs.mission.returns.ground_below import highest_below_returns_m
-from gcs.mission.returns.pair_returns import StraightReturns, proved_separation
+from gcs.mission.returns.pair_returns import RESOLUTION_M, StraightReturns, proved_separation
 from gcs.mission.returns.proved_fleet import proved_fleet
+from gcs.mission.returns.return_lanes import LEVELS, lane_order
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_returns import (
     NoWay,
@@ -46,6 +48,11 @@ from gcs.util.long_work import report
 
 STEP_MIN_M = 2.0
 BASE_GRID_M = 0.5  # the lowest return altitude above the origin is a multiple of it
+NO_RETURNS = (
+    "no vehicle is given a return (RTL altitude, rally points): set the vehicles' own failsafe actions to land, and do "
+    "not command RTL"
+)
+LAND_INSTEAD = "do not have the ground station return all vehicles: order them to land"
 BETTER_M = 0.05  # of the least distance: a slower return that gains less is not taken
 KEPT_M = 5e-4  # a length that misses its limit by less keeps it: a plan may lie on the limit, but for its last bits
 _LEVEL_M = 0.02  # so much above its return altitude a vehicle returns at its own height
@@ -53,8 +60,9 @@ _STEP_SHARE = 1.25  # of the plan's separation
 _COARSE_S, _FINE_S, _FINEST_S, _GROUND_S, _ROUTED_S = 8.0, 0.5, 0.05, 2.0, 1.0
 _IN_FORMATION_INSTANTS, _IN_FORMATION_LOOKS = 40, 60
 _CM = 100.0
+_LANES_S = 1.0
 _CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
-SEARCHED_MAX = 12  # vehicles
+SEARCHED_MAX, LANED_MAX = 12, 60  # vehicles
 GAP_STEP_M = 0.05
 ENOUGH = 2.0
 _ALL_ORDERS = 8  # vehicles
@@ -79,6 +87,28 @@ class ReturnPlan:
     no_way: tuple[NoWay, ...] = ()
     rally_ned_m: tuple[tuple[tuple[float, float, float], ...], ...] = ()  # of each vehicle, on the ground
     proved_at_s: float = 0.0  # start of the returns with the least proved separation, about
+    required_m: float = 0.0  # between any two vehicles: what a flight is judged by
+    one_level: bool = False  # of a large fleet
+
+    @property
+    def separated(self) -> bool:
+        """Whether all vehicles may return at once: proved, from any instant. If not, vehicles are given no returns."""
+        proved_m = None if self.worst is None else self.worst.proved_m
+        return self.worst is None or (proved_m is not None and proved_m >= self.required_m - KEPT_M)
+
+    @property
+    def why_none(self) -> str:
+        """Why vehicles are given no returns; "" where they are given some."""
+        worst = self.worst
+        if worst is None or self.separated:
+            return ""
+        if worst.distance_m < self.required_m:
+            return f"if all vehicles return at {worst.in_words(self.required_m)}"
+        proved = "not proved to stay apart" if worst.proved_m is None else f"proved only {worst.proved_m:.3f} m apart"
+        return (
+            f"returns that begin at about {self.proved_at_s:.1f} s are {proved} ({self.required_m:g} m required; "
+            "vehicles as far from home as from a rally point may choose differently)"
+        )
 
 
 @once
@@ -87,24 +117,39 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
 
     `firmware` is the autopilot of all vehicles, or that of each.
     """
-    found = _searched(plan, firmware)
-    rally = np.array(found.rally_ned_m)
-    found = replace(found, crossings=tuple(zones_crossed(plan, firmware, rally)))
-    worst = found.worst
-    if worst is None:
+    found = _proved(plan, firmware, _searched(plan, firmware))
+    if not found.separated and found.one_level and SEARCHED_MAX < len(plan.sysids) <= LANED_MAX:
+        found = max(found, _proved(plan, firmware, _searched(plan, firmware, lanes=True)), key=_proved_m)
+    crossings = zones_crossed(plan, firmware, np.array(found.rally_ned_m))
+    return replace(found, crossings=tuple(crossings))
+
+
+def _proved(plan: Plan, firmware: FleetFirmware, found: ReturnPlan) -> ReturnPlan:
+    """The same returns with what is proved of them; nothing is where they are seen to come too near."""
+    required_m = judged_separation_m(plan.scenario)
+    found, worst = replace(found, required_m=required_m), found.worst
+    large = len(plan.sysids) > SEARCHED_MAX
+    if worst is None or (large and worst.distance_m < required_m):
         return found
-    prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
-    ends, required_m = rtl_cases.return_ends(plan, firmware, rally), judged_separation_m(plan.scenario)
+    prove = proved_fleet if large and found.one_level else proved_separation
+    ends = rtl_cases.return_ends(plan, firmware, np.array(found.rally_ned_m))
     returns = StraightReturns(plan, ends, found.speeds, np.array(found.altitudes_m), required_m)
     proof = prove(returns, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
         pair = plan.sysids[proof.pair[0]], plan.sysids[proof.pair[1]]
         worst = WorstReturn(proof.least_m, proof.t_s, pair, proof.to)
-    return replace(found, worst=replace(worst, proved_m=proof.proved_m), proved_at_s=proof.proved_at_s)
+    # What may be nearer than a cell is fine is not proved to be apart at all.
+    proved_m = proof.proved_m if proof.proved_m > RESOLUTION_M else None
+    return replace(found, worst=replace(worst, proved_m=proved_m), proved_at_s=proof.proved_at_s)
 
 
-def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
-    """The returns by instants `_FINE_S` apart."""
+def _proved_m(found: ReturnPlan) -> tuple[bool, float]:
+    worst = found.worst
+    return found.separated, 0.0 if worst is None else worst.proved_m or worst.distance_m
+
+
+def _searched(plan: Plan, firmware: FleetFirmware, *, lanes: bool = False) -> ReturnPlan:
+    """The returns by instants `_FINE_S` apart. A large fleet returns at one altitude, or in `lanes`."""
     every = one_each(firmware, len(plan.sysids))
     rows = [known.traits.returns for known in every]
     limits = plan.scenario.limits
@@ -135,6 +180,10 @@ def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
         homes_m = -plan.pads_ned_m[:, 2]
         levels_m = _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m)
         order = stagger_order(coarse, levels_m, limits.separation_min_m)
+        if lanes:
+            looked_at = rtl_cases.return_cases(plan, firmware, speeds, _LANES_S, rally_ned_m=rally)
+            judged_m = judged_separation_m(plan.scenario)
+            order = lane_order(looked_at, levels_m[:LEVELS], limits.separation_min_m, judged_m)
         altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
         worst = _worst(plan, firmware, speeds, altitudes_m, rally) if vehicles > 1 else None
         fine = rtl_cases.return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
@@ -147,6 +196,7 @@ def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
             worst,
             (),
             rally_ned_m=tuple(tuple(map(tuple, points)) for points in rally.tolist()),
+            one_level=vehicles > 1 and not order.any(),
         )
         required_m = limits.separation_min_m - KEPT_M
         if worst is None or worst.distance_m >= required_m:
@@ -230,29 +280,28 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
         distance, near = KDTree(places[:, instant, look]).query(places[:, instant, look], k=2)
         row = first_least(distance[:, 1])
         if distance[row, 1] < worst.distance_m - EQUAL:
-            pair = plan.sysids[row], plan.sysids[int(near[row, 1])]
+            other = next(each for each in near[row].tolist() if each != row)  # of two at one place either is the first
+            pair = plan.sysids[min(row, other)], plan.sysids[max(row, other)]
             worst = WorstReturn(float(distance[row, 1]), float(returning.t_s[instant]), pair, returning.to)
     return worst
 
 
 def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
-    """Warnings: returns below the judge's separation, above the plan's ceiling, or through no-fly zones."""
-    worst, required_m = returns.worst, judged_separation_m(plan.scenario)
-    if worst is not None and worst.distance_m < required_m:
-        yield f"if all vehicles return at {worst.in_words(required_m)}; do not command RTL to all vehicles at once"
-    elif worst is not None and worst.proved_m is not None and worst.proved_m < required_m - KEPT_M:
-        yield (
-            f"returns that begin at about {returns.proved_at_s:.1f} s are proved only {worst.proved_m:.3f} m apart "
-            f"({required_m:g} m required; vehicles as far from home as from a rally point may choose differently); do "
-            "not command RTL to all vehicles at once"
-        )
+    """Warnings: returns for want of separation, with its figures, and those of `place_warnings`."""
+    required_m, routed = judged_separation_m(plan.scenario), returns.routed
+    if not returns.separated:
+        yield f"{returns.why_none}; {NO_RETURNS}"
+    if routed is not None and routed.distance_m < required_m:
+        yield f"if the ground station returns all vehicles at {routed.in_words(required_m)}; {LAND_INSTEAD}"
+    yield from place_warnings(plan, returns, firmware)
+
+
+def place_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
+    """Warnings: returns above the plan's ceiling, without a way, or through no-fly zones."""
     ceiling_m = plan.scenario.limits.height_m[1]
-    if returns.top_m > ceiling_m:
+    if returns.separated and returns.top_m > ceiling_m:
         above = f"above the plan's ceiling of {ceiling_m:g} m"
         yield f"returns reach {returns.top_m:.1f} m, {above}; check that the airspace allows it"
-    routed = returns.routed
-    if routed is not None and routed.distance_m < required_m:
-        yield f"if the ground station returns all vehicles at {routed.in_words(required_m)}; land them instead"
     for gap in returns.no_way:
         yield (
             f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} cannot return outside all no-fly zones "

@@ -22,6 +22,7 @@ from gcs.scenario.environment.no_fly import ZoneName, displacement_m, outline, z
 from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m
 from gcs.types import Array
 
+Rows = NDArray[np.intp]
 _LOOKS_M = 5.0  # between samples of the (smooth) ground under a return track
 _LOOKS_MAX = 3_000_000
 Motion = tuple[Array, Array]  # times since the return began (..., K), places (..., K, 3) in NED
@@ -29,6 +30,7 @@ _INSTANTS, _CANDIDATES = 70, 36
 _CLEARANCE_M = 3.0  # from no-fly zones and inside the fence
 _ASIDE_M = (0.0, 6.0, -6.0)  # of the track
 _FLAT_M, _SLOPE = 3.0, math.tan(math.radians(10.0))
+_SAME_M = 1e-6
 _LOWER_M = 0.3  # than home: PX4's return altitude counts from the ground of the rally point
 
 
@@ -80,13 +82,24 @@ class Returning:
 
         A vehicle above its return altitude stays at its height.
         """
-        start, end, speeds = self.from_ned_m[row], self.to_ned_m[row], self.speeds
-        top_down = np.minimum(start[:, 2], -(self.datum_m[row] + np.asarray(altitude_m, dtype=np.float64)))
+        wait_s = self.speeds.wait_s if self.waits_s is None else self.waits_s[row]
+        return self._motion(self.from_ned_m[row], self.to_ned_m[row], self.datum_m[row] + altitude_m, wait_s)
+
+    def at(self, rows: Rows, instants: Rows, altitudes_m: Array) -> Motion:
+        """Motions (M, K) of vehicles `rows` (M,) from these instants (M,), at altitudes (M,)."""
+        waits_s = self.speeds.wait_s if self.waits_s is None else self.waits_s[rows]
+        if np.ndim(waits_s) > 1:
+            waits_s = np.take_along_axis(np.asarray(waits_s), instants[:, None], axis=1)[:, 0]
+        begin, end = self.from_ned_m[rows, instants], self.to_ned_m[rows, instants]
+        return self._motion(begin, end, self.datum_m[rows, instants] + altitudes_m, waits_s)
+
+    def _motion(self, start: Array, end: Array, top_m: Array, wait_s: Array | float) -> Motion:
+        speeds = self.speeds
+        top_down = np.minimum(start[:, 2], -top_m)
         shape = top_down.shape
         flat_m = np.broadcast_to(np.hypot(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]), shape)
         climb_s = (start[:, 2] - top_down) / speeds.climb_mps
         sink_s = np.maximum(end[:, 2] - top_down, 0.0) / speeds.sink_mps
-        wait_s = speeds.wait_s if self.waits_s is None else self.waits_s[row]
         steps = [np.zeros(shape), climb_s, flat_m / speeds.cruise_mps, np.broadcast_to(wait_s, shape), sink_s]
         places = np.empty((*shape, len(steps), 3))
         places[..., :2, :2] = start[:, None, :2]
@@ -142,7 +155,7 @@ class Crossing:
 class WorstReturn:
     """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins.
 
-    At whatever instant a return begins, no two vehicles come nearer than `proved_m`; None where that is not proved.
+    At whatever instant a return begins, no two vehicles come nearer than `proved_m`; None where no distance is proved.
     """
 
     distance_m: float
@@ -176,7 +189,8 @@ def return_ends(plan: Plan, firmware: FleetFirmware, rally_ned_m: Array | None =
     """Where a fleet's returns end: at home or at rally points (V, R, 3), by default the landing points."""
     rows = [known.traits.returns for known in one_each(firmware, len(plan.sysids))]
     rally = plan.landing_points_ned_m[:, None] if rally_ned_m is None else rally_ned_m
-    ends = np.concatenate([plan.pads_ned_m[:, None], rally], axis=1)
+    homes = plan.pads_ned_m[:, None]
+    ends = homes if np.array_equal(rally, homes) else np.concatenate([homes, rally], axis=1)
     above_home = np.array([row.altitude_above_home for row in rows])
     return ReturnEnds(ends, above_home, np.array([row.wait_s for row in rows]))
 
@@ -191,7 +205,8 @@ def return_cases(
 ) -> list[Returning]:
     """Two cases: returns to homes, and to the nearest of home and rally points, from instants `period_s` apart.
 
-    `rally_ned_m` (V, R, 3) are the rally points; without it, the landing points are.
+    One case where the rally points are the homes. `rally_ned_m` (V, R, 3) are the rally points; without it, the
+    landing points are.
     """
     begin_s, end_s = within or (plan.t_start_s, plan.t_end_s)
     count = max(2, math.ceil((end_s - begin_s) / period_s) + 1)
@@ -203,7 +218,7 @@ def return_cases(
     nearest = np.take_along_axis(ends.ned_m, np.argmin(away_m, axis=-1)[..., None], axis=1)
     return [
         Returning(to, t_s, start, end, ends.datum_m(end, to_rally=to is ReturnTo.NEAREST), speeds, ends.waits_s)
-        for to, end in ((ReturnTo.HOME, homes), (ReturnTo.NEAREST, nearest))
+        for to, end in ((ReturnTo.HOME, homes), (ReturnTo.NEAREST, nearest))[: ends.ned_m.shape[1]]
     ]
 
 
@@ -235,7 +250,7 @@ def rally_points_ned_m(plan: Plan, points_max: int) -> Array:
     no-fly zones at as few instants as possible. They lie below the vehicle's own track or a little beside it, as at one
     plan time for all vehicles, on flat ground.
     """
-    chosen = plan.landing_points_ned_m[:, None]
+    chosen = landing_ends_ned_m(plan)[:, None]
     if not zones(plan.scenario):
         return chosen
     t_s = np.linspace(plan.t_start_s, plan.t_end_s, _INSTANTS)
@@ -266,6 +281,17 @@ def rally_points_ned_m(plan: Plan, points_max: int) -> Array:
         best = fewer
         taken.append(end)
     return np.asarray(ends[:, taken[1:]])
+
+
+def landing_ends_ned_m(plan: Plan) -> Array:
+    """The places (V, 3) where returns may end instead of at home: landing points, or homes if they are in the way.
+
+    Vehicles that land on each other's pads would return to one place: one from home, the other to its landing point.
+    """
+    landing, homes = plan.landing_points_ned_m, plan.pads_ned_m
+    away_m = np.linalg.norm(landing[:, None, :2] - homes[None, :, :2], axis=-1)
+    np.fill_diagonal(away_m, np.inf)
+    return landing if away_m.min() >= plan.scenario.limits.separation_min_m - _SAME_M else homes
 
 
 def _candidates(plan: Plan) -> Array:

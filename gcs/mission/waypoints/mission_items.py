@@ -8,7 +8,7 @@ waypoints.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +43,10 @@ _YAW_DECIMALS = 2
 _HOME_DECIMALS = (9, 9, 3)
 _SURE_DECIMALS = 6  # m: heights in metres and millimetres stay on the same side when they are rounded
 _DAY_S = 86400
+
+
+class TooManyItems(ScenarioError):
+    """An autopilot cannot store a mission."""
 
 
 def timed_legs(plan: Plan) -> TimedLegs:
@@ -80,13 +84,12 @@ def build_missions(
     *,
     firmware: FleetFirmware | None = None,
     altitude: Altitude = Altitude.RELATIVE,
-    stored: bool = True,
 ) -> tuple[VehicleMission, ...]:
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
     Missions are for `firmware`, or else for the scenario's autopilots. `legs` may differ between autopilots. Relative
-    altitudes count from the vehicle's own home, the ground under its pad. Raises `ScenarioError` for altitudes that an
-    autopilot refuses and, for missions that are to be `stored`, for more items than it stores.
+    altitudes count from the vehicle's own home, the ground under its pad. Raises `TooManyItems` for more items than an
+    autopilot stores, and `ScenarioError` for altitudes that it refuses.
     """
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     for known in set(autopilots):
@@ -96,18 +99,12 @@ def build_missions(
     if not isinstance(legs, Mapping):
         legs = dict.fromkeys(autopilots, legs or timed_legs(plan))
     missions = tuple(_vehicle_mission(plan, row, legs[known], known, altitude) for row, known in enumerate(autopilots))
-    if stored:
-        refuse_long(plan, missions, autopilots)
-    return missions
-
-
-def refuse_long(plan: Plan, missions: Sequence[VehicleMission], autopilots: Sequence[Autopilot]) -> None:
-    """Raise `ScenarioError` for a mission with more items than its autopilot stores."""
     for known, mission in zip(autopilots, missions, strict=True):
         count, most = known.home_is_item_0 + len(mission.items), known.traits.missions.items_max
         if count > most:
             text = f"A mission has {count} items; {known.title} stores at most {most}."
-            raise ScenarioError(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
+            raise TooManyItems(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
+    return missions
 
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:

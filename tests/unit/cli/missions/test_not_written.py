@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -43,7 +44,10 @@ def test_an_export_without_the_missions_it_was_asked_for_is_an_error(
     out = tmp_path / "out"
     asked = ("export", column_skein, "--to", out, "--autopilot", "px4")
     assert gcs(*asked) == 13
-    told = capsys.readouterr().err
+    said, told = capsys.readouterr()
+    (near_m,) = re.findall(r"may come within (\S+) m", told)
+    assert f"│ {near_m} m " in said
+    assert said.index("│ left out") < said.index(f"  {out}/uav1.setpoints")
     assert f"error: {out} has no missions, and 2 other files: not fit for mission mode: vehicles" in told
     assert "next: to write the setpoint stream alone, give --format setpoints; --untimed writes missions" in told
     assert {path.suffix for path in out.iterdir()} == {".setpoints", ".json"}
@@ -53,6 +57,30 @@ def test_an_export_without_the_missions_it_was_asked_for_is_an_error(
     assert told["refused"].startswith("not fit for mission mode")
     assert gcs(*asked, "--format", "setpoints") == 0
     assert gcs(*asked, "--untimed") == 0
+    assert gcs(*asked, "--format", "plan,setpoints") == 13
+    assert {path.suffix for path in out.iterdir()} == {".setpoints", ".json"}
+
+
+def test_separations_are_said_once_before_anything_is_written(
+    column_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert gcs("export", column_skein, "--to", out) == 0
+    said, told = capsys.readouterr()
+    table, files = said.split(f"  {out}/", 1)
+    rows = [float(row) for row in re.findall(r"│ +(\d+\.\d+) m +│ +(?:proved|seen)", table)]
+    assert len(rows) == 5  # plan, missions by the model and out of time, both kinds of returns
+    assert "│ ok" in table
+    assert "left out" not in table
+    (least_m,) = re.findall(r"nearest of all: (\d+\.\d+) m, vehicles 1 and 2 at -?\d", table)
+    assert float(least_m) == min(rows)
+    assert "apart" not in files + told
+    assert "come within" not in files + told
+    assert gcs("export", column_skein, "--to", out, "--json") == 0
+    data = json.loads(capsys.readouterr().out)["separations"]
+    assert [row["sysids"] for row in data] == 5 * [[1, 2]]
+    assert min(row["distance_m"] for row in data) == pytest.approx(float(least_m), abs=6e-3)
+    assert json.loads((out / "index.json").read_text())["separations"][0]["what"] == "plan"
 
 
 def test_missions_alone_that_are_not_fit_have_the_same_code(
