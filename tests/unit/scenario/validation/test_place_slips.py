@@ -134,8 +134,8 @@ def test_several_wrong_places_are_told_at_once_each_with_its_key_and_line(tmp_pa
     ] == [
         "9: start.position_deg",
         "10: end.height_m",
-        "11: no_fly[0].polygon_deg",
-        "14: limits.lat_deg",
+        "12: no_fly[0].polygon_deg",
+        "15: limits.lat_deg",
     ]
     keeps_the_rules(error)
 

@@ -29,8 +29,8 @@ def edit(*edits: tuple[str, str]) -> Edits:
 
 
 TAKEOFF, LANDING = (
-    (TABLE, f"[ground_phases]\ntakeoff_s = 5\n{TABLE}"),
-    (TABLE, f"[ground_phases]\nlanding_s = 5\n{TABLE}"),
+    ("takeoff_s = 25.0", "takeoff_s = 5"),
+    ("landing_s = 30.0", "landing_s = 5"),
 )
 SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is next
     # Times and places that do not fit.
@@ -171,15 +171,15 @@ def test_mistakes_of_a_vehicle_file_do_not_hide_those_of_the_scenario(tmp_path: 
     (tmp_path / "own.toml").write_text("[vehicle]\nmass_kg = 2 kg\n")
     error = told(tmp_path, edit(('"quad500"', '"own.toml"'), (CLEARANCE, "clearance_min_m = 5 m")))
     assert "own.toml:2: vehicle.mass_kg = 2 kg: has a unit" in error.message
-    assert "scenario.toml:17: limits.clearance_min_m = 5 m: has a unit" in error.message
+    assert "scenario.toml:18: limits.clearance_min_m = 5 m: has a unit" in error.message
 
 
 def test_slips_of_the_text_do_not_hide_what_comes_after(tmp_path: Path) -> None:
     error = told(tmp_path, edit((CLEARANCE, "clearance_min_m = 5 m"), ("count = 6", "count: 0")))
     assert [line.partition("scenario.toml:")[2] for line in error.message.splitlines()[1:]] == [
-        "17: limits.clearance_min_m = 5 m: has a unit; numbers stand alone, and the key's name ends in the unit. "
+        "18: limits.clearance_min_m = 5 m: has a unit; numbers stand alone, and the key's name ends in the unit. "
         "Write clearance_min_m = 5",
-        "21: a colon stands after count. Write count = ...",
+        "22: a colon stands after count. Write count = ...",
         "21: formation.count = 0: must be a whole number from 1 to 10000 (number of vehicles 1, 2, ... in start_shape; "
         "up to 254 can be flown)",
     ]
@@ -187,7 +187,7 @@ def test_slips_of_the_text_do_not_hide_what_comes_after(tmp_path: Path) -> None:
 
 def test_a_mistake_in_a_mistyped_table_has_its_own_line(tmp_path: Path) -> None:
     error = told(tmp_path, edit(("[limits]", "[limit]"), (CLEARANCE, "clearance_min_m = -5.0")))
-    assert "scenario.toml:17: limits.clearance_min_m = -5.0: must be a number from 0" in error.message
+    assert "scenario.toml:18: limits.clearance_min_m = -5.0: must be a number from 0" in error.message
 
 
 @pytest.mark.parametrize("centre", ["lat = 47.4, lon = 8.55", "center = [0.0, 0.0]"])
