@@ -180,7 +180,7 @@ def test_slips_of_the_text_do_not_hide_what_comes_after(tmp_path: Path) -> None:
         "18: limits.clearance_min_m = 5 m: has a unit; numbers stand alone, and the key's name ends in the unit. "
         "Write clearance_min_m = 5",
         "22: a colon stands after count. Write count = ...",
-        "21: formation.count = 0: must be a whole number from 1 to 10000 (number of vehicles 1, 2, ... in start_shape; "
+        "22: formation.count = 0: must be a whole number from 1 to 10000 (number of vehicles 1, 2, ... in start_shape; "
         "up to 254 can be flown)",
     ]
 
