@@ -14,6 +14,7 @@ from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, one
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
+    from gcs.scenario.sources.template import Flight
     from gcs.types import JsonObject
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
@@ -198,7 +199,7 @@ def new(
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
     from gcs.scenario.sources.load import FILE_NAME
-    from gcs.scenario.sources.template import FirstFlight, Flight, flown_by, scenario_text, straight_to
+    from gcs.scenario.sources.template import FirstFlight, flown_by, scenario_text, straight_to
     from gcs.util.atomic_write import atomic_write
 
     file = folder / FILE_NAME
@@ -219,11 +220,11 @@ def new(
     if survey is not None:
         from gcs.cli.planning.new_flights import text_of_survey
 
-        text, left_out["left_out"] = text_of_survey(folder, survey, surveyed, drawn_at, count, height, screen)
+        text, left_out["left_out"], flight = text_of_survey(folder, survey, surveyed, drawn_at, count, height, screen)
     elif route is not None:
         from gcs.cli.planning.new_flights import text_of_drawing
 
-        text, left_out["left_out"] = text_of_drawing(folder, route, wanted, drawn_at, screen)
+        text, left_out["left_out"], flight = text_of_drawing(folder, route, wanted, drawn_at, screen)
     else:
         text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
     if vehicle is not None:
@@ -235,19 +236,24 @@ def new(
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None and survey is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
-    share = _say_battery(folder, screen)
+    share = _say_battery(folder, flight or FirstFlight(), screen)
     screen.say(f"next: gcs plan {folder}")
     screen.result({"scenario": file, "battery_share_estimate": share, **left_out})
 
 
-def _say_battery(folder: Path, screen: Screen) -> float:
-    """Print what a flight needs of its batteries by the estimate; return the share of one."""
+def _say_battery(folder: Path, flight: Flight, screen: Screen) -> float:
+    """Print what a flight needs of its batteries by the estimate, and what would fit; return the share of one."""
     from gcs.scenario.sources.load import load_scenario
     from gcs.scenario.values.battery_estimate import battery_estimate
 
     scenario = load_scenario(folder)
     need, count = battery_estimate(scenario), len(scenario.formation.sysids)
     each = "one" if count == 1 else f"{count}, one for each vehicle"
+    if not need.is_enough:
+        text = f"{need.whole_s:.0f} s from take-off to touch-down need about {need.share:.0%} of a battery"
+        most = f"one lasts {need.longest_s:.0f} s, with {1.0 - need.usable:.0%} of it in reserve"
+        screen.warn(f"{text}; {most}: the plan will fail verification. To fit, {flight.fitting(need.longest_s)}")
+        return round(need.share, 3)
     kept = f"{1.0 - need.usable:.0%} stays in reserve"
     screen.say(f"batteries: {each}; about {need.share:.0%} of it used in {need.whole_s:.0f} s, {kept}")
     return round(need.share, 3)

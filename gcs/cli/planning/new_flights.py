@@ -20,7 +20,7 @@ from gcs.mission.drawings.to_scenario.route_flight import route_flight, route_te
 from gcs.mission.drawings.to_scenario.survey_area import survey_area
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight
-from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, draft, scenario_text
+from gcs.scenario.sources.template import FirstFlight, Flight, ImpossibleFlight, draft, scenario_text
 from gcs.scenario.values.navigation_error import vehicle_size_m
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the
 
 def text_of_drawing(
     folder: Path, file: Path, wanted: JsonObject, at: tuple[float, float, float | None] | None, screen: Screen
-) -> tuple[str, list[str]]:
-    """The text of the scenario, and the sentences about what is not carried over.
+) -> tuple[str, list[str], Flight]:
+    """The text of the scenario, the sentences about what is not carried over, and the flight.
 
     Raises FileFormatError for a file that is no drawing of a route, and UsageError for a flight that is not possible.
     """
@@ -50,7 +50,7 @@ def text_of_drawing(
     left_out = sentences(flight.left_out)
     for sentence in left_out:
         screen.say(f"  {sentence}")
-    return text, left_out
+    return text, left_out, flight
 
 
 def flight_of_sheets(
@@ -125,8 +125,8 @@ def text_of_survey(
     count: int | None,
     height_m: float | None,
     screen: Screen,
-) -> tuple[str, list[str]]:
-    """The text of the scenario, and the sentences about what is not carried over.
+) -> tuple[str, list[str], Flight]:
+    """The text of the scenario, the sentences about what is not carried over, and the flight.
 
     Raises UsageError for what cannot be flown, and FileFormatError for a file that is no drawing.
     """
@@ -166,7 +166,7 @@ def text_of_survey(
     elif not drawn.altitude_is:
         screen.say(ALTITUDE_UNKNOWN)
     try:
-        return scenario_text(folder, place.lat_deg, place.lon_deg, place.alt_amsl_m, flight=flight), left_out
+        return scenario_text(folder, place.lat_deg, place.lon_deg, place.alt_amsl_m, flight=flight), left_out, flight
     except ImpossibleFlight as error:
         text = f"{file}: such a survey is not possible: {areas.in_words(error.reason)}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -27,6 +28,7 @@ _ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
 class SheetFlight:
     """A straight flight that starts in the places of a sheet, and takes the shape of each further sheet on its way."""
 
+    is_drawn: ClassVar[bool] = False
     positions: Sheet
     shapes: tuple[Sheet, ...]
     course_deg: float

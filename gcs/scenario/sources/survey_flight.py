@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import shapely
@@ -41,6 +42,7 @@ class SurveyOrder:
 class SurveyFlight:
     """A survey that can be written as a scenario."""
 
+    is_drawn: ClassVar[bool] = True
     order: SurveyOrder
     mowing: Mowing
 

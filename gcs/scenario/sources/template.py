@@ -9,7 +9,7 @@ import tomllib
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Protocol, Self, get_args
+from typing import ClassVar, Protocol, Self, get_args
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -53,6 +53,9 @@ class ImpossibleFlight(UsageError):
 class Flight(Protocol):
     """A flight that can be written as a scenario."""
 
+    # Whether somebody drew where it leads. Then it is written whatever battery it needs, and that is told.
+    is_drawn: ClassVar[bool]
+
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION replaces the table [formation] and what follows."""
 
@@ -67,6 +70,7 @@ class Flight(Protocol):
 class FirstFlight:
     """A straight flight from the origin: `count` vehicles in a shape that faces the course, from hover to hover."""
 
+    is_drawn: ClassVar[bool] = False
     count: int = 6
     shape: Generator = "vee"
     spacing_m: float = 10.0
@@ -208,7 +212,8 @@ def scenario_text(
     `template` is the text that is filled otherwise: "template_route.toml" has points between start and end.
 
     A flight for which a battery is not enough is written as its quicker one. Raises UsageError for a folder whose name
-    cannot be a scenario's, for a place out of range, and for a `flight` that no scenario or no battery allows.
+    cannot be a scenario's, for a place out of range, and for a `flight` that no scenario allows, or no battery where
+    nobody drew it.
     """
     name = folder.resolve().name
     pattern = next(m.pattern for m in Scenario.model_fields["name"].metadata if hasattr(m, "pattern"))
@@ -231,7 +236,7 @@ def scenario_text(
     if not need.is_enough and (quicker := flight.quicker()) is not None:
         flight, made = quicker, _written(text, filled | quicker.keys())
         need = battery_estimate(possible_scenario(made))
-    if not need.is_enough:
+    if not need.is_enough and not flight.is_drawn:
         asks = f"the flight takes {need.whole_s:.0f} s from take-off to touch-down, about {need.share:.0%} of a battery"
         most = f"one of {VEHICLE_TYPE} lasts {need.longest_s:.0f} s, with {1.0 - need.usable:.0%} of it in reserve"
         raise UsageError(f"{asks}; {most}", hint=flight.fitting(need.longest_s))

@@ -5,7 +5,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -35,6 +35,7 @@ _STRAIGHT_DEG = 30.0  # at a smaller turn a formation passes at its speed
 class RouteFlight:
     """A flight of `count` vehicles in a shape along a drawn route; `route` and `areas` are what the drawing holds."""
 
+    is_drawn: ClassVar[bool] = True
     drawing: Drawing
     route: PlacedRoute
     areas: AreaTables

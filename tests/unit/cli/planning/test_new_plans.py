@@ -100,6 +100,21 @@ def test_a_battery_that_is_not_enough_is_told_with_what_would_fit(
         assert gcs("new", "far", *(part for one in kept for part in one.split()), *words) == 0
 
 
+def test_a_drawing_that_needs_more_than_a_battery_is_written_with_a_warning(
+    folder: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = ["QGC WPL 110"] + [
+        f"{n} {int(n == 0)} {0 if n == 0 else 3} 16 0 0 0 0 {47.39 + 0.045 * (n > 1)} 8.54 {20 * (n > 0)} 1"
+        for n in range(3)
+    ]
+    Path("far.waypoints").write_text("\n".join(rows).replace(" ", "\t").replace("\t", " ", 2) + "\n", encoding="utf-8")
+    assert gcs("new", "far", "--route", "far.waypoints", "--count", "1", "--shape", "line") == 0
+    assert load_scenario("far").end.position_m[0] == pytest.approx(5000.0, abs=10.0)
+    told = " ".join(capsys.readouterr().out.split())
+    assert "% of a battery; one lasts" in told
+    assert "the plan will fail verification. To fit, draw about " in told
+
+
 def test_a_long_flight_is_flown_faster_where_one_battery_is_then_enough(folder: None) -> None:
     assert gcs("new", "long", "--distance", "3000", "--count", "3") == 0
     scenario = load_scenario("long")
