@@ -37,7 +37,7 @@ def test_sensors_and_waypoints_add_as_squares(tmp_path: Path) -> None:
 @pytest.mark.parametrize("grade", ["gnss", "rtk"])
 def test_a_declared_wind_adds_nothing(grade: str, tmp_path: Path) -> None:
     """As measured: docs/verification.md has the figures."""
-    sensors = f'\n[sensors]\ngrade = "{grade}"\n\n[ground_phases]\ntakeoff_s = 22.0\n'
+    sensors = f'\n[sensors]\ngrade = "{grade}"\n'
     (tmp_path / "calm").mkdir()
     calm = first(tmp_path / "calm", sensors)
     windy = first(tmp_path, f"{sensors}\n[wind]\nspeed_mps = 8.0\nfrom_deg = 240.0\n")
