@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, sentences
 from gcs.mission.drawings.route_formats import drawing_in
 from gcs.mission.drawings.to_scenario.placed_route import placed_route
+from gcs.mission.drawings.to_scenario.route_flight import route_flight
 from gcs.mission.drawings.to_scenario.survey_area import survey_area
 
 PLACES = [(46.1, 9.2), (46.101, 9.2), (46.101, 9.202)]
@@ -143,3 +145,13 @@ def test_a_speed_that_a_survey_does_not_take_over_is_said() -> None:
     drawing = geojson("Polygon", [[[lon, lat] for lat, lon in (*PLACES, PLACES[0])]])
     fast = Drawing("x.plan", (), drawing.areas, speed_mps=9.0)
     assert "the speed: 9 m/s is not carried over; give it as --speed" in sentences(survey_area(fast).left_out)
+
+
+def test_a_speed_of_the_whole_file_that_is_too_fast_is_said() -> None:
+    drawing = climbing(set(), Datum.HOME)
+    fast = replace(drawing, speed_mps=30.0)
+    told = "the speed: drawn at 30 m/s, too fast for this vehicle type"
+    at = (46.1, 9.2, 300.0)
+    assert told in " | ".join(sentences(route_flight(fast, at, count=1, shape="line").left_out))
+    own = replace(fast, points=tuple(replace(point, speed_mps=3.0) for point in fast.points))
+    assert told not in " | ".join(sentences(route_flight(own, at, count=1, shape="line").left_out))
