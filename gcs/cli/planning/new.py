@@ -220,13 +220,16 @@ def new(
     if survey is not None:
         from gcs.cli.planning.new_flights import text_of_survey
 
-        text, left_out["left_out"], flight = text_of_survey(folder, survey, surveyed, drawn_at, count, height, screen)
+        text, left_out["left_out"], flight = text_of_survey(
+            folder, survey, surveyed, drawn_at, count, height, screen, vehicle=vehicle
+        )
     elif route is not None:
         from gcs.cli.planning.new_flights import text_of_drawing
 
         text, left_out["left_out"], flight = text_of_drawing(folder, route, wanted, drawn_at, screen)
     else:
-        text = scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight)
+        place_of = lat_deg, lon_deg, alt_amsl_m or 0.0
+        text = scenario_text(folder, *place_of, full=full, flight=flight, vehicle=vehicle)
     if vehicle is not None:
         text = flown_by(text, vehicle, folder)
     atomic_write(file, text)

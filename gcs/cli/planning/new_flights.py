@@ -125,10 +125,13 @@ def text_of_survey(
     count: int | None,
     height_m: float | None,
     screen: Screen,
+    *,
+    vehicle: str | None = None,
 ) -> tuple[str, list[str], Flight]:
     """The text of the scenario, the sentences about what is not carried over, and the flight.
 
-    Raises UsageError for what cannot be flown, and FileFormatError for a file that is no drawing.
+    The speed is one that `vehicle` can fly: a preset or a vehicle file. Raises UsageError for what cannot be flown, and
+    FileFormatError for a file that is no drawing.
     """
     from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
 
@@ -146,7 +149,7 @@ def text_of_survey(
         pass_course_deg(options.angle),
         COUNTS if count is None else tuple(range(1, count + 1)),
         plain.height_m if height_m is None else height_m,
-        plain.speed_mps if options.speed is None else _speed_mps(options.speed),
+        _speed_mps(options.speed, plain.speed_mps, vehicle),
         drawn.avoided,
         starts_at_origin=at is not None,
     )
@@ -166,7 +169,8 @@ def text_of_survey(
     elif not drawn.altitude_is:
         screen.say(ALTITUDE_UNKNOWN)
     try:
-        return scenario_text(folder, place.lat_deg, place.lon_deg, place.alt_amsl_m, flight=flight), left_out, flight
+        at_place = place.lat_deg, place.lon_deg, place.alt_amsl_m
+        return scenario_text(folder, *at_place, flight=flight, vehicle=vehicle), left_out, flight
     except ImpossibleFlight as error:
         text = f"{file}: such a survey is not possible: {areas.in_words(error.reason)}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None
@@ -176,9 +180,11 @@ def _sentences(flight: SurveyFlight, areas: AreaTables) -> list[str]:
     mown = flight.mowing
     holes = len(flight.order.area.interiors)
     tables = _counted_areas(areas)
+    apart = f" {mown.spacing_m:.2f} m apart"
     notes = [
-        f"{flight.area_ha:.2f} ha: {counted(mown.count, 'vehicle')} {mown.spacing_m:.2f} m apart, "
-        f"{counted(len(mown.passes), 'pass', 'passes')} at {mown.course_deg % 180.0:.1f} degrees, "
+        f"{flight.area_ha:.2f} ha: {counted(mown.count, 'vehicle')}{apart * (mown.count > 1)}, "
+        f"{counted(len(mown.passes), 'pass', 'passes')}{apart * (mown.count == 1)} "
+        f"at {mown.course_deg % 180.0:.1f} degrees, "
         f"about {flight.flight_s:g} s" + "".join(f", {one}" for one in tables)
     ]
     if areas.no_fly and flight.seen < _WHOLE:
@@ -199,13 +205,17 @@ def _counted_areas(areas: AreaTables) -> list[str]:
     ]
 
 
-def _speed_mps(speed_mps: float) -> float:
-    """The speed. Raises UsageError for more than the vehicles fly."""
-    from gcs.scenario.schema.vehicle_types import preset_file
+def _speed_mps(speed_mps: float | None, usual_mps: float, vehicle: str | None) -> float:
+    """The speed asked for, else the usual one where the vehicles can. Raises UsageError for more than they fly."""
+    from gcs.scenario.schema.vehicle_types import vehicle_file
+    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE
     from gcs.scenario.sources.load import load_vehicle
 
-    most_mps = _SPEED_SHARE * min(load_vehicle(preset_file("quad500")).limits.speed_ned_mps[:2])
+    kind = vehicle or VEHICLE_TYPE
+    most_mps = _SPEED_SHARE * min(load_vehicle(vehicle_file(kind, Path())).limits.speed_ned_mps[:2])
+    if speed_mps is None:
+        return min(usual_mps, most_mps)
     if speed_mps > most_mps:
-        text = f"--speed {speed_mps:g}: the vehicles (quad500) survey with at most {most_mps:g} m/s"
-        raise UsageError(text, hint="give a lower speed, or change vehicle_type and time in the scenario")
+        text = f"--speed {speed_mps:g}: the vehicles ({kind}) survey with at most {most_mps:g} m/s"
+        raise UsageError(text, hint="give a lower speed, or faster vehicles: --vehicle TYPE")
     return speed_mps

@@ -1,16 +1,20 @@
 """Loads a recording from a flight's folder, or from a `.tlog` of any ground station."""
 
+from __future__ import annotations
+
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
-from gcs.errors import FileFormatError
+from gcs.errors import FileFormatError, counted
 from gcs.flight.monitoring.progress import Event, PlanTime, flown_plan_time
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
@@ -24,7 +28,7 @@ from gcs.link.protocols.statustext import StatusTextJoiner
 from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.plan.plan_file import read_plan
-from gcs.types import Array, JsonObject
+from gcs.types import Array
 
 _FORMS = ("{}_m", "v_{}_mps")
 _ELSEWHERE_S = 1.0
@@ -41,11 +45,27 @@ class _Heard:
     battery_pct: int = -1
     origin: Origin | None = None  # of its local frame
     home_amsl_m: float | None = None  # by HOME_POSITION
-    below_m: list[float] = field(default_factory=list)  # AMSL altitudes from which relative ones count
+    component: int | None = None  # that of the autopilot
+    without_place: int = 0  # reports at 0 N 0 E
+    # Of each report of a position:
+    sources: list[int] = field(default_factory=list)  # components
+    below_m: list[float] = field(default_factory=list)  # AMSL altitudes from which relative ones count; NaN: none
     is_global: list[bool] = field(default_factory=list)
     stamps: list[tuple[float, float]] = field(default_factory=list)  # received, boot clock
     motion: list[tuple[float, ...]] = field(default_factory=list)  # lat lon alt or x y z; three velocities
     state: list[tuple[bool, int, int]] = field(default_factory=list)
+
+    def of_one_component(self) -> tuple[_Heard, int]:
+        """Itself with the positions of its autopilot alone, else of the component with the most; and how many others.
+
+        A companion computer, a camera or a beacon may report places of its own under the same system id.
+        """
+        counts = Counter(self.sources)
+        kept = self.component if self.component in counts else max(counts, key=lambda one: counts[one])
+        chosen = [row for row, source in enumerate(self.sources) if source == kept]
+        lists = ("sources", "below_m", "is_global", "stamps", "motion", "state")
+        of_kept: dict[str, Any] = {name: [getattr(self, name)[row] for row in chosen] for name in lists}
+        return replace(self, **of_kept), len(self.sources) - len(chosen)
 
 
 def is_ground(message: Message) -> bool:
@@ -73,21 +93,35 @@ def recording_from_telemetry(
             continue
         one = heard.setdefault(sysid, _Heard())
         if message.name == "HEARTBEAT":
-            remarks += [Event(t_s, t_s, sysid, what) for what in _beat(one, message.fields)]
+            remarks += [Event(t_s, t_s, sysid, what) for what in _beat(one, message)]
         elif message.name == "STATUSTEXT":
             for said in joiner.receive(message, t_s):
                 bad = said.severity <= Severity.WARNING
                 (events if bad else remarks).append(Event(t_s, t_s, sysid, f"reports: {said.text}"))
         else:
             _take(one, message, t_s)
-    tracks, notes = _tracks({sysid: one for sysid, one in sorted(heard.items()) if one.motion})
-    return tracks, tuple(events), tuple(remarks), notes
+    placed: dict[int, _Heard] = {}
+    left_out = []
+    for sysid, one in sorted(heard.items()):
+        if one.without_place:
+            left_out.append(
+                f"vehicle {sysid}: {counted(one.without_place, 'report')} at 0 N 0 E left out: no position."
+            )
+        if one.motion:
+            placed[sysid], others = one.of_one_component()
+            if others:
+                text = f"vehicle {sysid}: {counted(others, 'position')} of components besides its autopilot left out."
+                left_out.append(text)
+    tracks, notes = _tracks(placed)
+    return tracks, tuple(events), tuple(remarks), (*notes, *left_out)
 
 
-def _beat(one: _Heard, fields: JsonObject) -> list[str]:
+def _beat(one: _Heard, message: Message) -> list[str]:
     """Take in a HEARTBEAT; return what has changed, in words."""
+    fields = message.fields
     if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
         return []
+    one.component = message.compid if one.component is None else one.component
     armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
     one.autopilot = int(fields["autopilot"])
     said = []
@@ -112,15 +146,18 @@ def _take(one: _Heard, message: Message, t_s: float) -> None:
         if one.origin is None and is_local_place(at_m):
             one.origin = Origin(*(float(part) for part in ned_to_geodetic(-np.array(at_m), place)))
     elif message.name == "GLOBAL_POSITION_INT" and (fields["lat"] or fields["lon"]):
-        if "relative_alt" in fields:
-            one.below_m.append((fields["alt"] - fields["relative_alt"]) / 1e3)
         motion = (fields["lat"] / 1e7, fields["lon"] / 1e7, fields["alt"] / 1e3)
-        _note(one, True, t_s, fields, (*motion, *(fields[name] / 1e2 for name in ("vx", "vy", "vz"))))
+        _note(one, True, t_s, message, (*motion, *(fields[name] / 1e2 for name in ("vx", "vy", "vz"))))
+    elif message.name == "GLOBAL_POSITION_INT":
+        one.without_place += 1
     elif message.name == "LOCAL_POSITION_NED" and (local := local_motion(message)) is not None:
-        _note(one, False, t_s, fields, local)
+        _note(one, False, t_s, message, local)
 
 
-def _note(one: _Heard, is_global: bool, t_s: float, fields: JsonObject, motion: tuple[float, ...]) -> None:
+def _note(one: _Heard, is_global: bool, t_s: float, message: Message, motion: tuple[float, ...]) -> None:
+    fields = message.fields
+    one.sources.append(message.compid)
+    one.below_m.append((fields["alt"] - fields["relative_alt"]) / 1e3 if "relative_alt" in fields else math.nan)
     one.is_global.append(is_global)
     one.stamps.append((t_s, fields["time_boot_ms"] / 1e3))
     one.motion.append(motion)
@@ -176,8 +213,8 @@ def _home_amsl_m(heard: dict[int, _Heard], frames: dict[int, Origin | None]) -> 
     for sysid, one in heard.items():
         if one.home_amsl_m is not None:
             homes_m[sysid] = one.home_amsl_m
-        elif one.below_m:
-            homes_m[sysid] = float(np.median(one.below_m))
+        elif not np.isnan(one.below_m).all():
+            homes_m[sysid] = float(np.nanmedian(one.below_m))
         elif (frame := frames[sysid]) is not None:
             homes_m[sysid] = frame.alt_amsl_m
     if not homes_m:

@@ -10,6 +10,7 @@ from gcs.frames import wrapped_deg
 from gcs.mission.model import Home
 
 NAME_MAX = 100
+AREA_HEIGHTS = "not carried over: an area has none"
 _SHOWN_MAX = 60  # of a name in a sentence
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
 Place = tuple[float, float]  # latitude, longitude, degrees

@@ -1,12 +1,14 @@
 """Drawings in GeoJSON: lines, polygons with holes, and points in their order, with the names in their properties."""
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
-from gcs.errors import FileFormatError
+from gcs.errors import FileFormatError, counted
 from gcs.mission.drawings.drawing import (
+    AREA_HEIGHTS,
     Datum,
     Drawing,
     DrawnArea,
@@ -28,6 +30,7 @@ GEOJSON_TYPES = (
 _PARTS = ("LineString", "Polygon", "Point")
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")
+_HEIGHT_KEYS = frozenset(("alt", "altitude", "ele", "elevation", "height", "height_m", "z"))
 _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of GeoJSON
 
 
@@ -46,12 +49,17 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
         crs = document.get("crs") if isinstance(document, dict) else None
         if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
             raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
+        aside: Counter[str] = Counter()  # heights that stand in properties
         for number, (geometry, properties) in enumerate(_features(document), start=1):
+            aside.update(key for key, value in properties.items() if key.lower() in _HEIGHT_KEYS and value)
             name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
             label = labelled("feature", number, name)
             _feature(_Feature(label, name, properties), geometry, found)
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{source}: {str(error)[:200]}.", hint="save the drawing again as GeoJSON") from error
+    for key, count in aside.items():
+        text = "not carried over: a height in GeoJSON is the third number of a place"
+        found.leave_out(f"property '{tidy(key)}' of {counted(count, 'feature')}", text)
     lines = [line.points for line in found.lines if not line.recorded]
     if any(point.datum is Datum.SEA and point.height_m for points in lines for point in points):
         found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
@@ -174,7 +182,10 @@ def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
 
 
 def _add_area(feature: _Feature, label: str, rings: list[Any], found: Sketch) -> None:
-    edges = [[point.place for point in _line(_list(edge, "coordinates"), label)] for edge in rings]
+    drawn = [_line(_list(edge, "coordinates"), label) for edge in rings]
+    if any(point.height_m for edge in drawn for point in edge):
+        found.leave_out(label, f"its heights are {AREA_HEIGHTS}")
+    edges = [[point.place for point in edge] for edge in drawn]
     inside = feature.properties.get("inclusion")
     found.add_area(label, edges[0], edges[1:], inside if isinstance(inside, bool) else None)
 

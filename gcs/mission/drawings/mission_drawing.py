@@ -19,7 +19,7 @@ from gcs.mission.formats.mission_file import Key
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText, Point
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
-from gcs.mission.formats.vendor_quirks import first_line
+from gcs.mission.formats.vendor_quirks import QuirkKind, first_line
 from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.model import Home
 
@@ -49,6 +49,9 @@ def draw_plan(data: bytes, source: str) -> Drawing:
     course.follow(_items(document.mission.items, plan, sketch))
     _fence(fence_in_plan(document.geoFence, plan), sketch)
     _rally(rally_in_plan(document.rallyPoints, plan), sketch)
+    for quirk in plan.quirks.found():
+        if quirk.kind is QuirkKind.ALTITUDE:
+            sketch.leave_out(f"line {quirk.line}", str(quirk))
     speed_mps = document.mission.hoverSpeed
     return sketch.drawing(home=course.home, speed_mps=speed_mps if speed_mps > 0.0 else None, returns=course.returns)
 

@@ -16,6 +16,7 @@ from gcs.mission.drawings.line_pieces import LinePiece, joined
 
 _SAME_M = 5.0  # a named point so near to a corner of the line names it
 _LEAST = 2  # points of a line
+_NO_FIX = (0.0, 0.0)  # where a receiver without a fix says that it is
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,12 @@ class Sketch:
     def add_line(self, label: str, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
         """Add a line that a file has in pieces, each with its own label; those that touch are one.
 
-        Pieces with less than two points, and those that lie apart, are left out with a sentence.
+        Pieces with less than two points, and those that lie apart, are left out with a sentence; so are the points of a
+        recorded line at 0 N 0 E.
         """
         drawn = []
-        for piece in pieces:
+        for whole in pieces:
+            piece = self._with_fix(whole) if recorded else whole
             if len(piece.points) < _LEAST:
                 self.leave_out(piece.label, f"has {'only one' if piece.points else 'no'} point; not carried over")
             else:
@@ -55,6 +58,13 @@ class Sketch:
         self.left_out += said
         is_whole = len(first.points) > len(drawn[0].points) or len(drawn) == 1
         self.lines.append(DrawnLine(label if is_whole else first.label, first.points, recorded))
+
+    def _with_fix(self, piece: LinePiece) -> LinePiece:
+        points = tuple(point for point in piece.points if point.place != _NO_FIX)
+        if lost := len(piece.points) - len(points):
+            text = f"{lost} of its {len(piece.points)} points are at 0 N 0 E, where a receiver had no fix"
+            self.leave_out(piece.label, f"{text}; not carried over")
+        return replace(piece, points=points)
 
     def add_area(
         self,
@@ -91,7 +101,9 @@ class Sketch:
                     text = f"not flown: the route is {flown.label}; a file per route carries it over"
                     self.leave_out(line.label, text)
             points = self._named(flown)
-        if points and all(point.datum is Datum.SEA and not point.height_m for point in points):
+        datums = {point.datum for point in points}
+        at_sea_m = [point.height_m for point in points if point.datum is Datum.SEA]
+        if at_sea_m and not any(at_sea_m) and datums <= {Datum.SEA, Datum.NONE}:
             points = [replace(point, datum=Datum.NONE) for point in points]
             self.leave_out("heights", "all are 0 m above the sea, as converters write it for none; read as none")
         return Drawing(

@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 
 from gcs.errors import FileFormatError, counted
 from gcs.mission.drawings.drawing import (
+    AREA_HEIGHTS,
     Datum,
     Drawing,
     DrawnPoint,
@@ -57,7 +58,7 @@ def draw_kmz(data: bytes, source: str) -> Drawing:
         names = [name for name in member_names(io.BytesIO(data)) if name.lower().endswith(".kml")]
         if not names:
             raise BadArchive("it holds no KML")
-        name = _IN_KMZ if _IN_KMZ in names else names[0]
+        name = next((name for name in names if name.lower() == _IN_KMZ), names[0])
         text = read_member(io.BytesIO(data), name, UNPACKED_MAX_BYTES)
     except BadArchive as error:
         raise FileFormatError(f"{source}: is no KMZ: {error}.", hint="save the drawing as KML") from error
@@ -157,8 +158,10 @@ class _KmlReader:
     def _points(self, shape: Element, label: str, name: str = "") -> Iterator[DrawnPoint]:
         """The points of a geometry, at heights that count as its own altitude mode says."""
         datum, offset_m = self._mode(shape, label)
-        is_track = shape.tag == "Track"
-        rows = self._track(shape, label) if is_track else self._coordinates(shape, label)
+        rows = [*(self._track(shape, label) if shape.tag == "Track" else self._coordinates(shape, label))]
+        mode = text_of(shape, "altitudeMode")
+        if mode in _ON_GROUND:
+            self._lost_heights(rows, label, f"not carried over: its altitude mode is {mode or _ON_GROUND[0]}")
         for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
             own = label if shape.tag == "Point" else f"point {number} of {label}"
             height_m, point_datum = (rest[0] + offset_m, datum) if rest else (0.0, Datum.NONE)
@@ -214,7 +217,14 @@ class _KmlReader:
         self.found.add_area(label, self._ring(outer[0], label), [self._ring(edge, label) for edge in holes], inside)
 
     def _ring(self, edge: Element, label: str) -> list[Place]:
-        return [on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in self._coordinates(edge, label)]
+        rows = [*self._coordinates(edge, label)]
+        self._lost_heights(rows, label, AREA_HEIGHTS)
+        return [on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in rows]
+
+    def _lost_heights(self, rows: Sequence[Sequence[float]], label: str, why: str) -> None:
+        """Leave out the heights of places, where they have any: converters write 0 for none."""
+        if any(height_m for _, _, *rest in rows for height_m in rest):
+            self.found.leave_out(label, f"its heights are {why}")
 
 
 def _segments(track: Element) -> Iterator[Element]:
@@ -282,7 +292,7 @@ def _gpx_point(element: Element, number: int, of: str) -> DrawnPoint:
     name = tidy(text_of(element, "name"))
     label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
     lat_deg, lon_deg = (_number(element.get(key, ""), label, key) for key in ("lat", "lon"))
-    height = text_of(element, "ele")
+    height = text_of(element, "ele") or element.get("ele", "")  # some programs write it beside lat and lon
     height_m = _number(height, label, "ele") if height else 0.0
     return DrawnPoint(on_earth(lat_deg, lon_deg), height_m, Datum.SEA if height else Datum.NONE, label, name)
 

@@ -16,6 +16,8 @@ from gcs.mission.model import Command, Frame, MissionItem
 from gcs.util.bounded_file import refuse_crowded_json
 
 _Model = TypeVar("_Model", bound=BaseModel)
+_ALTITUDE_CALCULATED = 3
+_SAME_ALT_M = 0.01
 _ITEM = ("SimpleItem", "missionItem")  # the second in `.mission` files of version 1.0
 
 
@@ -49,6 +51,8 @@ class PlanItem(PlanPart):
     frame: Annotated[Whole, Field(ge=0, le=0xFF)]
     params: Annotated[list[Finite | None], Field(min_length=7, max_length=7)]
     coordinate: object = None
+    Altitude: object = None  # m, in the frame of the item, but above the terrain with the mode "calculated"
+    AltitudeMode: object = None
 
     @model_validator(mode="before")
     @classmethod
@@ -149,6 +153,10 @@ class PlanText:
             lat, lon, alt_m = place_on_wire(item.command, item.frame, item.params[4:], note)
         except ValueError as error:
             raise self.refused(path, str(error)) from error
+        also_m = item.Altitude
+        is_same_kind = item.AltitudeMode not in (None, _ALTITUDE_CALCULATED)
+        if is_same_kind and isinstance(also_m, int | float) and abs(also_m - alt_m) > _SAME_ALT_M:
+            note(QuirkKind.ALTITUDE, f"Altitude is {also_m:g} m and parameter 7 is {alt_m:g} m, which counts")
         return MissionItem(item.command, item.frame, (p1, p2, p3, p4), lat, lon, alt_m, item.autoContinue)
 
     def _jump(self, item: MissionItem, numbers: Sequence[int], path: tuple[Key, ...]) -> MissionItem:

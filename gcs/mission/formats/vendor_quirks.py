@@ -28,6 +28,7 @@ class QuirkKind(StrEnum):
     YAW = "The column `yaw` of QGC WPL 100 is ignored."
     EMPTY = "Empty parameters are 0."
     NO_PLACE = "Empty, null and NaN coordinates of commands without a position are 0."
+    ALTITUDE = "The `Altitude` that QGroundControl writes beside the parameters is ignored: parameter 7 counts."
     FRACTION = "In frame 2, parameters 5 and 6 lose their decimals, as on the wire."
     HOME = "A home row in another frame than 0 is home; its altitude counts as AMSL."
     FIRMWARE = "An autopilot that the file names, and that has no row here, yields to `--autopilot`."

@@ -20,6 +20,7 @@ from gcs.autopilots.waypoint_models.predict import Prediction, predict
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.flight_limits import limits_of
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
+from gcs.mission.waypoints.mission_items import TooManyItems, refuse_too_many
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, short_of_m
 from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correct, leg_profile
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
@@ -126,7 +127,8 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
     """Waypoints, speeds and gates with which the autopilot keeps the plan's times as well as it can.
 
     Raises `VerificationError` for too many vehicles with legs of their own, or if the model does not complete the
-    mission. Raises `ScenarioError` for more gates than fit the flight.
+    mission. Raises `ScenarioError` for more gates than fit the flight, `TooManyItems` where all placements need more
+    items than the autopilot stores.
     """
     key = plan.hash, firmware, gates
     if key in _CACHE:
@@ -141,13 +143,22 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
     sampled = _Samples.of(plan, rows)
     stops = _gate_samples(sampled.t_s, gates, [(each.arrives_s, each.leaves_s) for each in plan.passages])
     best: _Attempt | None = None
+    refusal: TooManyItems | None = None
     for tolerances, share in _PLACEMENTS:
-        attempt = _attempt(plan, firmware, sampled, stops, (tolerances, share))
+        placed = _placed(plan, firmware, sampled, stops, (tolerances, share))
+        try:
+            refuse_too_many(_items_least(plan, firmware, sampled, placed), firmware, plan.scenario.mission.tolerance_m)
+        except TooManyItems as reason:
+            refusal = refusal or reason
+            continue  # its speeds would take minutes to find
+        attempt = _attempt(plan, firmware, sampled, stops, placed)
         if best is None or attempt.off_s < best.off_s - _BETTER_S:
             best = attempt
         if best.off_s <= (_GOOD_S if len(sampled.position_ned_m) == 1 else _GOOD_OWN_S):
             break
-    assert best is not None
+    if best is None:
+        assert refusal is not None
+        raise refusal
     while len(_CACHE) >= _CACHED_MAX:
         del _CACHE[next(iter(_CACHE))]
     _CACHE[key] = best.legs
@@ -187,13 +198,31 @@ class _Attempt:
     off_s: float
 
 
-def _attempt(
+def _placed(
     plan: Plan, firmware: Autopilot, sampled: _Samples, stops: list[int], placement: tuple[float, float]
-) -> _Attempt:
-    """Waypoints between the stops, then speeds. The leader's start fixes when all vehicles leave."""
+) -> list[list[int]]:
+    """The samples that are waypoints, from each stop to the next."""
     tolerances, share = placement
+    sustained_mps = navigator_of(plan, firmware).sustained_mps
+    wanted = Deviation(tolerances * max(plan.scenario.mission.tolerance_m, _LEAST_PATH_M), _TIME_M)
+    return [
+        [first + i for i in gentle_indices(sampled.part(first, last), wanted, sustained_mps, share)]
+        for first, last in pairwise(stops)
+    ]
+
+
+def _items_least(plan: Plan, firmware: Autopilot, sampled: _Samples, placed: list[list[int]]) -> int:
+    """How many items the longest mission has at least: take-off, landing, and for each leg its speed and its end."""
+    legs = (
+        sum(len(_profile(plan, firmware, sampled, row, kept, 0.0)[1]) for kept in placed)
+        for row in range(len(sampled.position_ned_m))
+    )
+    return 2 + 2 * max(legs)
+
+
+def _attempt(plan: Plan, firmware: Autopilot, sampled: _Samples, stops: list[int], placed: list[list[int]]) -> _Attempt:
+    """Speeds between waypoints. The leader's start fixes when all vehicles leave."""
     navigator = navigator_of(plan, firmware)
-    path_m = tolerances * max(plan.scenario.mission.tolerance_m, _LEAST_PATH_M)
     t_s, position = sampled.t_s, sampled.position_ned_m
     rows = len(position)
     leader = plan.leader if rows > 1 else 0
@@ -207,9 +236,7 @@ def _attempt(
     lead_s = (_GATE_LEAD_S,) * 2 if len(stops) > 2 else (0.0, min(LEAD_MAX_S, hover_s))
     leaves_s = math.nan
     off_s = 0.0
-    for first, last in pairwise(stops):
-        part = sampled.part(first, last)
-        kept = [first + i for i in gentle_indices(part, Deviation(path_m, _TIME_M), navigator.sustained_mps, share)]
+    for kept, last in zip(placed, stops[1:], strict=True):
         gate = last != stops[-1]
         terrain = TerrainRaise(plan, sampled.t_s[kept])
         early_s = _GATE_LEAD_S + SLACK_S if gate else 0.0

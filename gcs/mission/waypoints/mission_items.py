@@ -100,11 +100,16 @@ def build_missions(
         legs = dict.fromkeys(autopilots, legs or timed_legs(plan))
     missions = tuple(_vehicle_mission(plan, row, legs[known], known, altitude) for row, known in enumerate(autopilots))
     for known, mission in zip(autopilots, missions, strict=True):
-        count, most = known.home_is_item_0 + len(mission.items), known.traits.missions.items_max
-        if count > most:
-            text = f"A mission has {count} items; {known.title} stores at most {most}."
-            raise TooManyItems(text, hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m")
+        refuse_too_many(len(mission.items), known, plan.scenario.mission.tolerance_m)
     return missions
+
+
+def refuse_too_many(count: int, firmware: Autopilot, tolerance_m: float) -> None:
+    """Raise `TooManyItems` for a mission of so many items, home not counted."""
+    count, most = firmware.home_is_item_0 + count, firmware.traits.missions.items_max
+    if count > most:
+        text = f"A mission has {count} items; {firmware.title} stores at most {most}."
+        raise TooManyItems(text, hint=f"raise mission.tolerance_m, now {tolerance_m} m")
 
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:

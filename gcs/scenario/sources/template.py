@@ -23,7 +23,7 @@ from gcs.scenario.schema.vehicle_types import KEY, presets
 from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s
 from gcs.scenario.sources.load import FILE_NAME, load_scenario, load_vehicle
 from gcs.scenario.validation.to_metres import question
-from gcs.scenario.values.battery_estimate import battery_estimate
+from gcs.scenario.values.battery_estimate import BatteryEstimate, battery_estimate
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.scenario.values.si import offsets_ned_m
@@ -206,10 +206,12 @@ def scenario_text(
     full: bool = False,
     flight: Flight | None = None,
     template: str = "template.toml",
+    vehicle: str | None = None,
 ) -> str:
     """The text of a scenario named after its folder, at a place on Earth; `full` has every table, commented.
 
-    `template` is the text that is filled otherwise: "template_route.toml" has points between start and end.
+    `template` is the text that is filled otherwise: "template_route.toml" has points between start and end. A flight is
+    judged with the limits and the battery of `vehicle`, a preset or a vehicle file, which `flown_by` writes.
 
     A flight for which a battery is not enough is written as its quicker one. Raises UsageError for a folder whose name
     cannot be a scenario's, for a place out of range, and for a `flight` that no scenario allows, or no battery where
@@ -231,14 +233,19 @@ def scenario_text(
     filled = {"NAME": name, "FOLDER": str(folder), "LAT": repr(lat_deg), "LON": repr(lon_deg), "ALT": repr(alt_amsl_m)}
     if flight is None:
         return _written(text, filled | FirstFlight().keys())
+    kind = VEHICLE_TYPE if vehicle is None else vehicle
+
+    def judged(written: str) -> BatteryEstimate:
+        return battery_estimate(possible_scenario(written if vehicle is None else _of_type(written, _found(vehicle))))
+
     made = _written(text, filled | flight.keys())
-    need = battery_estimate(possible_scenario(made))
+    need = judged(made)
     if not need.is_enough and (quicker := flight.quicker()) is not None:
         flight, made = quicker, _written(text, filled | quicker.keys())
-        need = battery_estimate(possible_scenario(made))
+        need = judged(made)
     if not need.is_enough and not flight.is_drawn:
         asks = f"the flight takes {need.whole_s:.0f} s from take-off to touch-down, about {need.share:.0%} of a battery"
-        most = f"one of {VEHICLE_TYPE} lasts {need.longest_s:.0f} s, with {1.0 - need.usable:.0%} of it in reserve"
+        most = f"one of {kind} lasts {need.longest_s:.0f} s, with {1.0 - need.usable:.0%} of it in reserve"
         raise UsageError(f"{asks}; {most}", hint=flight.fitting(need.longest_s))
     return made
 
@@ -274,9 +281,16 @@ def flown_by(text: str, vehicle: str, folder: Path) -> str:
     """
     if vehicle in presets():
         return _of_type(text, vehicle)
-    load_vehicle(Path(vehicle))
-    possible_scenario(_of_type(text, Path(vehicle).resolve().as_posix()))
+    possible_scenario(_of_type(text, _found(vehicle)))
     return _of_type(text, Path(os.path.relpath(vehicle, folder)).as_posix())
+
+
+def _found(vehicle: str) -> str:
+    """A vehicle type as a scenario in any folder names it. Raises ScenarioError for a file with mistakes."""
+    if vehicle in presets():
+        return vehicle
+    load_vehicle(Path(vehicle))
+    return Path(vehicle).resolve().as_posix()
 
 
 def _of_type(text: str, name: str) -> str:

@@ -191,6 +191,8 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     for point in points:
         if abs(point.height_m) > _BEYOND_M:
             raise FileFormatError(f"{drawing.source}: {point.label} is at {point.height_m:g} m, beyond any flight.")
+    if height_m is None:
+        points = _with_heights(points, left_out)
     if drawing.recorded:
         points, ground_m = _in_the_air(points, left_out)
     origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, left_out)
@@ -203,8 +205,9 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     far_m = float(np.abs(places_m).max())
     if far_m > FARTHEST_M:
         limit = f"the limit is {FARTHEST_M / 1000.0:,.0f} km"
-        text = f"{drawing.source}: its points are up to {far_m / 1000.0:,.0f} km from the origin; {limit}."
-        raise FileFormatError(text, hint="give --at near its first point")
+        label = placed[int(np.abs(places_m).max(axis=1).argmax())].drawn.label
+        text = f"{drawing.source}: {label} is {far_m / 1000.0:,.0f} km from the origin ({origin_is}); {limit}."
+        raise FileFormatError(text, hint="correct that point, or give --at near the route")
     comes_back = len(placed) > 2 and float(np.linalg.norm(places_m[-1] - places_m[0])) <= _BACK_M
     if comes_back:
         placed = placed[:-1]
@@ -245,6 +248,34 @@ def _with_home(drawing: Drawing, left_out: list[LeftOut]) -> Drawing:
     above = replace(only, place=(home.lat_deg, home.lon_deg), label="the planned home", name="", hold_s=0.0)
     left_out.append(LeftOut(only.label, "the file has no other point; the route begins at its height above home"))
     return replace(drawing, points=(above, only))
+
+
+def _with_heights(points: list[DrawnPoint], left_out: list[LeftOut]) -> list[DrawnPoint]:
+    """The points, where only some have a height: between two at heights that count alike on the straight line.
+
+    Elsewhere, the height of the point before, and before the first one its own.
+    """
+    known = [row for row, point in enumerate(points) if point.datum is not Datum.NONE]
+    if not known or len(known) == len(points):
+        return points
+    lat, lon = np.array([point.place for point in points]).T
+    along_m = np.linalg.norm(np.diff(place_up_m(lat, lon, 0.0, Origin(*points[0].place, 0.0)), axis=0), axis=1)
+    way_m = np.concatenate([[0.0], np.cumsum(along_m)])
+    found = []
+    for row, point in enumerate(points):
+        if point.datum is not Datum.NONE:
+            found.append(point)
+            continue
+        before, after = max((one for one in known if one < row), default=known[0]), known[-1]
+        after = min((one for one in known if one > row), default=before)
+        ends = points[before], points[after]
+        if ends[0].datum is not ends[1].datum:
+            after = before
+        heights_m = points[before].height_m, points[after].height_m
+        height_m = float(np.interp(way_m[row], way_m[[before, after]], heights_m)) if after > before else heights_m[0]
+        found.append(replace(point, height_m=height_m, datum=ends[0].datum))
+        left_out.append(LeftOut(point.label, "has no height; flown at that of the points beside it (--height)"))
+    return found
 
 
 def _in_the_air(points: list[DrawnPoint], left_out: list[LeftOut]) -> tuple[list[DrawnPoint], float | None]:

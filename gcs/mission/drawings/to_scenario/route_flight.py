@@ -157,9 +157,11 @@ class RouteFlight:
     @property
     def _speeds_said(self) -> list[LeftOut]:
         text = "drawn at {:g} m/s, too fast for this vehicle type; {:g} m/s here"
-        drawn = ((point.drawn.label, point.drawn.speed_mps or 0.0) for point in self.route.points[1:])
+        drawn = [(point.drawn.label, point.drawn.speed_mps) for point in self.route.points[1:]]
+        if self.route.returns or any(speed is None for _, speed in drawn):  # legs at the speed of the whole file
+            drawn.insert(0, ("the speed", self.drawing.speed_mps))
         most = self._most_mps
-        return [LeftOut(label, text.format(speed, most)) for label, speed in drawn if speed > most]
+        return [LeftOut(label, text.format(speed, most)) for label, speed in drawn if (speed or 0.0) > most]
 
     @property
     def _course_deg(self) -> float:

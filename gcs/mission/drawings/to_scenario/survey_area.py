@@ -48,6 +48,8 @@ class SurveyArea:
             said.append(LeftOut(self.drawing.line, text))
         else:
             said += [LeftOut(point.label, text) for point in self.drawing.points]
+        if self.drawing.speed_mps is not None:
+            said.append(LeftOut("the speed", f"{self.drawing.speed_mps:g} m/s is not carried over; give it as --speed"))
         if self.field.inside:
             said.append(LeftOut(self.field.label, "surveyed; vehicles turn outside of it, so it is no area to stay in"))
         return tuple(said)

@@ -10,6 +10,7 @@ import shapely
 
 from gcs.cli import main
 from gcs.frames import Origin, place_up_m
+from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.load import load_scenario
 
 OUTLINE = [[8.545, 47.397], [8.5476, 47.3972], [8.5474, 47.3988], [8.5452, 47.3986], [8.545, 47.397]]
@@ -66,6 +67,20 @@ def test_the_angle_is_that_of_the_passes() -> None:
     assert gcs(f"{LINE} --angle 30") == 0
     (shape,) = load_scenario(Path("field")).formation.shape
     assert shape.heading_deg is not None and shape.heading_deg % 180.0 == 30.0
+
+
+def test_a_survey_is_as_fast_as_its_vehicles(capsys: pytest.CaptureFixture[str]) -> None:
+    usual = preset_file("quad500").read_text(encoding="utf-8")
+    for name, most_mps in (("slow", 2.0), ("fast", 12.0)):
+        text = usual.replace("speed_ned_mps = [5.0, 5.0,", f"speed_ned_mps = [{most_mps}, {most_mps},")
+        assert text != usual
+        Path(f"{name}.toml").write_text(text, encoding="utf-8")
+    assert gcs(f"{LINE} --vehicle slow.toml") == 0
+    slow_s = load_scenario(Path("field")).time.flight_s
+    assert gcs(f"{LINE.replace('field', 'quick')} --vehicle fast.toml --speed 9") == 0
+    assert load_scenario(Path("quick")).time.flight_s < slow_s / 2.0
+    assert gcs(f"{LINE.replace('field', 'no')} --vehicle slow.toml --speed 4") == 2
+    assert "(slow.toml) survey with at most 1.8 m/s" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,29 @@ def test_heights_count_from_the_home_of_the_log(home: int, relative: int, first_
     assert -track.position_ned_m[[0, -1], 2] == pytest.approx([first_m, first_m + 29.0], abs=1e-3)
     assert bool(notes) == (not home and not relative)
     assert all("heights count from the first position of the log" in note for note in notes)
+
+
+@pytest.mark.parametrize("beats", [True, False])
+def test_a_vehicle_is_where_its_autopilot_says_and_nowhere_without_a_fix(beats: bool) -> None:
+    told = climb(home=False, relative=True)
+    others = [(t_s, replace(one, compid=191, fields=one.fields | {"lat": 462000000})) for t_s, one in told[:20]]
+    lost = [(t_s, replace(one, fields=one.fields | {"lat": 0, "lon": 0})) for t_s, one in told[:3]]
+    hearts = [(0.0, Message("HEARTBEAT", BEAT | {"autopilot": 8}, 1, 191)), (0.0, Message("HEARTBEAT", BEAT, 1, 1))]
+    mixed = sorted([*told, *others, *lost], key=lambda one: one[0])
+    (track,), _, _, notes = recording_from_telemetry([*hearts[: 2 * beats], *mixed])
+    (alone,), *_ = recording_from_telemetry(told)
+    assert track.position_ned_m == pytest.approx(alone.position_ned_m)
+    assert notes == (
+        "vehicle 1: 3 reports at 0 N 0 E left out: no position.",
+        "vehicle 1: 20 positions of components besides its autopilot left out.",
+    )
+
+
+def test_a_component_with_the_autopilot_counts_also_with_fewer_positions() -> None:
+    told = climb(home=False, relative=True)
+    others = [(t_s, replace(one, compid=191)) for t_s, one in told]
+    (track,), _, _, notes = recording_from_telemetry([(0.0, Message("HEARTBEAT", BEAT, 1, 1)), *told[:10], *others])
+    assert len(track.t_s) == 10 and "30 positions of components" in notes[0]
 
 
 @pytest.mark.parametrize("begins", [0, 7])

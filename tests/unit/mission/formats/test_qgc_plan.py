@@ -11,6 +11,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
+from gcs.mission.drawings.route_formats import drawing_in
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_plan import read_mission, write_mission
 from gcs.mission.formats.vendor_quirks import QuirkKind
@@ -74,6 +75,22 @@ def rally(points: list[Any]) -> dict[str, Any]:
     plan = document()
     plan["rallyPoints"]["points"] = points
     return plan
+
+
+def test_an_altitude_beside_the_parameters_is_ignored_and_said_if_it_differs() -> None:
+    for mode, altitude_m, said in (
+        (1, 30.0, True),
+        (2, 2.159, False),
+        (3, 30.0, False),
+        (4, 3.0, True),
+        (1, None, False),
+    ):
+        text = json.dumps(item(AltitudeMode=mode, Altitude=altitude_m))
+        file = read_mission(text, "x")
+        assert file.items[0].alt_m == 2.159
+        assert [quirk.kind for quirk in file.quirks] == [QuirkKind.ALTITUDE] * said
+        drawing = drawing_in(text.encode(), "x.plan")
+        assert any("which counts" in one.text for one in drawing.left_out) == said
 
 
 @pytest.mark.parametrize("firmware", list(Autopilot))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import TRAITS, Autopilot
 from gcs.errors import ScenarioError, UsageError, VerificationError
 from gcs.flight.setup.build_loads import build_loads
 from gcs.mission.export.atomic_folder import INDEX
@@ -29,6 +29,7 @@ from gcs.mission.waypoints.arrival_times import (
     corrected_legs,
     navigator_of,
 )
+from gcs.mission.waypoints.mission_items import TooManyItems
 from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
@@ -255,6 +256,16 @@ def test_the_samples_of_a_flight_are_tenths_of_a_second_from_its_start(field: Pl
     assert (sampled.t_s[0], sampled.t_s[-1]) == (0.0, 220.0)
     np.testing.assert_allclose(np.diff(sampled.t_s), 0.1)
     np.testing.assert_allclose(sampled.position_ned_m[0], field.states(sampled.t_s)[2, :, :3], atol=0.01)
+
+
+def test_too_many_items_are_refused_before_their_speeds_are_found(field: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    row = Autopilot.ARDUPILOT.traits
+    monkeypatch.setattr("gcs.mission.waypoints.arrival_times._attempt", lambda *_: pytest.fail("speeds were found"))
+    monkeypatch.setattr("gcs.mission.waypoints.arrival_times._CACHE", {})
+    monkeypatch.setitem(TRAITS, Autopilot.ARDUPILOT, replace(row, missions=replace(row.missions, items_max=6)))
+    with pytest.raises(TooManyItems, match="ArduCopter stores at most 6") as caught:
+        corrected_legs(field, Autopilot.ARDUPILOT)
+    assert "mission.tolerance_m" in caught.value.hint
 
 
 @pytest.mark.parametrize(

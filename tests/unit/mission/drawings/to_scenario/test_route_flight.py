@@ -200,7 +200,7 @@ def test_fences_that_only_together_contain_the_route_are_joined(loaded: Any) -> 
         (drawing(point(0, 0), point(90, 0, 2000.0)), "item 90 is 2,000 m above the origin; the limit is 1,500 m"),
         (drawing(point(0, 0), point(90, 0, 1e300)), r"item 90 is at 1e\+300 m, beyond any flight"),
         (drawing(point(0, 0), point(40_000, 0)), "km long and takes 12,005 s; the longest flight is 7200 s"),
-        (drawing(point(0, 0), point(150_000, 0)), "150 km from the origin; the limit is 100 km"),
+        (drawing(point(0, 0), point(150_000, 0)), r"item 150000 is 150 km from the origin \(planned home\); the limit"),
         (
             drawing(point(0, 0), point(90, 0), areas=(DrawnArea((place(90, 5),), "circle 1", False, radius_m=20.0),)),
             "item 90 lies in circle 1, a no-fly zone",
