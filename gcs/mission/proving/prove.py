@@ -93,8 +93,9 @@ class TrackCheck:
             return f"{self.name}: {'≤' if self.most else '≥'} {self.proved:.4g} {self.unit} proved, {against} required"
         where = f"at t = {self.t_s:.3f} s ({who}), {against} required"
         if self.verdict == "undecided":
-            between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit} at intervals of {SHORTEST_S:.3g} s"
-            return f"{self.name}: undecided, {between} {where}"
+            between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit}"
+            finest = f"intervals of {SHORTEST_S * 1e6:g} µs, or {_CELLS_MAX:,} of them, decide no more"
+            return f"{self.name}: undecided, {between} {where}; {finest}"
         return f"{self.name}: {self.seen:.4g} {self.unit} {where}"
 
 

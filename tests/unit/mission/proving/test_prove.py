@@ -249,3 +249,18 @@ def test_polynomials_that_are_none_are_refused(c: Any, x: Any) -> None:
     broken = PPoly.construct_fast(np.array(c, float), np.array(x, float))
     with pytest.raises(GcsError, match="track a"):
         gcs.PolynomialTrack("a", broken)
+
+
+def test_what_is_not_decided_counts_as_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Vehicles that cross within a few intervals are not known to be apart after one look at the whole flight."""
+    monkeypatch.setattr("gcs.mission.proving.prove._CELLS_MAX", 0)
+    tracks = [
+        line("a", (0, 0, 0), (1, 0, 0), np.arange(11.0)),
+        line("b", (3, -9.9, 0), (0, 2, 0), np.arange(11.0)),
+    ]
+    check = check_of(gcs.prove(tracks, gcs.TrackLimits(0.5)), "separation")
+    assert check.verdict == "undecided"
+    assert not check.ok
+    assert "undecided, between" in str(check)
+    monkeypatch.undo()
+    assert check_of(gcs.prove(tracks, gcs.TrackLimits(0.5)), "separation").verdict == "proved"
