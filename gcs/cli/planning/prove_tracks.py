@@ -10,6 +10,7 @@ import typer
 
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, missions, option
+from gcs.errors import counted
 
 if TYPE_CHECKING:
     from gcs.mission.proving.prove import TrackCheck
@@ -76,6 +77,7 @@ def prove(
         option(
             "Frame of columns x, y, z: enu (east, north, up) or ned (north, east, down).",
             shown="that of the columns' names; enu for polynomial pieces",
+            metavar="FRAME",
             words=("enu", "ned"),
         ),
     ] = None,
@@ -118,7 +120,7 @@ def prove(
     screen.show(table)
     if report.unchecked:
         screen.say(f"not checked, because no limit is stated: {', '.join(report.unchecked)}")
-    held = f"{len(report.vehicles)} vehicles from {report.t_start_s:g} s to {report.t_end_s:g} s"
+    held = f"{counted(len(report.vehicles), 'vehicle')} from {report.t_start_s:g} s to {report.t_end_s:g} s"
     screen.say(f"proved: {'yes' if report.ok else 'NO'}, {held}, {len(report.checks)} checks")
     screen.result(
         {
