@@ -34,6 +34,13 @@ if TYPE_CHECKING:
     from gcs.mission.model import Altitude as Altitude
     from gcs.mission.model import SetpointStream as SetpointStream
     from gcs.mission.model import VehicleMission as VehicleMission
+    from gcs.mission.proving.prove import TrackCheck as TrackCheck
+    from gcs.mission.proving.prove import TrackLimits as TrackLimits
+    from gcs.mission.proving.prove import TrackReport as TrackReport
+    from gcs.mission.proving.prove import prove as prove
+    from gcs.mission.proving.track import PolynomialTrack as PolynomialTrack
+    from gcs.mission.proving.track_formats import ReadTracks as ReadTracks
+    from gcs.mission.proving.track_formats import read_tracks as read_tracks
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
@@ -69,10 +76,15 @@ _HOME = {
     "NoFlyZone": "gcs.scenario.schema.places",
     "ObjectiveTerm": "gcs.plan.ocp.problem",
     "Plan": "gcs.plan.trajectory.plan",
+    "PolynomialTrack": "gcs.mission.proving.track",
+    "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
+    "TrackCheck": "gcs.mission.proving.prove",
+    "TrackLimits": "gcs.mission.proving.prove",
+    "TrackReport": "gcs.mission.proving.prove",
     "Truth": "gcs.flight.assessment.judge",
     "VehicleMission": "gcs.mission.model",
     "Verdict": "gcs.flight.assessment.judge",
@@ -87,6 +99,8 @@ _HOME = {
     "load_scenario": "gcs.scenario.sources.load",
     "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",
+    "prove": "gcs.mission.proving.prove",
+    "read_tracks": "gcs.mission.proving.track_formats",
     "save_plan": "gcs.plan.plan_file",
     "verify": "gcs.plan.verification.verify",
     "with_keys": "gcs.scenario.sources.load",

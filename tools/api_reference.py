@@ -25,6 +25,15 @@ CHAPTERS = {
         "NamedStates",
     ),
     "Verify": ("verify", "Report", "Check"),
+    "Prove trajectories": (
+        "prove",
+        "TrackLimits",
+        "TrackReport",
+        "TrackCheck",
+        "read_tracks",
+        "ReadTracks",
+        "PolynomialTrack",
+    ),
     "Export": (
         "export",
         "Autopilot",

@@ -30,6 +30,7 @@ from gcs.cli.planning.new import new, schema
 from gcs.cli.planning.new_options import PlaceCommand
 from gcs.cli.planning.new_vehicle import new_vehicle
 from gcs.cli.planning.plan import plan, verify
+from gcs.cli.planning.prove_tracks import prove
 from gcs.cli.planning.replan import replan
 from gcs.cli.planning.show import show
 from gcs.cli.shared.console import Screen
@@ -79,7 +80,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",  # typer's default takes `[judge]` for markup, and leaves it out
 )
 for _command in (
-    *(new, new_vehicle, show, plan, replan, verify, schema),
+    *(new, new_vehicle, show, plan, replan, verify, prove, schema),
     *(export, check, upload, download, diff, restore),
     *(fly, attach, report, replay, vehicles, tell),
 ):

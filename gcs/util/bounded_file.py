@@ -40,10 +40,11 @@ RECORD_FILE = FileKind("a flight record", 512 * MIB)
 KEY_FILE = FileKind("a signing key", 4096)
 POSITION_SHEET = FileKind("positions (CSV)", MIB)
 DRAWING_FILE = FileKind("a drawn route", 16 * MIB)
+TRACK_FILE = FileKind("trajectories to prove", 256 * MIB)
 FILE_KINDS = (
     *(PLAN_FILE, SCENARIO_TOML, SCENARIO_JSON, FAULT_FILE, MISSION_FILE, EXPORT_INDEX, UPLOAD_RECORD),
     *(FLIGHT_STATE, EVENT_FILE, TELEMETRY_LOG, TRUTH_FILE, RECORD_FILE, KEY_FILE, POSITION_SHEET),
-    DRAWING_FILE,
+    *(DRAWING_FILE, TRACK_FILE),
 )
 _KINDS_OF_PLACES = (
     (stat.S_ISDIR, "a folder"),

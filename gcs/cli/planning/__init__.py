@@ -1,4 +1,4 @@
-"""The commands about scenarios and plans: new, new-vehicle, schema, show, plan, verify and replan.
+"""The commands about scenarios and plans: new, new-vehicle, schema, show, plan, verify, prove and replan.
 
 It may import cli.shared, autopilots, scenario, plan, mission, flight and page.
 """

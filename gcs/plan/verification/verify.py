@@ -8,7 +8,7 @@ the planner's own margins. `docs/verification.md` lists the checks.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Protocol
 
@@ -25,7 +25,7 @@ from gcs.plan.verification.constraints.formation_checks import nearest_pair_m
 from gcs.plan.verification.constraints.formation_law import FormationLaw, spans
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
 from gcs.plan.verification.constraints.pair_separation import PairSeparation
-from gcs.plan.verification.constraints.position_limits import PositionLimits
+from gcs.plan.verification.constraints.position_limits import PositionLimits, enclosed_places
 from gcs.plan.verification.constraints.scheduled_shape import stretches
 from gcs.plan.verification.constraints.state_control_limits import StateControlLimits
 from gcs.plan.verification.exact_checks import exact_checks
@@ -141,7 +141,9 @@ class _Proofs:
                 takes_off = phase.name == PhaseKind.TAKEOFF
                 points = self.plan.pads_ned_m if takes_off else self.plan.landing_points_ned_m
                 pads[number] = points[:, 2]
-        clearance = GroundClearance(self.plan, self._tree, ground, airborne, pads)
+        above = partial(enclosed_places, self.plan, self._tree)
+        limit_m = scenario.limits.clearance_min_m
+        clearance = GroundClearance(above, self._tree, scenario.terrain, limit_m, airborne, pads)
         return self._checks(box, cells) + self._checks(clearance, clearance.around(cells))
 
     def separation(self) -> list[Check]:

@@ -40,6 +40,7 @@ def plan_file(simulation1_plan: Plan, tmp_path: Path) -> Path:
         ("fly {plan}", 2, "error"),
         ("replan {plan} --at -900", 2, "error"),
         ("verify README.md", 6, "error"),
+        ("prove missions/simulation1/expected/uav1.setpoints --speed 20", 0, "checks"),
         ("replay {out}", 6, "error"),
         ("report {out}", 6, "error"),
         ("restore README.md", 6, "error"),

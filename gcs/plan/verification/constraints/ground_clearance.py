@@ -7,20 +7,21 @@ On the ground phases a vehicle stands or hovers over its pad. There the height a
 and the distance at least a quarter of the height above the pad, less 0.25 m: slopes are allowed, a wall is not.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
-from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.position_limits import RESOLUTION_M, enclosed_places
-from gcs.plan.verification.proof.ground_patches import GroundPatches
+from gcs.plan.verification.constraints.position_limits import RESOLUTION_M
+from gcs.plan.verification.proof.ground_patches import GroundPatches, ground_patches
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, NamedConstraint
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Terrain
 from gcs.types import Array
 
 PAD_SHARE = 0.25  # of the height above the pad: the slope of the ground may be 75 degrees
@@ -35,9 +36,10 @@ CLEARANCE, BESIDE = 0, 1
 class GroundClearance:
     """The distance to the ground where the formation flies, and to what is beside the pads elsewhere."""
 
-    plan: Plan
+    places: Callable[[Cells], Taylor]  # (3, N), NED, of all vehicles of each cell
     tree: VehicleTree
-    ground: GroundPatches
+    terrain: Terrain
+    limit_m: float
     airborne: Rows  # numbers of the phases
     pad_down_m: Array  # (P, V) of the pad or landing point of each vehicle, NED; 0 in other phases
 
@@ -50,13 +52,18 @@ class GroundClearance:
         )
 
     @cached_property
+    def ground(self) -> GroundPatches:
+        """The ground as patches."""
+        return ground_patches(self.terrain)
+
+    @cached_property
     def _lowest_down_m(self) -> Array:
         """The lowest pad (P, M) of each group."""
         return np.stack([self.tree.largest(down_m) for down_m in self.pad_down_m])
 
     def around(self, cells: Cells) -> Cells:
         """Cells with the patch of ground that can matter for them; a wall farther away is no nearest ground."""
-        place = enclosed_places(self.plan, self.tree, cells)
+        place = self.places(cells)
         spread = np.sqrt(sum(place[axis].deviation() ** 2 for axis in range(3)))
         middle = place.middle
         below = self._height_m(middle)
@@ -66,7 +73,7 @@ class GroundClearance:
             chosen = cells.phase == phase
             # In flight no ground matters that is farther than the nearest known.
             reach[chosen] = np.maximum(below[chosen].min(), 0.0)
-        half_m = PAD_SHARE * self.plan.scenario.limits.clearance_min_m
+        half_m = PAD_SHARE * self.limit_m
         reach = np.where(flies, reach, half_m) + spread + 2.0 * LENGTH_TOLERANCE_M
         return replace(cells, patch=self.ground.around(middle[0], middle[1], reach))
 
@@ -79,10 +86,9 @@ class GroundClearance:
         low = along.low() - supported
         depth = self._height_m(middle)
         seen = np.where(depth < 0.0, depth, np.minimum(distance, np.maximum(depth, 0.0)))
-        limit = self.plan.scenario.limits.clearance_min_m
         found = np.full((2, len(cells)), np.inf), np.full((2, len(cells)), np.inf)
-        found[0][CLEARANCE] = np.where(flies, low - limit, np.inf)
-        found[1][CLEARANCE] = np.where(flies, seen - limit, np.inf)
+        found[0][CLEARANCE] = np.where(flies, low - self.limit_m, np.inf)
+        found[1][CLEARANCE] = np.where(flies, seen - self.limit_m, np.inf)
         if not flies.all():
             self._on_the_ground(cells, place, along, supported, flies, seen, found)
         return found
@@ -98,12 +104,13 @@ class GroundClearance:
         found: tuple[Array, Array],
     ) -> None:
         """Margins of the ground phases."""
-        limit = self.plan.scenario.limits.clearance_min_m
         group = cells.who[:, 0]
         lowest, own = self._lowest_down_m[cells.phase, group], self.pad_down_m[cells.phase, self.tree.row[group]]
         above = (-place[2]) + (lowest - PAD_FREE_M)
-        required = PAD_SHARE * np.minimum(own - PAD_FREE_M - place[2].middle, limit)
-        low = np.maximum((along - above * PAD_SHARE).low() - supported, along.low() - supported - PAD_SHARE * limit)
+        required = PAD_SHARE * np.minimum(own - PAD_FREE_M - place[2].middle, self.limit_m)
+        low = np.maximum(
+            (along - above * PAD_SHARE).low() - supported, along.low() - supported - PAD_SHARE * self.limit_m
+        )
         found[0][BESIDE] = np.where(flies, np.inf, low)
         found[1][BESIDE] = np.where(flies, np.inf, seen - required)
 
@@ -113,7 +120,7 @@ class GroundClearance:
 
         Last, how much (2, N) the spread of places and the unevenness of the patch take from the distance.
         """
-        place = enclosed_places(self.plan, self.tree, cells)
+        place = self.places(cells)
         middle = place.middle
         first, second = self.ground.nearest(cells.patch, middle[0], middle[1])
         foot, normal = self._foot(cells.patch, first, second, middle)
@@ -172,8 +179,7 @@ class GroundClearance:
 
     def _height_m(self, places: Array) -> Array:
         """Height (N,) of places (3, N) above the ground."""
-        terrain = self.plan.scenario.terrain
-        return np.asarray(-places[2] - ground_height_m(terrain, places[0], places[1]))
+        return np.asarray(-places[2] - ground_height_m(self.terrain, places[0], places[1]))
 
     def _foot(self, patches: Array, first: Array, second: Array, places: Array) -> tuple[tuple[Array, Array], Array]:
         """Coordinates (N,) near the nearest ground of a patch, from the slope below, and that slope's normal (N, 3).

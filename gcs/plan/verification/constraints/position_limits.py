@@ -60,7 +60,7 @@ class PositionLimits:
             found.append(_between(place[axis], low, high))
         margin_m = limits.zone_margin_m or 0.0
         for zone in zones(self.plan.scenario):
-            low, seen = _outside(zone, place, cells)
+            low, seen = outside_zone(zone, place, cells)
             found.append((low - margin_m, seen - margin_m))
         return np.stack([f[0] for f in found]), np.stack([f[1] for f in found])
 
@@ -91,7 +91,7 @@ def _between(value: Taylor, low: Array, high: Array) -> tuple[Array, Array]:
     return np.minimum(least - low, high - most), np.minimum(value.middle - low, high - value.middle)
 
 
-def _outside(zone: Zone, place: Taylor, cells: Cells) -> tuple[Array, Array]:
+def outside_zone(zone: Zone, place: Taylor, cells: Cells) -> tuple[Array, Array]:
     """The distance outside a zone, where it is at the time: it moves evenly within a cell."""
     ends = [displacement_m(zone, t_s) for t_s in (cells.start_s, cells.end_s)]  # (N, 2)
     moved = np.zeros((ORDER + 1, 2, len(cells)))

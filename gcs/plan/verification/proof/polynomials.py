@@ -13,7 +13,11 @@ def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, deriva
 
     No interval may reach over a joint.
     """
-    scaled = np.moveaxis(scaled_coefficients(polynomial, start_s, end_s, derivative), 2, 1)  # (D+1, n, N)
+    return modelled(np.moveaxis(scaled_coefficients(polynomial, start_s, end_s, derivative), 2, 1), order)
+
+
+def modelled(scaled: Array, order: int) -> Taylor:
+    """Taylor models (...) of polynomials with coefficients (D+1, ...), the lowest power of scaled time first."""
     if len(scaled) <= order + 1:
         c = np.concatenate([scaled, np.zeros((order + 1 - len(scaled), *scaled.shape[1:]))])
         return Taylor(c, np.zeros(scaled.shape[1:]))

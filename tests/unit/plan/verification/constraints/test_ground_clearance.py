@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.ground_clearance import CLEARANCE as CLEARANCE_ROW
 from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE, GroundClearance
-from gcs.plan.verification.proof.ground_patches import ground_patches
+from gcs.plan.verification.constraints.position_limits import enclosed_places
 from gcs.plan.verification.proof.subdivision import plain_cells
 from gcs.plan.verification.proof.vehicle_tree import vehicle_tree
 from gcs.scenario.schema.heightmap import Relief, packed
@@ -46,8 +47,10 @@ def test_over_level_ground_one_look_at_all_vehicles_and_the_whole_time_is_enough
     """The way out of level ground is straight up, however far vehicles are spread over it."""
     plan = over(meadow_plan, {}, 4.0)
     no_pads_m = np.zeros((len(plan.phases), len(plan.sysids)))
-    ground, whole_fleet = ground_patches(plan.scenario.terrain), np.zeros((1, 1), dtype=np.intp)
-    family = GroundClearance(plan, vehicle_tree(plan.shape), ground, np.zeros(1, dtype=np.intp), no_pads_m)
+    tree, whole_fleet = vehicle_tree(plan.shape), np.zeros((1, 1), dtype=np.intp)
+    places = partial(enclosed_places, plan, tree)
+    flies = np.zeros(1, dtype=np.intp)
+    family = GroundClearance(places, tree, plan.scenario.terrain, clearance_m(plan), flies, no_pads_m)
     cells = plain_cells(whole_fleet, np.array([0.0]), np.array([20.0]))
     (low_m,), _ = (margins[CLEARANCE_ROW] for margins in family.bounds(family.around(cells)))
     margin_m = 4.0 + lowest_m(plan) - clearance_m(plan)

@@ -1,0 +1,152 @@
+"""`gcs prove`: prove trajectories of any planner at every instant."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, missions, option
+from gcs.errors import counted
+
+if TYPE_CHECKING:
+    from gcs.mission.proving.prove import TrackCheck
+    from gcs.types import JsonObject
+
+_LENGTH = (1e-3, 1e6, "m")
+
+
+def prove(
+    files: Annotated[
+        list[Path],
+        argument(
+            "Trajectories: CSV of timed samples, CSV of polynomial pieces (uav_trajectories, Crazyswarm), .setpoints.",
+            "FILE...",
+        ),
+    ],
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SCENARIO",
+            help="Scenario or plan file with the ground, the no-fly zones and the limits that are not stated.",
+            autocompletion=missions,
+        ),
+    ] = None,
+    separation: Annotated[
+        float | None,
+        option("Least distance of two vehicles.", metavar="METRES", shown="the scenario's", limits=_LENGTH),
+    ] = None,
+    vertical_scale: Annotated[
+        float,
+        option(
+            "A metre of height counts as 1 / SCALE of the distance: above 1 vehicles keep farther apart in height, for "
+            "the downwash.",
+            metavar="SCALE",
+            limits=(1e-3, 1e3, ""),
+        ),
+    ] = 1.0,
+    speed: Annotated[
+        float | None, option("Largest speed.", metavar="M/S", shown="not checked", limits=(1e-3, 1e4, "m/s"))
+    ] = None,
+    acceleration: Annotated[
+        float | None,
+        option("Largest acceleration.", metavar="M/S2", shown="not checked", limits=(1e-3, 1e5, "m/s²")),
+    ] = None,
+    height: Annotated[
+        tuple[float, float] | None,
+        option(
+            "Least and largest height above height 0, at all times.",
+            metavar="LOW HIGH",
+            shown="the scenario's largest",
+        ),
+    ] = None,
+    clearance: Annotated[
+        float | None,
+        option(
+            "Least distance to the scenario's ground, from take-off to landing.",
+            metavar="METRES",
+            shown="the scenario's",
+            limits=_LENGTH,
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        option(
+            "Frame of columns x, y, z: enu (east, north, up) or ned (north, east, down).",
+            shown="that of the columns' names; enu for polynomial pieces",
+            metavar="FRAME",
+            words=("enu", "ned"),
+        ),
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Prove trajectories of any planner at every instant: separation, speed, heights, ground, zones, continuity.
+
+    Exit status 0 when every check is proved, 5 when one is violated or undecided, 6 when a file cannot be read.
+
+    Examples: gcs prove cf1.csv cf2.csv --separation 0.3 --vertical-scale 2
+
+    gcs prove out/*.setpoints --scenario missions/simulation1
+    """
+    screen = Screen(json=json)
+    from rich.markup import escape
+    from rich.table import Table
+
+    from gcs.mission.proving.prove import TrackLimits
+    from gcs.mission.proving.prove import prove as proved
+    from gcs.mission.proving.track_formats import read_tracks
+    from gcs.plan.plan_file import is_plan_file, read_plan
+    from gcs.scenario.sources.load import load_scenario
+
+    limits = TrackLimits(separation, vertical_scale, speed, acceleration, height, clearance)
+    read = read_tracks(files, frame=frame)
+    place = None
+    if scenario is not None:
+        place = read_plan(scenario)[0].scenario if is_plan_file(scenario) else load_scenario(scenario)
+    report = proved(read.tracks, limits, place)
+    for line in read.account:
+        screen.say(line)
+    table = Table("criterion", "value", "limit", "verdict", "nearest at")
+    for check in report.checks:
+        sign = "≤" if check.most else "≥"
+        value = f"{sign} {check.proved:.4g}" if check.verdict == "proved" else f"{check.seen:.4g}"
+        where = f"{check.t_s:.3f} s, {escape(' and '.join(check.vehicles))}"
+        verdict = check.verdict if check.ok else check.verdict.upper()
+        table.add_row(check.name, f"{value} {check.unit}", f"{sign} {check.limit:.4g} {check.unit}", verdict, where)
+    screen.show(table)
+    if report.unchecked:
+        screen.say(f"not checked, because no limit is stated: {', '.join(report.unchecked)}")
+    held = f"{counted(len(report.vehicles), 'vehicle')} from {report.t_start_s:g} s to {report.t_end_s:g} s"
+    screen.say(f"proved: {'yes' if report.ok else 'NO'}, {held}, {len(report.checks)} checks")
+    screen.result(
+        {
+            "ok": report.ok,
+            "files": list(read.account),
+            "vehicles": list(report.vehicles),
+            "checks": [_data(check) for check in report.checks],
+            "unchecked": list(report.unchecked),
+        }
+    )
+    return screen.ended(report.refusal())
+
+
+def _data(check: TrackCheck) -> JsonObject:
+    return {
+        "name": check.name,
+        "verdict": check.verdict,
+        "unit": check.unit,
+        "limit": check.limit,
+        "seen": _finite(check.seen),
+        "proved": _finite(check.proved),
+        "vehicles": list(check.vehicles),
+        "t_s": check.t_s,
+    }
+
+
+def _finite(value: float) -> float | None:
+    """A number that JSON knows; None of a bound that was not found."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,4 @@
+"""Trajectories of any planner: read from files, and proved at every instant as plans are.
+
+It may import mission.formats.tables, plan and scenario.
+"""

@@ -1,0 +1,74 @@
+"""Rows of numbers of a CSV file, with their lines: the reader below the formats of tracks."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from gcs.errors import FileFormatError, UsageError
+from gcs.types import Array
+
+ROWS_MAX = 2_000_000
+_COLUMNS_MAX = 200
+FRAMES = ("ned", "enu")
+
+
+@dataclass(frozen=True)
+class TrackText:
+    """The text of a file, its name in errors, and the frame of its x, y, z where the caller states one."""
+
+    text: str
+    source: str
+    stem: str
+    frame: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.frame not in (None, *FRAMES):
+            raise UsageError(f"the frame {self.frame} is not known", hint=f"give {' or '.join(FRAMES)}")
+
+    def rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Lines that hold something, with their numbers: cells without blanks. A first line may begin with a hash."""
+        count = 0
+        for number, line in enumerate(self.text.split("\n"), start=1):
+            body = line.strip()
+            if count == 0 and re.match(r"#\s*(?:duration|t\b|time)", body, re.I):
+                body = body.removeprefix("#")
+            if not body or body.startswith("#"):
+                continue
+            count += 1
+            if count > ROWS_MAX:
+                raise self.mistake(number, f"more than {ROWS_MAX:,} rows", "give fewer samples")
+            if len(body) > _COLUMNS_MAX * 100:
+                raise self.mistake(number, f"the line has {len(body):,} characters", "give a table of numbers")
+            cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", body)]
+            yield number, cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+
+    def mistake(self, line: int, what: str, hint: str) -> FileFormatError:
+        """The error about one line."""
+        return FileFormatError(f"{self.source}, line {line}: {what}.", hint=hint)
+
+    def number(self, cell: str, column: str, line: int) -> float:
+        """A finite number. Raises `FileFormatError`."""
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise self.mistake(line, f"{column} must be a finite number, got '{cell[:40]}'", "correct this row")
+        return value
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, not the name of a column."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def in_ned(xyz: Array, frame: str) -> Array:
+    """Vectors (..., 3) in NED of vectors in a frame."""
+    return xyz if frame == "ned" else xyz[..., [1, 0, 2]] * [1.0, 1.0, -1.0]

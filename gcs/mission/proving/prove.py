@@ -1,0 +1,304 @@
+"""The proof of tracks: every vehicle and pair at every instant, against limits that are stated or a scenario's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.errors import UsageError, VerificationError, counted
+from gcs.mission.proving.track import FleetMotion, PolynomialTrack
+from gcs.mission.proving.track_criteria import TrackCriterion, TrackMotion, TrackPlaces, TrackSeparation
+from gcs.plan.verification.constraints.ground_clearance import GroundClearance
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Family, Looks, Proof, Rows, settle
+from gcs.plan.verification.proof.taylor import Taylor
+from gcs.plan.verification.proof.vehicle_tree import VehicleTree
+from gcs.plan.verification.proof.verdict import (
+    LENGTH_TOLERANCE_M,
+    OK,
+    SPEED_TOLERANCE_MPS,
+    Verdict,
+    verdict_of,
+)
+from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
+
+_CELLS_MAX = 20_000_000
+_LISTED = 5
+_TAKEOFF, _AIRBORNE, _LANDING = range(3)  # phases of the ground's proof
+
+
+@dataclass(frozen=True)
+class TrackLimits:
+    """What tracks are proved against. What is left out is the scenario's; without one it is not checked.
+
+    With `vertical_scale` c the distance of two vehicles is the root of north² + east² + (down / c)², so that with c
+    above 1 they keep farther apart in height.
+    """
+
+    separation_m: float | None = None
+    vertical_scale: float = 1.0
+    speed_mps: float | None = None
+    acceleration_mps2: float | None = None
+    height_m: tuple[float, float] | None = None  # above height 0, at all times
+    clearance_m: float | None = None  # to the ground in any direction, from take-off to landing; needs a scenario
+
+    def __post_init__(self) -> None:
+        for name in ("separation_m", "speed_mps", "acceleration_mps2", "clearance_m"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise UsageError(f"limit {name} is {value}", hint="give a number above 0, or leave it out")
+        if not (np.isfinite(self.vertical_scale) and self.vertical_scale > 0.0):
+            raise UsageError(f"vertical_scale is {self.vertical_scale}", hint="give a number above 0; 1 is a sphere")
+        if self.height_m is not None and not self.height_m[0] < self.height_m[1]:
+            low, high = self.height_m
+            raise UsageError(f"heights from {low} m to {high} m are none", hint="give the lower one first")
+
+
+@dataclass(frozen=True)
+class TrackCheck:
+    """One criterion: the nearest value to its limit that was found, `seen`, with its vehicles and instant.
+
+    `proved` is a bound: no vehicle has a value beyond it at any instant.
+    """
+
+    name: str
+    unit: str
+    limit: float
+    most: bool  # the limit is the largest value that is allowed; else the least
+    seen: float
+    proved: float
+    tolerance: float
+    vehicles: tuple[str, ...]
+    t_s: float
+
+    @property
+    def verdict(self) -> Verdict:
+        """Proved, violated at `t_s`, or undecided at the finest resolution."""
+        sign = -1.0 if self.most else 1.0
+        return verdict_of(sign * (self.seen - self.limit), self.tolerance, sign * (self.proved - self.limit))
+
+    @property
+    def ok(self) -> bool:
+        """Whether it is proved; undecided counts as failed."""
+        return self.verdict in OK
+
+    def __str__(self) -> str:
+        who = f"vehicle{'s' if len(self.vehicles) > 1 else ''} {' and '.join(self.vehicles)}"
+        against = f"{'at most' if self.most else 'at least'} {self.limit:.4g} {self.unit}"
+        if self.verdict == "proved":
+            return f"{self.name}: {'≤' if self.most else '≥'} {self.proved:.4g} {self.unit} proved, {against} required"
+        where = f"at t = {self.t_s:.3f} s ({who}), {against} required"
+        if self.verdict == "undecided":
+            between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit}"
+            finest = f"intervals of {SHORTEST_S * 1e6:g} µs, or {_CELLS_MAX:,} of them, decide no more"
+            return f"{self.name}: undecided, {between} {where}; {finest}"
+        return f"{self.name}: {self.seen:.4g} {self.unit} {where}"
+
+
+@dataclass(frozen=True)
+class TrackReport:
+    """All checks of tracks, and what was not checked because no limit was stated."""
+
+    checks: tuple[TrackCheck, ...]
+    unchecked: tuple[str, ...]
+    vehicles: tuple[str, ...]
+    t_start_s: float
+    t_end_s: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether every check is proved."""
+        return all(check.ok for check in self.checks)
+
+    @property
+    def failures(self) -> tuple[TrackCheck, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if not check.ok)
+
+    def refusal(self) -> VerificationError | None:
+        """The error for tracks that failed; None where all is proved."""
+        if self.ok:
+            return None
+        worst = "; ".join(map(str, self.failures[:_LISTED]))
+        return VerificationError(f"not proved: {worst}", hint="change the trajectories, or the limits")
+
+    def __str__(self) -> str:
+        verdict = "every instant proved" if self.ok else f"FAILED, {len(self.failures)} of {len(self.checks)} checks"
+        span = f"{counted(len(self.vehicles), 'vehicle')}, {self.t_start_s:g} s to {self.t_end_s:g} s"
+        return "\n  ".join([f"{span}: {verdict}", *map(str, self.checks)])
+
+    __repr__ = __str__
+
+
+def prove(
+    tracks: Sequence[PolynomialTrack], limits: TrackLimits | None = None, scenario: Scenario | None = None
+) -> TrackReport:
+    """Prove tracks of any planner on intervals of time: separation, speeds, heights, ground, zones, continuity.
+
+    Time 0 and place (0, 0, 0) are those of the scenario. Raises `UsageError` for tracks or limits that leave nothing to
+    prove.
+    """
+    limits = limits or TrackLimits()
+    _refuse(tracks, limits, scenario)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
+        return _Proofs(tuple(tracks), limits, scenario).report()
+
+
+def _refuse(tracks: Sequence[PolynomialTrack], limits: TrackLimits, scenario: Scenario | None) -> None:
+    if not tracks:
+        raise UsageError("there are no tracks", hint="give at least one")
+    names = [each.name for each in tracks]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise UsageError(f"two tracks have the name {twice[0]}", hint="name each vehicle once")
+    if limits.clearance_m is not None and scenario is None:
+        raise UsageError("a clearance above the ground needs the ground", hint="give the scenario with the terrain")
+    if len(tracks) > 1 and limits.separation_m is None and scenario is None:
+        raise UsageError("no separation is stated", hint="give a separation in metres, or a scenario with its limits")
+    if limits.acceleration_mps2 is not None and (plain := [each.name for each in tracks if not each.accelerates]):
+        raise UsageError(
+            f"track {plain[0]} is straight between samples: how it accelerates is not known",
+            hint="add its velocities, or leave out the limit of the acceleration",
+        )
+
+
+@dataclass(frozen=True)
+class _Proofs:
+    tracks: tuple[PolynomialTrack, ...]
+    limits: TrackLimits
+    scenario: Scenario | None
+
+    def report(self) -> TrackReport:
+        """All checks."""
+        own = None if self.scenario is None else self.scenario.limits
+        avoided = () if self.scenario is None else zones(self.scenario)
+        visits_s = np.array([move[0] for zone in avoided for move in zone.moves])
+        motion = FleetMotion.of(self.tracks, visits_s)
+        separation_m, height_m = self.limits.separation_m, self.limits.height_m
+        if own is not None:
+            separation_m = separation_m or own.separation_min_m
+            # Its lower height holds in the air alone, where the clearance says more.
+            height_m = height_m or (-np.inf, own.height_m[1])
+        checks = self._continuity()
+        unchecked: list[str] = []
+        if separation_m and len(self.tracks) > 1:
+            family = TrackSeparation(motion, separation_m, self.limits.vertical_scale)
+            checks += self._checks(family, family.criteria, family.cells())
+        checks += self._motion(motion, unchecked)
+        places = TrackPlaces(
+            motion,
+            height_m,
+            () if self.scenario is None else tuple(zip(zone_names(self.scenario), avoided, strict=True)),
+            0.0 if own is None else own.zone_margin_m or 0.0,
+        )
+        if places.criteria:
+            checks += self._checks(places, places.criteria, _every(motion))
+        unchecked += [] if height_m else ["height"]
+        if self.scenario is None:
+            unchecked += ["ground", "no-fly zones"]
+        else:
+            unchecked += ["the scenario's box", "its least height", "its speeds"]
+            checks += self._ground(self.scenario, motion)
+        names = tuple(each.name for each in self.tracks)
+        ends_s = float(motion.edges_s[0]), float(motion.edges_s[-1])
+        return TrackReport(tuple(checks), tuple(unchecked), names, *ends_s)
+
+    def _continuity(self) -> list[TrackCheck]:
+        """Steps at joints: of the place, and of the velocity where the acceleration is limited."""
+        found = []
+        for derivative, name, unit, allowed in (
+            (0, "step of the place at a joint", "m", LENGTH_TOLERANCE_M),
+            (1, "step of the velocity at a joint", "m/s", SPEED_TOLERANCE_MPS),
+        ):
+            if derivative and self.limits.acceleration_mps2 is None:
+                continue
+            most, who, t_s = 0.0, self.tracks[0].name, float(self.tracks[0].position_ned_m.x[0])
+            for each in self.tracks:
+                steps = each.jumps(derivative)
+                if len(steps) and steps.max() > most:
+                    joint = int(steps.argmax())
+                    most, who, t_s = float(steps[joint]), each.name, float(each.position_ned_m.x[joint + 1])
+            found.append(TrackCheck(name, unit, allowed, True, most, most, 0.0, (who,), t_s))
+        return found
+
+    def _motion(self, motion: FleetMotion, unchecked: list[str]) -> list[TrackCheck]:
+        """Speed and acceleration, while a vehicle's own polynomial says where it is."""
+        asked = ((1, "speed", "m/s", self.limits.speed_mps), (2, "acceleration", "m/s²", self.limits.acceleration_mps2))
+        stated = tuple(
+            (order, TrackCriterion(name, unit, most, most=True)) for order, name, unit, most in asked if most
+        )
+        unchecked += [name for _, name, _, most in asked if not most]
+        family = TrackMotion(motion, stated)
+        return self._checks(family, family.criteria, _every(motion, moving=True)) if stated else []
+
+    def _ground(self, scenario: Scenario, motion: FleetMotion) -> list[TrackCheck]:
+        """The distance to the ground from take-off to landing; before and after, what is beside the place below."""
+        limit_m = self.limits.clearance_m or scenario.limits.clearance_min_m
+        cells, pads = _every(motion), np.zeros((3, len(self.tracks)))
+        phase = np.full((len(self.tracks), len(motion.half_s)), _AIRBORNE, dtype=np.intp)
+        for row in range(len(self.tracks)):
+            of_row = np.full(len(motion.edges_s), row, dtype=np.intp)
+            places = motion.places(of_row, motion.edges_s)
+            above_m = -places[:, 2] - ground_height_m(scenario.terrain, places[:, 0], places[:, 1])
+            high = np.flatnonzero(above_m >= limit_m)
+            # One that is never high enough does not only take off and land.
+            first, last = (high[0], high[-1]) if len(high) else (0, len(above_m))
+            phase[row, :first], phase[row, last:] = _TAKEOFF, _LANDING
+            pads[_TAKEOFF, row], pads[_LANDING, row] = places[0, 2], places[-1, 2]
+        cells = Cells(cells.who, cells.start_s, cells.end_s, phase.ravel(), cells.patch)
+        alone = np.arange(len(self.tracks))
+        none = np.full((len(alone), 2), -1)
+        single = VehicleTree(alone, none, np.zeros((len(alone), 0, 3)), np.zeros(len(alone)), np.zeros((len(alone), 3)))
+
+        def places_of(some: Cells) -> Taylor:
+            return motion.enclosed(some.who[:, 0], some.start_s, some.end_s)
+
+        airborne = np.array([_AIRBORNE])
+        family = GroundClearance(places_of, single, scenario.terrain, limit_m, airborne, pads)
+        criteria = (
+            TrackCriterion("clearance above the ground", "m", limit_m),
+            TrackCriterion("room beside the ground at take-off and landing", "m", 0.0),
+        )
+        return self._checks(family, criteria, family.around(cells), phases=3)
+
+    def _checks(
+        self, family: Family, criteria: tuple[TrackCriterion, ...], cells: Cells, phases: int = 1
+    ) -> list[TrackCheck]:
+        """One check for each criterion, of its worst phase."""
+        proof = Proof.begun((len(criteria), phases), cells.who.shape[1])
+        settle(family, cells, proof, Looks(_CELLS_MAX))
+        constraints: tuple[Constraint, ...] = family.constraints
+        found = []
+        for number, criterion in enumerate(criteria):
+            phase = int(proof.seen[number].argmin())
+            seen, proved = float(proof.seen[number, phase]), float(proof.proved[number].min())
+            if np.isinf(seen) and seen > 0.0:
+                continue
+            sign = -1.0 if criterion.most else 1.0
+            who = tuple(self.tracks[row].name for row in proof.who[number, phase])
+            found.append(
+                TrackCheck(
+                    criterion.name,
+                    criterion.unit,
+                    criterion.limit,
+                    criterion.most,
+                    criterion.limit + sign * seen,
+                    criterion.limit + sign * min(proved, seen),
+                    constraints[number].tolerance,
+                    who,
+                    float(proof.t_s[number, phase]),
+                )
+            )
+        return found
+
+
+def _every(motion: FleetMotion, *, moving: bool = False) -> Cells:
+    """Every vehicle on every interval, or on those of its own polynomial."""
+    wanted: Array = motion.moves if moving else np.ones_like(motion.moves)
+    row, number = np.nonzero(wanted)
+    who: Rows = row[:, None].astype(np.intp)
+    starts_s, ends_s = motion.edges_s[number], motion.edges_s[number + 1]
+    return Cells(who, starts_s, ends_s, np.zeros(len(row), dtype=np.intp), np.zeros((len(row), 0)))

@@ -1,0 +1,198 @@
+"""Separation, speed, acceleration, heights and zones of tracks, each bounded over intervals of time."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gcs.mission.proving.track import FleetMotion
+from gcs.plan.verification.constraints.position_limits import RESOLUTION_M, outside_zone
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
+from gcs.plan.verification.proof.taylor import Taylor
+from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE
+from gcs.scenario.environment.no_fly import Zone, ZoneName
+from gcs.types import Array
+
+_ROUNDING_M = 1e-9
+LENGTH = Constraint(LENGTH_TOLERANCE_M, RESOLUTION_M)
+
+
+@dataclass(frozen=True)
+class TrackCriterion:
+    """What is proved, for people: the quantity, its unit and its limit, and whether the limit is the most."""
+
+    name: str
+    unit: str
+    limit: float
+    most: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class TrackSeparation:
+    """The distance of pairs (a, b), on windows of 2^k intervals that are divided down to parts of one.
+
+    With a vertical scale above 1 vehicles must be farther apart in height, for the downwash: a metre of height counts
+    as 1 / scale.
+    """
+
+    motion: FleetMotion
+    limit_m: float
+    vertical_scale: float
+
+    @property
+    def criteria(self) -> tuple[TrackCriterion, ...]:
+        """The one criterion."""
+        return (TrackCriterion("separation", "m", self.limit_m),)
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of the margins."""
+        return (LENGTH,)
+
+    def cells(self) -> Cells:
+        """Every pair on the one window that holds all of the flight."""
+        pairs = np.stack(np.triu_indices(self.motion.c.shape[1], 1), axis=1)
+        level, edges_s = len(self.motion.windows) - 1, self.motion.edges_s
+        patch = np.tile([float(level), 0.0], (len(pairs), 1))
+        start_s, end_s = np.full(len(pairs), edges_s[0]), np.full(len(pairs), edges_s[-1])
+        return Cells(pairs, start_s, end_s, np.zeros(len(pairs), dtype=np.intp), patch)
+
+    @cached_property
+    def _scale(self) -> Array:
+        return np.array([1.0, 1.0, 1.0 / self.vertical_scale])
+
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`."""
+        low, seen = np.empty(len(cells)), np.empty(len(cells))
+        for level in np.unique(cells.patch[:, 0]).astype(int).tolist():
+            chosen = np.flatnonzero(cells.patch[:, 0] == level)
+            of = self._within_one(cells[chosen]) if level == 0 else self._of_windows(cells[chosen], level)
+            low[chosen], seen[chosen] = of
+        return low[None] - self.limit_m, seen[None] - self.limit_m
+
+    def _within_one(self, cells: Cells) -> tuple[Array, Array]:
+        """Distances, bounded by the tangent in the middle's direction and by the square."""
+        first, second = (self.motion.enclosed(cells.who[:, one], cells.start_s, cells.end_s) for one in (0, 1))
+        apart = (first - second) * self._scale[:, None]
+        length = np.linalg.norm(apart.middle, axis=0)
+        toward = apart.middle / np.maximum(length, 1e-9)
+        along = (apart[0] * toward[0] + apart[1] * toward[1] + apart[2] * toward[2]).low()
+        return np.maximum(along, np.sqrt(np.maximum(_squared(apart).low(), 0.0))), self._distance(cells)
+
+    def _of_windows(self, cells: Cells, level: int) -> tuple[Array, Array]:
+        """Distances, bounded by the gap of the boxes, and by the distance in the middle and the relative velocity."""
+        number = cells.patch[:, 1].astype(np.intp)
+        low, high, slow, fast = self.motion.windows[level]
+        a, b = cells.who.T
+        gap = np.maximum(low[a, number] - high[b, number], low[b, number] - high[a, number])
+        boxes = np.linalg.norm(np.maximum(gap, 0.0) * self._scale, axis=1)
+        relative = np.maximum(fast[a, number] - slow[b, number], fast[b, number] - slow[a, number])
+        moved = 0.5 * (cells.end_s - cells.start_s) * np.linalg.norm(relative * self._scale, axis=1)
+        begins = number << level
+        ends = np.minimum(begins + (1 << level), len(self.motion.half_s))
+        jumped = sum(self.motion.jumps_m[row, ends - 1] - self.motion.jumps_m[row, begins] for row in (a, b))
+        distance = self._distance(cells)
+        return np.maximum(boxes, distance - moved - jumped - _ROUNDING_M), distance
+
+    def _distance(self, cells: Cells) -> Array:
+        """The distance (M,) in the middle."""
+        first, second = (self.motion.places(cells.who[:, one], cells.middle_s) for one in (0, 1))
+        return np.asarray(np.linalg.norm((first - second) * self._scale, axis=1))
+
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
+        """See `Family`: both halves of a window, then of a part of one interval."""
+        single = cells.patch[:, 0] == 0.0
+        wide = np.flatnonzero(chosen & ~single)
+        long = np.flatnonzero(chosen & single & (cells.end_s - cells.start_s > SHORTEST_S))
+        found, origin = [halved(cells[long])], [np.concatenate([long, long])]
+        level = cells.patch[wide, 0].astype(np.intp) - 1
+        count = len(self.motion.half_s)
+        for side in (0, 1):
+            number = 2 * cells.patch[wide, 1].astype(np.intp) + side
+            begins, ends = number << level, np.minimum((number + 1) << level, count)
+            there = begins < count
+            edges_s = self.motion.edges_s
+            patch = np.stack([level, number], axis=1)[there].astype(np.float64)
+            starts_s, ends_s = edges_s[begins[there]], edges_s[ends[there]]
+            found.append(replace(cells[wide[there]], start_s=starts_s, end_s=ends_s, patch=patch))
+            origin.append(wide[there])
+        return joined(found), np.concatenate(origin)
+
+
+class _OfVehicles:
+    """Margins of single vehicles, divided in time alone."""
+
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
+        """See `Family`."""
+        long = np.flatnonzero(chosen & (cells.end_s - cells.start_s > SHORTEST_S))
+        return halved(cells[long]), np.concatenate([long, long])
+
+
+@dataclass(frozen=True, eq=False)
+class TrackMotion(_OfVehicles):
+    """Speed and acceleration."""
+
+    motion: FleetMotion
+    limits: tuple[tuple[int, TrackCriterion], ...]  # the derivative, and its most
+
+    @property
+    def criteria(self) -> tuple[TrackCriterion, ...]:
+        """In the order of the margins."""
+        return tuple(criterion for _, criterion in self.limits)
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of the margins."""
+        sizes = [LIMIT_TOLERANCE * criterion.limit for criterion in self.criteria]
+        return tuple(Constraint(size, size / 4.0) for size in sizes)
+
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`."""
+        low, seen = [], []
+        for derivative, criterion in self.limits:
+            vector = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s, derivative)
+            low.append(criterion.limit - np.sqrt(np.maximum(_squared(vector).range()[1], 0.0)))
+            seen.append(criterion.limit - np.linalg.norm(vector.middle, axis=0))
+        return np.stack(low), np.stack(seen)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackPlaces(_OfVehicles):
+    """Heights above 0 and zones, at the times at which the zones are there."""
+
+    motion: FleetMotion
+    height_m: tuple[float, float] | None
+    zones: tuple[tuple[ZoneName, Zone], ...]
+    zone_margin_m: float
+
+    @property
+    def criteria(self) -> tuple[TrackCriterion, ...]:
+        """In the order of the margins."""
+        low, high = self.height_m or (0.0, 0.0)
+        heights = (TrackCriterion("least height", "m", low), TrackCriterion("greatest height", "m", high, most=True))
+        named = (TrackCriterion(f"distance to {name.edge}", "m", self.zone_margin_m) for name, _ in self.zones)
+        return (*(heights if self.height_m else ()), *named)
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of the margins."""
+        return (LENGTH,) * len(self.criteria)
+
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`."""
+        place = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s)
+        found: list[tuple[Array, Array]] = []
+        if self.height_m:
+            least, most = (-place[2]).range()
+            height = -self.motion.places(cells.who[:, 0], cells.middle_s)[:, 2]
+            found += [(least - self.height_m[0], height - self.height_m[0])]
+            found += [(self.height_m[1] - most, self.height_m[1] - height)]
+        for _, zone in self.zones:
+            low, seen = outside_zone(zone, place, cells)
+            found.append((low - self.zone_margin_m, seen - self.zone_margin_m))
+        return np.stack([low for low, _ in found]), np.stack([seen for _, seen in found])
+
+
+def _squared(vector: Taylor) -> Taylor:
+    """The squared length (M,) of vectors (3, M)."""
+    return vector[0].square() + vector[1].square() + vector[2].square()
