@@ -33,8 +33,9 @@ def plan() -> Plan:
     return plan_of(NAME)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def browser() -> Iterator[Browser]:
+    """One of its own for each test: after a page that drew in software, Chromium may open no other for a minute."""
     with Browser() as opened:
         yield opened
 
