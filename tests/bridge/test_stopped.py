@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.flight.monitoring.progress import Step
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Step
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
@@ -30,6 +30,9 @@ def test_a_flight_may_be_stopped_at_any_time(hop: Plan, step: Step, later_s: flo
     slow = ["all:delay=0.5"] if step is Step.UPLOAD else []  # it takes no time without
     flown = fly(hop, *slow, stop=(step, later_s), until=all_down)
     assert flown.stopped
-    assert flown.flight.step is step
+    told = [event.what for event in flown.events if event.sysid == ALL_VEHICLES]
+    if step in (Step.FLY, Step.LAND):
+        assert told[-1] == "ordered to land where they are"
+        assert flown.flight.step is Step.LAND
     if step in (Step.READY, Step.UPLOAD):
         assert not flown.world.airframes.truth[:, 2].any()  # no vehicle has left the ground

@@ -79,6 +79,7 @@ class ContingencyExecutor:
         self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
         self._reported: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
+        self._rests = False
 
     def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
         m = vehicle.behaviour
@@ -114,6 +115,8 @@ class ContingencyExecutor:
                 await self._time.comes_to(-math.inf if self._standstill.open else checked_s + _PERIOD_S)
                 now_s = self._stamp()
                 starting = State.STARTING in self.policy.states.values()
+                if self._rests:
+                    await asyncio.Event().wait()  # until cancelled
                 if self._standstill.reads(checked_s):
                     continue
                 if now_s is not None and now_s - checked_s >= _PERIOD_S and (starting or self._t0_known):
@@ -128,6 +131,10 @@ class ContingencyExecutor:
         finally:
             for stop in stops:
                 stop()
+
+    def rest(self) -> None:
+        """Detect and order nothing more: the flight ends early, and its guard lands the vehicles."""
+        self._rests = True
 
     def never_heard(self, sysid: int) -> None:
         """A vehicle was lost before this process began: no order for it, and none for the others because of it."""

@@ -115,7 +115,9 @@ class FlightSequence:
             self._report,
         )
         self._telemetry = TelemetryWatch(self.vehicles, self.landing.custody, self._report)
-        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._report)
+        self._guard = FlightGuard(
+            sessions, self.landing, lambda: self.step, options.lost_after_s, self._report, self._ends_early
+        )
 
     @property
     def contingency(self) -> ContingencyExecutor:
@@ -324,6 +326,13 @@ class FlightSequence:
             now_s = 0.0
         t0_s = self.monitor.t0_unix_s
         self._hooks.on_event(Event(now_s, math.nan if t0_s is None else now_s - t0_s, sysid, what, rule))
+
+    def _ends_early(self, reason: str) -> None:
+        if self._contingency is not None:
+            self._contingency.rest()
+        self.monitor.watch_formation(())  # nobody flies the plan any more
+        self.enter(Step.LAND)
+        self._report(ALL_VEHICLES, "ordered to land where they are", reason)
 
     def raise_troubles(self) -> None:
         """Raises FlightError if a vehicle did not fly the plan to its end."""

@@ -30,7 +30,10 @@ class FlightGuard:
         step: Callable[[], Step],
         lost_after_s: float,
         report: Callable[[int, str, str], None],
+        on_early_end: Callable[[str], None],
     ) -> None:
+        """`on_early_end` gets the reason once the vehicles in the air have the order to land."""
+        self._on_early_end = on_early_end
         self._sessions = sessions
         self._landing = landing
         self._step = step
@@ -52,7 +55,7 @@ class FlightGuard:
             if aloft := self._landing.aloft():
                 raise ProtocolMisuse(f"the flight ended with armed vehicles: {', '.join(map(str, aloft))}.")
         except BaseException as stopped:
-            await self._bring_down(watch, work)
+            await self._bring_down(watch, work, stopped)
             if isinstance(stopped, asyncio.CancelledError) and not _is_cancelled():
                 raise ProtocolMisuse("a part of the flight was cancelled by itself.") from stopped
             if isinstance(stopped, GcsError | asyncio.CancelledError):
@@ -64,10 +67,12 @@ class FlightGuard:
             await self._landing.orders.close()
         return result
 
-    async def _bring_down(self, watch: asyncio.Future[Any], work: asyncio.Future[Any]) -> None:
+    async def _bring_down(self, watch: asyncio.Future[Any], work: asyncio.Future[Any], stopped: BaseException) -> None:
         """Land the vehicles of this flight. Nothing that happens meanwhile ends this, but the landing itself."""
         work.cancel()
         self._landing.send_once()  # before a second Ctrl-C can come in between
+        if self._landing.aloft():
+            self._on_early_end(_reason(stopped))
         for attempt in range(_ATTEMPTS):
             try:
                 await insisted(self._end_and_land(watch, work, attempt * _PAUSE_S))
@@ -107,6 +112,12 @@ class FlightGuard:
                     if self._step() in (Step.READY, Step.UPLOAD)
                     else "the others were ordered to land; search for it at its last reported position",
                 )
+
+
+def _reason(stopped: BaseException) -> str:
+    if isinstance(stopped, asyncio.CancelledError):
+        return "This program was stopped"
+    return stopped.message if isinstance(stopped, GcsError) else f"{type(stopped).__name__}: {stopped}"
 
 
 def _is_cancelled() -> bool:
