@@ -1,5 +1,6 @@
 """What long work is doing: code at any depth reports it, and the command that began the work shows it now and then."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,12 +16,16 @@ class _Listener:
         self._show, self._now_s, self._every_s = show, now_s, every_s
         self._pause_s = _FIRST_S if every_s is None else every_s
         self._due_s = now_s() + self._pause_s
+        self._last, self._last_s = "", -math.inf
 
     def hear(self, what: str | Callable[[], str]) -> None:
         """Show it if one is due."""
-        if self._now_s() < self._due_s:
+        if (now_s := self._now_s()) < self._due_s:
             return
-        self._show(what if isinstance(what, str) else what())
+        text = what if isinstance(what, str) else what()
+        if text != self._last or now_s >= self._last_s + _LONGEST_S or self._every_s is not None:
+            self._last, self._last_s = text, now_s
+            self._show(text)
         if self._every_s is None:
             self._pause_s = min(self._pause_s * _GROWTH, _LONGEST_S)
         self._due_s = self._now_s() + self._pause_s

@@ -33,3 +33,13 @@ def test_a_fixed_pause_is_kept() -> None:
             report("spinning")
             now[0] += 0.25
     assert lines == [0.5, 1.0, 1.5, 2.0, 2.5]
+
+
+def test_the_same_words_are_not_repeated_at_once() -> None:
+    now, lines = [0.0], list[float]()
+    with shown(lambda _: lines.append(now[0]), now_s=lambda: now[0]):
+        while now[0] < 60.0:
+            report("proving")
+            now[0] += 0.25
+    assert lines[0] < 2.0
+    assert all(15.0 <= later - sooner < 31.0 for sooner, later in pairwise(lines))
