@@ -19,7 +19,7 @@ from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.problem import ObjectiveTerm, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.trajectory.ground_phases import smooth_step, vertical
+from gcs.plan.trajectory.ground_phases import landing_step, smooth_step, straight_down, vertical
 from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
@@ -85,7 +85,8 @@ def make_plan(
     parts.append(trajectory)
     if PhaseKind.ARRIVAL_HOVER in span:
         parts.append(vertical(*span[PhaseKind.ARRIVAL_HOVER], end, end[2], yaw_end, vehicle))
-    parts.append(vertical(*span[PhaseKind.LANDING], end, ground[2], yaw_end, vehicle))
+    down_m = landing_step(*span[PhaseKind.LANDING], float(end[2]), float(ground[2]), scenario)
+    parts.append(straight_down(down_m, end, yaw_end, vehicle))
     return Plan(
         scenario,
         joined(parts),
@@ -117,9 +118,10 @@ def _check_landing(scenario: Scenario) -> None:
         )
     fall_m = float((ground - last)[:, 2].max() + scenario.end.position_m[2])
     needed_s = ground_step_peaks(scenario)[0] * fall_m / limits.speed_ned_mps[2]
-    if scenario.ground_phases.landing_s < needed_s:
+    given_s = scenario.ground_phases.landing_s
+    if given_s is not None and given_s < needed_s:
         raise Infeasible.because(
-            f"landing_s = {scenario.ground_phases.landing_s:g} is too short: the highest vehicle descends "
+            f"landing_s = {given_s:g} is too short: the highest vehicle descends "
             f"{fall_m:.1f} m at {limits.speed_ned_mps[2]:g} m/s at most, which takes {needed_s:.1f} s",
             hint=f"set [ground_phases] landing_s to {np.ceil(needed_s):g} or more",
         )
@@ -162,9 +164,11 @@ def _from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Ar
     difference[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
     if not difference.any():
         return rigid(offsets, min(ground_s, air_s), max(ground_s, air_s))
-    values = (1.0, 0.0) if ground_s < air_s else (0.0, 1.0)
-    step = smooth_step(min(ground_s, air_s), max(ground_s, air_s), *values, steady_wind(scenario))
-    functions = np.zeros((len(step.c), 1, 2))
-    functions[-1, 0, 0] = 1.0
-    functions[:, 0, 1] = step.c[:, 0]
+    if ground_s < air_s:
+        step = smooth_step(ground_s, air_s, 1.0, 0.0, steady_wind(scenario))
+    else:
+        step = landing_step(air_s, ground_s, 0.0, 1.0, scenario)
+    functions = np.zeros((*step.c.shape, 2))
+    functions[-1, :, 0] = 1.0
+    functions[..., 1] = step.c
     return Shape(PPoly(functions, step.x), np.stack([offsets, difference]))

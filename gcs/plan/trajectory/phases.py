@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.own_landing import landing_s
 
 
 class PhaseKind(StrEnum):
@@ -45,7 +46,7 @@ def phases_of(scenario: Scenario) -> tuple[Phase, ...]:
     ):
         if length > 0:
             phases.insert(0, Phase(name, phases[0].start_s - length, phases[0].start_s))
-    for name, length in ((PhaseKind.ARRIVAL_HOVER, ground.hover_s), (PhaseKind.LANDING, ground.landing_s)):
+    for name, length in ((PhaseKind.ARRIVAL_HOVER, ground.hover_s), (PhaseKind.LANDING, landing_s(scenario))):
         if length > 0:
             phases.append(Phase(name, phases[-1].end_s, phases[-1].end_s + length))
     return tuple(phases)

@@ -274,7 +274,9 @@ class GroundPhases(Part):
     run_up_s: PhaseLength = Field(default=1.0, description="time from the first hover to the start, s")
     takeoff_s: PhaseLength = Field(default=20.0, description="time from the ground to the first hover, s")
     hover_s: HoverLength = Field(default=5.0, description="hover time before the run-up and after the end, s")
-    landing_s: PhaseLength = Field(default=30.0, description="time from the last hover to the ground, s")
+    landing_s: PhaseLength | None = Field(
+        default=None, description="time from the last hover to the ground, s; left out: that of the autopilots' landing"
+    )
 
 
 class MissionOptions(Part):

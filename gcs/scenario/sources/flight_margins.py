@@ -3,17 +3,18 @@
 import math
 from functools import cache
 
+from gcs.autopilots.traits import Autopilot
 from gcs.scenario.schema.scenario import Performance
 from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.load import load_vehicle
+from gcs.scenario.values.own_landing import landing_duration_s
 from gcs.scenario.values.si import WIND_PEAKS
 
 VEHICLE_TYPE = "quad500"  # of the template
 SPEED_SHARE = 0.85  # of the limits: the most that a flight has in the mean
 _CLIMB_ROOM = 1.1  # times the least time in wind, which a scenario may get later
-_LANDING_SPM = 2.0  # slower than the climb, as autopilots land
 HOVERS_S = 10.0  # both hovers of [ground_phases]
-_LEAST_TAKEOFF_S, _LEAST_LANDING_S = 20.0, 30.0
+_LEAST_TAKEOFF_S = 20.0
 
 
 @cache
@@ -29,9 +30,8 @@ def fastest_mps() -> float:
 
 
 def ground_phases_s(climb_m: float, descent_m: float | None = None) -> tuple[float, float]:
-    """The times of take-off and landing for the highest vehicle, in calm air and in wind."""
+    """The times of take-off, in calm air and in wind, and of the autopilot's landing, for the highest vehicle."""
     down_m = climb_m if descent_m is None else descent_m
-    least_spm = _CLIMB_ROOM * WIND_PEAKS[0] / type_limits().speed_ned_mps[2]
-    takeoff_s = max(_LEAST_TAKEOFF_S, math.ceil(least_spm * climb_m))
-    landing_s = max(_LEAST_LANDING_S, math.ceil(max(_LANDING_SPM, least_spm) * down_m))
-    return float(takeoff_s), float(landing_s)
+    vertical_mps = type_limits().speed_ned_mps[2]
+    takeoff_s = max(_LEAST_TAKEOFF_S, math.ceil(_CLIMB_ROOM * WIND_PEAKS[0] / vertical_mps * climb_m))
+    return float(takeoff_s), landing_duration_s(Autopilot.ARDUPILOT, down_m, vertical_mps)

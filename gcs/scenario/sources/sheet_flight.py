@@ -77,8 +77,8 @@ class SheetFlight:
         end = [f"position_m = {_numbers(end_m)}"]
         if self.end_deg is not None:
             end = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
-        takeoff_s, landing_s = ground_phases_s(highest_m)
-        more = f"\nground_phases = {{ takeoff_s = {takeoff_s}, landing_s = {landing_s} }}"
+        takeoff_s, _ = ground_phases_s(highest_m)
+        more = f"\nground_phases = {{ takeoff_s = {takeoff_s} }}"
         if self.is_close:
             more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
         names = ", ".join([START_SHAPE, *(sheet.name for sheet in self.shapes)])

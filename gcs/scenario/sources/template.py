@@ -139,8 +139,8 @@ class FirstFlight:
         if self.end_deg is not None:
             end_keys = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
         end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
-        takeoff_s, landing_s = self.phases_s
-        end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s}, landing_s = {landing_s} }}"
+        takeoff_s, _ = self.phases_s
+        end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s} }}"
         title, flies = self._title(), "fly" if self.count > 1 else "flies"
         way = "from one hover to another" + (", past a no-fly zone" if is_default else "")
         return {
@@ -167,7 +167,6 @@ class FirstFlight:
             "HEADING_LINE": f"heading_deg = {yaw_deg!r}\n" if yaw_deg else "",
             "OTHERS": ", ".join(name for name in SHAPES if name != self.shape),
             "TAKEOFF": repr(takeoff_s),
-            "LANDING": repr(landing_s),
         }
 
     def _title(self) -> str:

@@ -146,6 +146,8 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     descent_m = (si.landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_later(scenario)]
     for key, step_m in (("takeoff_s", float(climb_m.max())), ("landing_s", float(descent_m.max()))):
         time = getattr(phases, key)
+        if time is None:
+            continue
         by_speed = fastest * step_m / most_mps
         needed = max(by_speed, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
         if limits.jerk_max_mps3 is not None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import air_density_kgpm3, induced_power_W
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.own_landing import landing_s
 from gcs.scenario.values.si import NED_FROM_UP, offsets_ned_m, quadrotor, route_points
 
 _TURNS = 1.01  # of the power of steady flight: climbs, turns, and the speed that is not the mean
@@ -37,7 +38,7 @@ def battery_estimate(scenario: Scenario) -> BatteryEstimate:
     A quadrotor draws nearly the power of hover whatever it does: what counts is the time, then drag and thin air.
     """
     ground, preflight, power = scenario.ground_phases, scenario.preflight, scenario.vehicle.power
-    whole_s = scenario.time.flight_s + ground.takeoff_s + ground.landing_s + 2.0 * ground.hover_s
+    whole_s = scenario.time.flight_s + ground.takeoff_s + landing_s(scenario) + 2.0 * ground.hover_s
     if any(scenario.start.velocity_mps):
         whole_s += ground.run_up_s
     usable = 1.0 - preflight.reserve

@@ -96,7 +96,7 @@ class RouteFlight:
         interior = points[1:] if returns else points[1:-1]
         legs = zip(interior, [float(turn) for turn in turns_rad(self._course_m)], strict=False)
         north_m, east_m = self._box(places_m)
-        takeoff_s, landing_s = self._phases_s(float(places_m[:, 2].max()))
+        takeoff_s, _ = self._phases_s(float(places_m[:, 2].max()))
         return first | {
             "ALONG": _text(f"{first['TITLE']} along {source}")[1:-1],
             "SOURCE": source,
@@ -121,7 +121,6 @@ class RouteFlight:
             "BOX_HEIGHT": str([0.0, max(40.0, 10.0 * math.ceil(highest_m / 10.0 + 1.5))]),
             "CLEARANCE": repr(min(5.0, math.floor(5.0 * lowest_m) / 10.0)),
             "TAKEOFF": repr(takeoff_s),
-            "LANDING": repr(landing_s),
         }
 
     def in_words(self, reason: str) -> str:
