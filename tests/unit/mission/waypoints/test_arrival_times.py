@@ -71,6 +71,7 @@ def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot, la
         assert max(speeds) <= min(limit_mps, firmware.traits.missions.speed_mps[1])
 
 
+@pytest.mark.slow
 def test_a_formation_flies_one_set_of_legs(small: Plan) -> None:
     """60 m north in 24 s and 60 m east in 24 s, which the model flies to within a second."""
     legs = corrected_legs(small, Autopilot.ARDUPILOT)
