@@ -48,8 +48,8 @@ from gcs.flight.setup.build_loads import (
     export_for_flight,
     loads_built_aside,
     missions_only,
-    refuse_no_hour,
     refuse_other_autopilots,
+    refuse_without_timed_start,
 )
 from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
@@ -211,7 +211,7 @@ def _judged_reports(
 
 def refuse_late_starts(scenario: Scenario) -> None:
     """Raise `UsageError` for missions on board that cannot start together: known before anything is planned."""
-    refuse_no_hour(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
+    refuse_without_timed_start(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
 
 
 class _LinkedFlight:
@@ -332,7 +332,7 @@ class _LinkedFlight:
         order, plan = self.order, self._plan
         if order.keeping.mode is FlightMode.MISSION:
             rows = [(sysid, autopilots[sysid]) for sysid in plan.sysids]
-            refuse_no_hour(rows)  # first: the scenario may name no autopilot, and has the default then
+            refuse_without_timed_start(rows)  # first: the scenario may name no autopilot, and has the default then
             refuse_other_autopilots(plan, (number for _, number in rows))
         warn, exported = self._watcher.warn, self._exported
         return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)

@@ -91,7 +91,7 @@ def refuse_other_autopilots(plan: Plan, autopilots: Iterable[int]) -> None:
         )
 
 
-def refuse_no_hour(vehicles: Iterable[tuple[int, int]], error: type[GcsError] = UsageError) -> None:
+def refuse_without_timed_start(vehicles: Iterable[tuple[int, int]], error: type[GcsError] = UsageError) -> None:
     """Raises an error where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
     known = {int(one): one for one in Autopilot}
     late = [
