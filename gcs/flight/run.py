@@ -21,7 +21,8 @@ from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeep
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.lateness import skew_s
+from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.flight.monitoring.monitor import lateness_s, skew_s
+from gcs.flight.monitoring.lateness import lateness_s, skew_s
 from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.record_table import write_record
 from gcs.plan.trajectory.plan import Plan

@@ -34,9 +34,10 @@ from gcs.flight.execution.takeoff_landing import (
 )
 from gcs.flight.execution.telemetry_watch import TelemetryWatch
 from gcs.flight.execution.text_watch import TextWatch
+from gcs.flight.monitoring.completion import Completion
 from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import Completion, Monitor
+from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
