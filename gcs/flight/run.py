@@ -31,6 +31,7 @@ from gcs.flight.recording.flight_folder import (
     BEFORE,
     EVENTS,
     PLAN,
+    PREDICTED,
     REPORTS,
     SCENARIO,
     TRUE_STATES,
@@ -315,8 +316,15 @@ class _LinkedFlight:
             stream=self._stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
-            tracks=self._tracks(),
+            tracks=self._noted_tracks(),
         )
+
+    def _noted_tracks(self) -> PredictedTracks | None:
+        tracks = self._tracks()
+        if tracks is not None:
+            with self.journal.record.gaps.kept(PREDICTED):
+                tracks.save(self.folder / PREDICTED)
+        return tracks
 
     def _tracks(self) -> PredictedTracks | None:
         """The tracks of missions on board: by the model of the autopilot, or the plan's own; None: not predicted."""
