@@ -55,6 +55,7 @@ from gcs.flight.setup.build_loads import (
 )
 from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
+from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -153,6 +154,10 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     plan = order.plan
     if order.keeping.mode is FlightMode.MISSION:
         refuse_late_starts(plan.scenario)
+    if (share := _telemetry_share(order)) < 1.0:
+        watcher.say(
+            f"telemetry at {share:.0%} of its full rate: what {len(plan.sysids)} vehicles may send over one radio"
+        )
     with refusing_unwritable(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
@@ -187,6 +192,13 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         with gaps.kept("report.md"):
             write_report(folder, data, verdict)
     return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
+
+
+def _telemetry_share(order: FlightRun) -> float:
+    if order.link is None:
+        return 1.0
+    rate_hz = order.plan.scenario.mission.setpoint_rate_hz
+    return telemetry_share(order.link.slowest_baud, len(order.plan.sysids), order.keeping.mode, rate_hz)
 
 
 def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
@@ -242,6 +254,7 @@ class _LinkedFlight:
             t0_unix_s=None,
             pid=os.getpid(),
             waived=tuple(sorted(order.options.waived)),
+            radio_baud=self._known.radio_baud,
         )
         self.journal = FlightJournal(folder, state, watcher.say, watcher.warn, note=watcher.event)
         self.checks: tuple[PreflightCheck, ...] = ()
@@ -310,6 +323,7 @@ class _LinkedFlight:
                 order.options,
                 mode=order.keeping.mode,
                 lead_s=SIM_LEAD_S if order.link is None else 0.0,
+                telemetry_share=_telemetry_share(order),
                 watched_elsewhere=bool(order.also_to),
             ),
             loads=self._loaded,

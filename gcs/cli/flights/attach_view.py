@@ -28,6 +28,7 @@ from gcs.flight.recording.flight_folder import BEFORE, PREDICTED
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.session.connection import Connection
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.setpoint_stream import build_stream
@@ -64,7 +65,8 @@ def take_up(request: AttachRequest) -> int:
         raise UsageError(
             f"the vehicles of {request.folder} were emulated and ended with their flight.", hint="name another flight"
         )
-    known = replace(connection(links, key_file=request.key_file), systems=book.systems, also_to=request.also_to)
+    known = connection(links, key_file=request.key_file, radio_baud=book.radio_baud)
+    known = replace(known, systems=book.systems, also_to=request.also_to)
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()
@@ -126,7 +128,13 @@ async def _take_up(
     stream: SetpointStream,
     ctrl_c: Stoppable,
 ) -> JsonObject:
-    options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow, watched_elsewhere=bool(request.also_to))
+    mode, rate_hz = FlightMode(book.mode), plan.scenario.mission.setpoint_rate_hz
+    options = FlightOptions(
+        mode=mode,
+        follow=book.follow,
+        telemetry_share=telemetry_share(known.slowest_baud, len(plan.sysids), mode, rate_hz),
+        watched_elsewhere=bool(request.also_to),
+    )
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
         state = replace(book, links=known.links, pid=os.getpid())
