@@ -50,7 +50,7 @@ def field(plan_of: Plans) -> Plan:
     ("name", "firmware", "late_s"),  # a little more than docs/design.md says
     [
         pytest.param("field", Autopilot.ARDUPILOT, 0.2, marks=pytest.mark.slow),
-        pytest.param("field", Autopilot.PX4, 0.5, marks=pytest.mark.slow),
+        pytest.param("field", Autopilot.PX4, 0.5, marks=pytest.mark.long),
         pytest.param("simulation1", Autopilot.ARDUPILOT, 0.8, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.PX4, 3.2, marks=pytest.mark.long),
         pytest.param("simulation2", Autopilot.ARDUPILOT, 1.6, marks=pytest.mark.long),
