@@ -47,7 +47,7 @@ def text_of_drawing(
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
     length = f"{flight.length_m:.0f} m in {time_s:.0f} s"
     screen.say(f"{file}: {', '.join([way, length, *_counted_areas(flight.areas)])}")
-    left_out = sentences(flight.left_out)
+    left_out = sentences(flight.left_out, flight.drawing.file_lines)
     for sentence in left_out:
         screen.say(f"  {sentence}")
     return text, left_out, flight
@@ -158,7 +158,7 @@ def text_of_survey(
     flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
     for sentence in _sentences(flight, areas):
         screen.say(sentence)
-    left_out = sentences((*drawn.left_out, *areas.left_out))
+    left_out = sentences((*drawn.left_out, *areas.left_out), drawn.drawing.file_lines)
     for sentence in left_out:
         screen.say(f"  {sentence}")
     place = drawn.origin
@@ -172,7 +172,7 @@ def text_of_survey(
         at_place = place.lat_deg, place.lon_deg, place.alt_amsl_m
         return scenario_text(folder, *at_place, flight=flight, vehicle=vehicle), left_out, flight
     except ImpossibleFlight as error:
-        text = f"{file}: such a survey is not possible: {areas.in_words(error.reason)}"
+        text = f"{file}: such a survey is not possible: {areas.in_words(error.reason, drawn.drawing)}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None
 
 

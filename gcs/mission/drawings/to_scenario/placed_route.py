@@ -190,7 +190,8 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     points = list(drawing.points)
     for point in points:
         if abs(point.height_m) > _BEYOND_M:
-            raise FileFormatError(f"{drawing.source}: {point.label} is at {point.height_m:g} m, beyond any flight.")
+            where = drawing.where(point.label)
+            raise FileFormatError(f"{where}: {point.label} is at {point.height_m:g} m, beyond any flight.")
     if height_m is None:
         points = _with_heights(points, left_out)
     if drawing.recorded:
@@ -206,7 +207,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     if far_m > FARTHEST_M:
         limit = f"the limit is {FARTHEST_M / 1000.0:,.0f} km"
         label = placed[int(np.abs(places_m).max(axis=1).argmax())].drawn.label
-        text = f"{drawing.source}: {label} is {far_m / 1000.0:,.0f} km from the origin ({origin_is}); {limit}."
+        text = f"{drawing.where(label)}: {label} is {far_m / 1000.0:,.0f} km from the origin ({origin_is}); {limit}."
         raise FileFormatError(text, hint="correct that point, or give --at near the route")
     comes_back = len(placed) > 2 and float(np.linalg.norm(places_m[-1] - places_m[0])) <= _BACK_M
     if comes_back:
@@ -225,7 +226,7 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
         return
     step = "draw a line through the area" if drawing.areas and not drawing.points else "draw at least two points"
     has = "no point" if not drawing.points else "only one place"
-    left_out = sentences(drawing.left_out)
+    left_out = sentences(drawing.left_out, drawing.file_lines)
     why = f" ({'; '.join(left_out[:_SAID_MAX])}{'; ...' if len(left_out) > _SAID_MAX else ''})" if left_out else ""
     raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to{why}.", hint=step)
 
@@ -331,7 +332,7 @@ def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint], *, ground_g
         hint = "draw it lower" if highest.key == "height_m" else _GIVE_GROUND
         if highest.key != "height_m" and ground_given:
             hint = "draw it lower, or correct the altitude of the ground in --at"
-        raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
+        raise FileFormatError(f"{drawing.where(highest.drawn.label)}: {text}", hint=hint)
     lowest = min(points, key=lambda point: point.place_m[2])
     if (up_m := round(lowest.place_m[2], 3)) >= LOWEST_M:
         return
@@ -339,4 +340,4 @@ def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint], *, ground_g
     hint = "give --height METRES for such points"
     if lowest.key != "height_m":
         hint += ", or correct the altitude of the ground in --at" if ground_given else f", or {_GIVE_GROUND}"
-    raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
+    raise FileFormatError(f"{drawing.where(lowest.drawn.label)}: {text}", hint=hint)

@@ -126,7 +126,7 @@ class RouteFlight:
 
     def in_words(self, reason: str) -> str:
         """A reason of the scenario's rules with the labels of points and areas in place of their keys."""
-        points = [point.drawn.label for point in self.route.points]
+        points = [self.drawing.named(point.drawn.label) for point in self.route.points]
         interior = points[1:] if self.route.returns else points[1:-1]
         ends = {"start": points[0], "end": points[0 if self.route.returns else -1]}
 
@@ -135,7 +135,8 @@ class RouteFlight:
                 return f"{interior[int(found[2])]}: " if int(found[2]) < len(interior) else found[0]
             return f"{ends[found[1]]}: "
 
-        return _KEY_OF_POINT.sub(label, self.areas.in_words(reason))
+        reason = _KEY_OF_POINT.sub(label, self.areas.in_words(reason, self.drawing))
+        return re.sub(r"\[(start|end)\]", lambda found: ends[found[1]], reason)
 
     @property
     def _course_m(self) -> Array:
@@ -177,8 +178,9 @@ class RouteFlight:
         lowest_m = float(heights_m.min() + places_m[:, 2].min())
         if lowest_m < 1.0:
             row = int(heights_m.argmin())
-            text = f"{self.route.points[row].drawn.label} is {heights_m[row]:.1f} m above the origin, too low"
-            text = f"{self.drawing.source}: {text} for a {self.shape} of {self.count} vehicles."
+            label = self.route.points[row].drawn.label
+            text = f"{label} is {heights_m[row]:.1f} m above the origin, too low"
+            text = f"{self.drawing.where(label)}: {text} for a {self.shape} of {self.count} vehicles."
             raise FileFormatError(text, hint="give another --shape, or a smaller --spacing")
         return lowest_m, float(heights_m.max() + places_m[:, 2].max())
 
@@ -207,7 +209,7 @@ class RouteFlight:
 
     def _comments(self) -> str:
         """What is left out, as lines of comments; empty if nothing is."""
-        said = sentences(self.left_out)
+        said = sentences(self.left_out, self.drawing.file_lines)
         more = [f"and {len(said) - _SAID_MAX} more"] * (len(said) > _SAID_MAX)
         lines = ["# Not carried over as it was drawn:", *(f"#   {line}" for line in [*said[:_SAID_MAX], *more])]
         return "\n".join(lines) if said else "#"
@@ -225,7 +227,7 @@ def route_flight(
     """
     route = placed_route(drawing, at, height_m)
     spots = [(point.drawn.label, point.place_m[:2]) for point in route.points]
-    flight = RouteFlight(drawing, route, area_tables(drawing.source, drawing.areas, spots, route.origin))
+    flight = RouteFlight(drawing, route, area_tables(drawing, drawing.areas, spots, route.origin))
     flight = replace(flight, **formation)  # type: ignore[arg-type]
     flight.keys()  # refuses a flight that takes too long
     return flight

@@ -153,7 +153,6 @@ PLAN = (
         ("<kml>" + "<a>" * 100 + "</a>" * 100 + "</kml>", "nested too deeply"),
         (f"<kml>{LINE.format('8.5,x,0')}</kml>", "'8.5,x,0' is not longitude, latitude and height"),
         (f"<kml>{LINE.format('8.5,147,0 8.5,147,1')}</kml>", "latitude 147, longitude 8.5 is not on Earth"),
-        ("<kml><Placemark><Polygon/></Placemark></kml>", "a polygon without an edge"),
         ('<gpx><wpt lat="47" lon="east"/></gpx>', "waypoint 1: lon is not a number: 'east'"),
         ('{"type":"Point","coordinates":[630000,5200000]}', "save the drawing in degrees"),
         ('{"type":"Point","coordinates":[8,null]}', "is not longitude, latitude and height"),

@@ -84,7 +84,7 @@ def test_every_drawing_becomes_a_scenario_whose_lines_a_person_can_read(name: st
     assert scenario.title == f"drawn: three quadrotors in a line along {name}"
     assert len(scenario.route) == len(flight.route.points) - (1 if flight.route.returns else 2)
     text = text_of(flight)
-    assert all(f"#   {sentence}\n" in text for sentence in sentences(flight.left_out))
+    assert all(f"#   {sentence}\n" in text for sentence in sentences(flight.left_out, flight.drawing.file_lines))
     assert all(point.drawn.label in text for point in flight.route.points)
 
 
