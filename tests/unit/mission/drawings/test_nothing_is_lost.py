@@ -65,7 +65,7 @@ def kml_element(kind: str, number: int, name: str) -> str:
     elif kind == "hollow":
         shape = ("<MultiTrack/>", "<MultiGeometry/>", "<Polygon/>")[number % 3]
     elif kind == "meaning":
-        data = f'<ExtendedData><Data name="Speed"><value>7</value></Data></ExtendedData>'
+        data = '<ExtendedData><Data name="Speed"><value>7</value></Data></ExtendedData>'
         shape = f"{data}<LineString>{coordinates(line(10 * number, 3))}</LineString>"
     else:
         shape = f"<MultiPolygon><x>{coordinates(square(number))}</x></MultiPolygon>"
@@ -119,7 +119,7 @@ def gpx_element(kind: str, number: int, name: str) -> str:
         segments = (f"<trkseg>{points('trkpt', line(10 * number + n))}</trkseg>" for n in (0, 5))
         return f"<trk><name>{name}</name>{''.join(segments)}</trk>"
     if kind == "meaning":
-        extra = f"<extensions><speed>7</speed></extensions>"
+        extra = "<extensions><speed>7</speed></extensions>"
         return f"<rte><name>{name}</name>{points('rtept', line(10 * number, 3))}{extra}</rte>"
     if kind == "hollow":
         return f"<trk><name>{name}</name>{'<trkseg/>' * (number % 3)}</trk>"

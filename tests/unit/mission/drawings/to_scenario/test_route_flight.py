@@ -97,9 +97,11 @@ def test_points_are_where_they_were_drawn_at_their_own_heights(loaded: Any) -> N
     assert scenario.start.position_m == pytest.approx((0.0, 0.0, 20.0), abs=0.02)
     assert scenario.route[0].position_m == pytest.approx((100.0, 0.0, 40.0), abs=0.02)
     assert scenario.route[1].position_m == pytest.approx((100.0, 150.0, 30.0), abs=0.02)
+    assert [place.height_above_ground_m for place in (scenario.start, *scenario.route)] == [None, None, 30.0]
     assert scenario.end.position_m == pytest.approx((0.0, 150.0, 25.0), abs=0.02)
     assert [str(one) for one in flight.left_out] == [
-        "item 100: the height above the ground counts from the origin, because the file has no terrain"
+        "heights: above the ground count from level ground at the origin's altitude; for the true ground give "
+        "--terrain DEM"
     ]
 
 
