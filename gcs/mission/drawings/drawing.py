@@ -156,10 +156,11 @@ def part_of(label: str, what: str, number: int, count: int) -> str:
     return label if count == 1 else f"{what} {number} of {label}"
 
 
-def on_earth(lat_deg: float, lon_deg: float) -> Place:
+def on_earth(lat_deg: float, lon_deg: float, label: str = "") -> Place:
     """A place, with a longitude from -180 to 180. Raises ValueError for one that is not on Earth."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 360.0):
-        raise ValueError(f"latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
+        at = f"{label}: " if label else ""
+        raise ValueError(f"{at}latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
     return lat_deg, float(wrapped_deg(lon_deg))
 
 

@@ -18,7 +18,7 @@ from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import is_mission_json
 from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.formats.vendor_quirks import MARK, decoded, first_line
-from gcs.util.bounded_file import DRAWING_FILE, as_utf8, read_file, read_json
+from gcs.util.bounded_file import DRAWING_FILE, SHEETS, as_utf8, read_file, read_json
 from gcs.util.bounded_xml import root_of
 
 
@@ -56,7 +56,8 @@ class DrawnFile:
             text = decoded(self.data, self.source).removeprefix(MARK) if self.is_json else ""
             document = read_json(text, not_finite=True) if text else None
         except json.JSONDecodeError as error:
-            raise FileFormatError(f"{self.source}, line {error.lineno}: not JSON: {error.msg}.") from error
+            hint = "save the drawing as one document: GeoJSON or .plan"
+            raise FileFormatError(f"{self.source}, line {error.lineno}: not JSON: {error.msg}.", hint=hint) from error
         except ValueError as error:
             raise FileFormatError(f"{self.source}: {error}.") from error
         return document if isinstance(document, dict) else {}
@@ -109,6 +110,9 @@ def drawing_in(data: bytes, source: str, formats: Sequence[RouteFormat] = ROUTE_
     for row in formats:
         if row.holds(file):
             return row.reader(data, source)
+    if Path(source).suffix.lower() in SHEETS and file.start:
+        hint = "save its points as a line: KML, GPX or GeoJSON; --positions takes the places of vehicles on the ground"
+        raise FileFormatError(f"{source}: is a sheet, and no drawing.", hint=hint)
     what = "neither a .plan nor GeoJSON" if file.is_json else "no drawing" if file.start else "empty"
     raise FileFormatError(f"{source}: is {what}.", hint=_hint(formats))
 

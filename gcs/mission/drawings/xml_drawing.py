@@ -186,7 +186,7 @@ class _KmlReader:
         for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
             own = label if shape.tag == "Point" else f"point {number} of {label}"
             height_m, point_datum = (rest[0] + offset_m, datum) if rest else (0.0, Datum.NONE)
-            yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
+            yield DrawnPoint(on_earth(lat_deg, lon_deg, own), height_m, point_datum, own, name)
 
     def _mode(self, shape: Element, label: str) -> tuple[Datum, float]:
         """What heights of a geometry count from, and what is added to them."""
@@ -241,7 +241,7 @@ class _KmlReader:
     def _ring(self, edge: Element, label: str) -> list[Place]:
         rows = [*self._coordinates(edge, label)]
         self._lost_heights(rows, label, AREA_HEIGHTS)
-        return [on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in rows]
+        return [on_earth(lat_deg, lon_deg, label) for lon_deg, lat_deg, *_ in rows]
 
     def _lost_heights(self, rows: Sequence[Sequence[float]], label: str, why: str) -> None:
         """Leave out the heights of places, where they have any: converters write 0 for none."""
@@ -328,7 +328,7 @@ def _gpx_point(element: Element, label: str, name: str) -> DrawnPoint:
     lat_deg, lon_deg = (_number(element.get(key, ""), label, key) for key in ("lat", "lon"))
     height = text_of(element, "ele") or element.get("ele", "")  # some programs write it beside lat and lon
     height_m = _number(height, label, "ele") if height else 0.0
-    return DrawnPoint(on_earth(lat_deg, lon_deg), height_m, Datum.SEA if height else Datum.NONE, label, name)
+    return DrawnPoint(on_earth(lat_deg, lon_deg, label), height_m, Datum.SEA if height else Datum.NONE, label, name)
 
 
 def _number(text: str, label: str, key: str) -> float:
