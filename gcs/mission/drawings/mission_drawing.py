@@ -11,13 +11,13 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mavlink import FenceCommand
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, refusal, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import Key, lines_of
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText, Point
-from gcs.mission.formats.point_lists import begins_fence, begins_rally
+from gcs.mission.formats.point_lists import begins_rally, numbered_points
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
 from gcs.mission.formats.vendor_quirks import Quirk, QuirkKind, first_line
 from gcs.mission.geofence import Geofence, RallyPoint
@@ -63,10 +63,8 @@ def draw_plan(data: bytes, source: str) -> Drawing:
 
 def draw_mission(data: bytes, source: str) -> Drawing:
     """The drawing in a mission file of another format. Raises `FileFormatError`, also for a fence or rally points."""
-    start = first_line(data)
-    if begins_fence(start) or begins_rally(start):
-        what = "a fence" if begins_fence(start) else "rally points"
-        raise FileFormatError(f"{source}: holds {what}, and no route.", hint="give the file with the route")
+    if begins_rally(first_line(data)):
+        raise FileFormatError(f"{source}: holds rally points, and no route.", hint="give the file with the route")
     file = read_mission(data, source)
     lines = file.item_lines
     if file.items and {item.command for item in file.items} <= set(FenceCommand):
@@ -80,6 +78,24 @@ def draw_mission(data: bytes, source: str) -> Drawing:
     course.follow(numbered)
     _quirks(file.quirks, sketch)
     return sketch.drawing(home=course.home, speed_mps=file.speed_mps, returns=course.returns)
+
+
+def draw_point_list(data: bytes, source: str) -> Drawing:
+    """The polygon in a list of points: of Mission Planner, or a fence, whose first point is where vehicles return to.
+
+    Raises `FileFormatError`.
+    """
+    sketch, label = Sketch(source), "the polygon"
+    rows = numbered_points(data, source)
+    if len(rows) > 2 and rows[-1][1] == rows[1][1] != rows[0][1]:
+        line, _ = rows.pop(0)
+        sketch.leave_out(f"line {line}", "the return point of a fence; not carried over")
+    sketch.file_lines[label] = rows[0][0]
+    try:
+        sketch.add_area(label, [point.place_deg for _, point in rows])
+    except ValueError as error:
+        raise refusal(source, error, "a polygon") from error
+    return sketch.drawing()
 
 
 def _plan_lines(text: str, document: PlanDocument) -> dict[tuple[Key, ...], int]:

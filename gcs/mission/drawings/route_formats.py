@@ -12,7 +12,7 @@ from pathlib import Path
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing
 from gcs.mission.drawings.geojson_drawing import GEOJSON_TYPES, draw_geojson
-from gcs.mission.drawings.mission_drawing import draw_mission, draw_plan
+from gcs.mission.drawings.mission_drawing import draw_mission, draw_plan, draw_point_list
 from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import is_mission_json
@@ -74,10 +74,14 @@ class RouteFormat:
 
 
 def _is_mission(file: DrawnFile) -> bool:
-    """Also a fence or rally points, whose reader says that they are no route."""
+    """Also rally points, whose reader says that they are no route."""
     line = first_line(file.data)
-    begins = line.startswith(HEADER.split()[0]) or begins_fence(line) or begins_rally(line)
+    begins = line.startswith(HEADER.split()[0]) or begins_rally(line)
     return is_mission_json(file.data) if file.is_json else begins
+
+
+def _is_point_list(file: DrawnFile) -> bool:
+    return not file.is_json and begins_fence(first_line(file.data))
 
 
 _PLAN = "The items; those of surveys and corridors as QGroundControl stored them"
@@ -92,6 +96,7 @@ ROUTE_FORMATS = (
     RouteFormat((".kml",), _KML, lambda file: file.is_xml, draw_kml),
     RouteFormat((".geojson",), _GEOJSON, lambda file: file.members.get("type") in GEOJSON_TYPES, draw_geojson),
     RouteFormat((".waypoints", ".mission"), "The items, also of older versions", _is_mission, draw_mission),
+    RouteFormat((".poly", ".fen"), "None: the area of a survey", _is_point_list, draw_point_list),
 )
 
 
