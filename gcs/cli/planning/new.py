@@ -104,7 +104,8 @@ def new(
         Path | None,
         option(
             "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .poly, .plan, also of a survey pattern), which "
-            "vehicles abreast survey in parallel passes. They start at --at, or where the first pass begins, and come back.",
+            "vehicles abreast survey in parallel passes. They start at --at, or where the first pass begins, and come "
+            "back.",
             metavar="AREA",
             shown=False,
         ),
