@@ -358,7 +358,10 @@ class _LinkedFlight:
             refuse_without_timed_start(rows)  # first: the scenario may name no autopilot, and has the default then
             refuse_other_autopilots(plan, (number for _, number in rows))
         warn, exported = self._watcher.warn, self._exported
-        return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
+        stream = order.keeping.mode is FlightMode.STREAM
+        return await loads_built_aside(
+            plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported, stream=stream
+        )
 
     async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
         order, plan, watcher, charge = self.order, self._plan, self._watcher, None

@@ -76,9 +76,9 @@ def say_lines(screen: Screen, plan: Plan) -> None:
         if kept := [m for m in limits_m if np.isfinite(m)]:
             spread = f"{min(kept):g}" if min(kept) == max(kept) else f"{min(kept):g} to {max(kept):g}"
             parts.append(f"{spread} m {what} (on {counted(len(kept), 'leg')} of {len(limits_m)})")
-    if above := sum(line.ground is not None for line in plan.lines):
-        parts[-1] += f"; {counted(above, 'line')} at a height above the ground"
-    screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}")
+    above = sum(line.ground is not None for line in plan.lines)
+    over = f"; {counted(above, 'line')} at a height above the ground" if above else ""
+    screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}{over}")
     drawn = leg_lines(plan.scenario)
     drawn = drawn[len(drawn) - len(plan.lines) + (plan.begin_state is not None) :]
     for key, what in (("corridor_m", "sideways"), ("height_m", "in height")):
