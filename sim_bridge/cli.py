@@ -18,7 +18,7 @@ import typer
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, UsageError, error_text
-from gcs.link.endpoints.ports import host_port, split_host_port
+from gcs.link.endpoints.addresses import host_port, split_host_port
 from sim_bridge.protocol.endpoint_address import (
     CALL_GROUND,
     LOOPBACK,

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 from gcs.errors import GcsError, UsageError
-from gcs.link.endpoints.ports import Address
+from gcs.link.endpoints.addresses import Address
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.types import Array

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.tlog import Tlog, load_tlog
+from gcs.link.endpoints.addresses import Address
 from gcs.link.endpoints.base import LinkSpec, Receive, parse_link_spec
-from gcs.link.endpoints.ports import Address
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand

@@ -21,7 +21,8 @@ from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeep
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import Monitor, skew_s
+from gcs.flight.monitoring.lateness import skew_s
+from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
@@ -30,6 +31,7 @@ from gcs.flight.recording.flight_folder import (
     BEFORE,
     EVENTS,
     PLAN,
+    PREDICTED,
     REPORTS,
     SCENARIO,
     TRUE_STATES,
@@ -48,11 +50,12 @@ from gcs.flight.setup.build_loads import (
     export_for_flight,
     loads_built_aside,
     missions_only,
-    refuse_no_hour,
     refuse_other_autopilots,
+    refuse_without_timed_start,
 )
 from gcs.flight.setup.preflight import go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
+from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -151,6 +154,10 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     plan = order.plan
     if order.keeping.mode is FlightMode.MISSION:
         refuse_late_starts(plan.scenario)
+    if (share := _telemetry_share(order)) < 1.0:
+        watcher.say(
+            f"telemetry at {share:.0%} of its full rate: what {len(plan.sysids)} vehicles may send over one radio"
+        )
     with refusing_unwritable(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
@@ -187,6 +194,13 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
 
 
+def _telemetry_share(order: FlightRun) -> float:
+    if order.link is None:
+        return 1.0
+    rate_hz = order.plan.scenario.mission.setpoint_rate_hz
+    return telemetry_share(order.link.slowest_baud, len(order.plan.sysids), order.keeping.mode, rate_hz)
+
+
 def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
     order, plan = now.order, now.order.plan
     truth = load_truth(now.folder / "truth.npz")
@@ -211,7 +225,7 @@ def _judged_reports(
 
 def refuse_late_starts(scenario: Scenario) -> None:
     """Raise `UsageError` for missions on board that cannot start together: known before anything is planned."""
-    refuse_no_hour(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
+    refuse_without_timed_start(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
 
 
 class _LinkedFlight:
@@ -240,6 +254,7 @@ class _LinkedFlight:
             t0_unix_s=None,
             pid=os.getpid(),
             waived=tuple(sorted(order.options.waived)),
+            radio_baud=self._known.radio_baud,
         )
         self.journal = FlightJournal(folder, state, watcher.say, watcher.warn, note=watcher.event)
         self.checks: tuple[PreflightCheck, ...] = ()
@@ -308,14 +323,22 @@ class _LinkedFlight:
                 order.options,
                 mode=order.keeping.mode,
                 lead_s=SIM_LEAD_S if order.link is None else 0.0,
+                telemetry_share=_telemetry_share(order),
                 watched_elsewhere=bool(order.also_to),
             ),
             loads=self._loaded,
             stream=self._stream,
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
-            tracks=self._tracks(),
+            tracks=self._noted_tracks(),
         )
+
+    def _noted_tracks(self) -> PredictedTracks | None:
+        tracks = self._tracks()
+        if tracks is not None:
+            with self.journal.record.gaps.kept(PREDICTED):
+                tracks.save(self.folder / PREDICTED)
+        return tracks
 
     def _tracks(self) -> PredictedTracks | None:
         """The tracks of missions on board: by the model of the autopilot, or the plan's own; None: not predicted."""
@@ -332,10 +355,13 @@ class _LinkedFlight:
         order, plan = self.order, self._plan
         if order.keeping.mode is FlightMode.MISSION:
             rows = [(sysid, autopilots[sysid]) for sysid in plan.sysids]
-            refuse_no_hour(rows)  # first: the scenario may name no autopilot, and has the default then
+            refuse_without_timed_start(rows)  # first: the scenario may name no autopilot, and has the default then
             refuse_other_autopilots(plan, (number for _, number in rows))
         warn, exported = self._watcher.warn, self._exported
-        return await loads_built_aside(plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported)
+        stream = order.keeping.mode is FlightMode.STREAM
+        return await loads_built_aside(
+            plan, autopilots, timed=False, safety=order.safety, warn=warn, exported=exported, stream=stream
+        )
 
     async def _get_ready(self, fleet: LinkedFleet, sessions: dict[int, VehicleSession]) -> ChargeRule | None:
         order, plan, watcher, charge = self.order, self._plan, self._watcher, None

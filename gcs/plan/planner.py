@@ -23,7 +23,7 @@ from gcs.plan.trajectory.ground_phases import landing_step, smooth_step, straigh
 from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
-from gcs.plan.trajectory.zone_margin import first_with_room
+from gcs.plan.trajectory.zone_margin import first_with_margin
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import (
     NED_FROM_UP,
@@ -56,15 +56,15 @@ def make_plan(
     began = time.perf_counter()
     _check_landing(scenario)
 
-    def flight(roomy: Scenario) -> tuple[Optimum, tuple[Alternative, ...]]:
-        problem = flight_problem(roomy, extra_objectives)
+    def flight(inflated: Scenario) -> tuple[Optimum, tuple[Alternative, ...]]:
+        problem = flight_problem(inflated, extra_objectives)
         return best_flight(problem, on_round, all_routes=every_way, workers=workers)
 
-    best, alternatives = first_with_room(scenario, flight)
+    best, alternatives = first_with_margin(scenario, flight)
     scenario = with_fixed_time(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
-    run_up = first_with_room(scenario, lambda roomy: _run_up(roomy, on_round))
+    run_up = first_with_margin(scenario, lambda inflated: _run_up(inflated, on_round))
     run_up_done = time.perf_counter()
     phases = phases_of(scenario)
     leader = leader_index(scenario)

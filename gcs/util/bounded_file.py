@@ -35,6 +35,7 @@ UPLOAD_RECORD = FileKind("the record of an upload", 16 * MIB)
 FLIGHT_STATE = FileKind("the state of a flight", MIB)
 EVENT_FILE = FileKind("a flight's events", 64 * MIB)
 TRUTH_FILE = FileKind("true states", 2048 * MIB)
+TRACKS_FILE = FileKind("predicted tracks", 2048 * MIB)
 TELEMETRY_LOG = FileKind("a telemetry log", 4096 * MIB)
 RECORD_FILE = FileKind("a flight record", 512 * MIB)
 KEY_FILE = FileKind("a signing key", 4096)
@@ -43,7 +44,7 @@ DRAWING_FILE = FileKind("a drawn route", 16 * MIB)
 TRACK_FILE = FileKind("trajectories to prove", 256 * MIB)
 FILE_KINDS = (
     *(PLAN_FILE, SCENARIO_TOML, SCENARIO_JSON, FAULT_FILE, MISSION_FILE, EXPORT_INDEX, UPLOAD_RECORD),
-    *(FLIGHT_STATE, EVENT_FILE, TELEMETRY_LOG, TRUTH_FILE, RECORD_FILE, KEY_FILE, POSITION_SHEET),
+    *(FLIGHT_STATE, EVENT_FILE, TELEMETRY_LOG, TRUTH_FILE, TRACKS_FILE, RECORD_FILE, KEY_FILE, POSITION_SHEET),
     *(DRAWING_FILE, TRACK_FILE),
 )
 _KINDS_OF_PLACES = (

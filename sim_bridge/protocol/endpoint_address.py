@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.errors import UsageError
-from gcs.link.endpoints.ports import host_port, lacks_brackets, split_host_port
+from gcs.link.endpoints.addresses import host_port, lacks_brackets, split_host_port
 
 LOOPBACK = "127.0.0.1"
 

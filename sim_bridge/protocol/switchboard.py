@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gcs.errors import LinkError
-from gcs.link.endpoints.ports import Address, ByteStream, UdpPort, caller_host, host_port, plain_address, resolve_udp
+from gcs.link.endpoints.addresses import Address, caller_host, host_port, plain_address, resolve_udp
+from gcs.link.endpoints.ports import ByteStream, UdpPort
 from sim_bridge.protocol.endpoint_address import EndpointKind, EndpointSpec, PeerAddress, is_loopback
 
 DATAGRAM_BYTES = 1400  # several frames share a datagram, up to a size that networks do not fragment

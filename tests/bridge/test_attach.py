@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from gcs.cli.main import run as gcs
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.scenario.sources.load import load_scenario
 from sim_bridge.protocol.endpoint_address import call
 from sim_bridge.sim.world import World, WorldOptions
@@ -29,13 +30,14 @@ def hop_mission(repo_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return path
 
 
-@pytest.fixture
-def left_alone(hop_mission: Path, tmp_path: Path) -> Iterator[tuple[World, Path]]:
+@pytest.fixture(params=["stream"])
+def left_alone(hop_mission: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[World, Path]]:
     """Vehicles in the air whose ground station was killed, and the folder of flights."""
     port = free_port()
     scenario = load_scenario(hop_mission)
     with running_fleet(scenario, WorldOptions(links=(call(port),), speedup=SPEEDUP)) as world:
         line = [*GCS, "fly", str(hop_mission), "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", str(tmp_path)]
+        line += ["--mode", request.param]
         process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
         assert process.stdout is not None
         while not (said := process.stdout.readline()).startswith("flying: "):
@@ -69,6 +71,19 @@ def test_it_is_found_shown_and_flown_to_its_end(left_alone: tuple[World, Path]) 
     nothing = subprocess.run([*GCS, "attach", "--to", str(flights)], capture_output=True, text=True, check=False)
     assert nothing.returncode == 2  # it is over
     assert "unfinished" in nothing.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left_alone", ["mission"], indirect=True)
+def test_missions_on_board_go_on_with_the_tracks_that_were_predicted(left_alone: tuple[World, Path]) -> None:
+    world, flights = left_alone
+    (folder,) = flights.iterdir()
+    line = [*GCS, "attach", str(folder), "--resume"]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=600.0, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "WARNING" not in done.stderr
+    assert world.airframes.landed.all()
+    assert PredictedTracks.load(folder / "predicted.npz").sysids == (1, 2, 3)
 
 
 @pytest.mark.slow

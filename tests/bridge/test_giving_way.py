@@ -62,7 +62,7 @@ def least_distance_m(flown: Flown) -> float:
     return float(np.linalg.norm(flown.places[0, aloft] - flown.places[1, aloft], axis=-1).min())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_vehicle_without_time_to_brake_climbs(field: Scenario) -> None:
     flown = stopped_leader(leader_and(field, [-4.33, -2.5, 8.6]))
     # Where it comes to rest decides: 2 m higher it may still be too near, and lands; or far enough, and returns; and
@@ -111,7 +111,7 @@ def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
     flew_on(flown, 1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_all_fall_silent_and_land(hop: Plan) -> None:
     """They receive, and are not heard; whatever their failsafes are, they land as ordered."""
     flown = fly(

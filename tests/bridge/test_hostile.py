@@ -26,7 +26,7 @@ from tests.bridge.hostile import Hostility, checksums
 from tests.bridge.test_links import udp_station
 from tests.fleets import EPOCH_UNIX_S, running_fleet
 
-FRAMES, MANY = 15_000, 500_000  # for each autopilot
+FRAMES, MANY = 5_000, 500_000  # for each autopilot
 SEEDS = {"ardupilot": 20_250_101, "px4": 20_250_102}
 CHUNKS_PER_STEP = 120  # of four and a half frames each
 HELD = (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY)

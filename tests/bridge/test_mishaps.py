@@ -110,7 +110,7 @@ def link_back_soon(hop: Plan) -> Flown:
     return fly(hop, "3:silent@24..27.5", "2:gnss-outage@19..54")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_link_that_comes_back_soon(link_back_soon: Flown) -> None:
     flown = link_back_soon
     assert flown.happened(3) == ["link lost", "link back"]
@@ -119,7 +119,7 @@ def test_a_link_that_comes_back_soon(link_back_soon: Flown) -> None:
     assert np.linalg.norm(flown.places[row, late] - flown.planned[row, late], axis=-1).max() < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_long_outage_of_gnss(link_back_soon: Flown) -> None:
     assert link_back_soon.orders(2)[-1] == "land"
     flew_on(link_back_soon, 1)
@@ -145,7 +145,7 @@ def test_a_low_battery_that_lasts_for_nothing_else_lands(hop: Plan) -> None:
     kept_apart(flown)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
     flown = fly(hop, "1:die@24", follow=True)
     assert flown.orders(2) == ["lead"]

@@ -135,6 +135,7 @@ def test_who_answers_is_compared_with_the_scenario(mixed: Plan) -> None:
     assert [dict(load.parameters).keys() >= {"RTL_ALT"} for load in loads] == [True, False, True, False]
 
 
+@pytest.mark.slow
 def test_a_mixed_fleet_flies_one_formation_with_everything_on_board(mixed: Plan) -> None:
     held: dict[int, dict[str, float]] = {}
 

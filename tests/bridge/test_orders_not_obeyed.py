@@ -116,6 +116,7 @@ def test_a_vehicle_that_a_pilot_took_over_is_watched_and_gets_no_order(hop: Plan
     all_are_down(flown)  # the flight waited for it
 
 
+@pytest.mark.slow
 def test_progress_names_the_vehicle_that_a_pilot_still_flies_when_all_others_have_landed(field: Scenario) -> None:
     phases: list[str] = []
 

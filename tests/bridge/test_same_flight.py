@@ -69,7 +69,9 @@ def flown(seed: int, latest_s: float) -> np.ndarray:
         return np.array(states)
 
 
-@pytest.mark.parametrize("latest_s", [0.05, 0.02, -0.1])
+@pytest.mark.parametrize(
+    "latest_s", [pytest.param(0.05, marks=pytest.mark.slow), 0.02, pytest.param(-0.1, marks=pytest.mark.slow)]
+)
 def test_when_setpoints_come_changes_nothing(latest_s: float) -> None:
     early, late = flown(1, 0.1), flown(2, latest_s)
     assert np.abs(early[-1, :2] - early[0, :2]).max() > 3.0

@@ -133,6 +133,7 @@ def test_a_vehicle_that_never_reports_again_ends_the_wait_for_its_clock(hop: Pla
     assert on_s(flown.world).max() == 0.0
 
 
+@pytest.mark.slow
 def test_a_reboot_in_flight_is_a_loss_and_is_told(hop: Plan) -> None:
     flown = fly(hop, during=Reboot(flies))
     assert isinstance(flown.error, FlightError)

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.flight.monitoring.monitor import lateness_s, skew_s
+from gcs.flight.monitoring.lateness import lateness_s, skew_s
 from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.record_table import write_record
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
     flown = fly(hop, "all:delay=0.05,0.02")
     assert flown.error is None
@@ -29,7 +29,7 @@ def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
     assert np.abs(np.subtract(list(told_s.values()), late_s)).max() < 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
     """The leader slows down for three seconds. Followers stay behind it; without following, they come too close."""
     fault = "1:slow=1.0@25..28"
@@ -43,7 +43,7 @@ def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.long)])
 def test_followers_do_not_add_an_error_that_all_make(hop: Plan, autopilot: str) -> None:
     """All are held up for 2 s, in a wind. A copied error made it 2.1 times the leader's, the shape 2.1 m off."""
     data = hop.scenario.model_dump(mode="json")

@@ -22,6 +22,7 @@ BATTERY_BIT = 0x2000000
 ASKED = (MessageId.HEARTBEAT, MessageId.SYS_STATUS, MessageId.BATTERY_STATUS)
 
 
+@pytest.mark.slow
 def test_a_voltage_that_sags_at_a_full_percentage_is_heard_in_every_way_and_acted_on(hop: Plan) -> None:
     """ArduCopter says so below BATT_LOW_VOLT, 10.5 V, and does nothing. What then counts as left is not enough."""
     plan = replace(hop, scenario=with_battery(hop, 0.3))

@@ -142,7 +142,7 @@ def survives(plan: Plan, place: Place, nth: int, kind: str) -> None:
         assert isinstance(flown.error, EXPECTED[kind]), where
 
 
-@pytest.mark.parametrize(("seed", "count"), [(16, 1), pytest.param(17, 12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seed", "count"), [pytest.param(17, 12, marks=pytest.mark.slow)])
 def test_whatever_fails_while_vehicles_fly_they_land(aside: Plan, undisturbed: Flight, seed: int, count: int) -> None:
     """A choice of places and failures; the long form has all of them."""
     chance = random.Random(seed)

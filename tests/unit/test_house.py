@@ -50,7 +50,7 @@ SANS_IO = (
     "gcs/flight/contingency/policy.py",
     "gcs/flight/contingency/policy_rows.py",
     "gcs/flight/execution/leader_follower.py",
-    "gcs/flight/execution/setpoint_messages.py",
+    "gcs/flight/execution/setpoint_schedule.py",
     "gcs/link/protocols",
     "gcs/link/session/routing_table.py",
     "gcs/link/session/unknown_systems.py",

@@ -22,11 +22,13 @@ from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry, until_placed
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import FlightHooks
-from gcs.flight.recording.flight_folder import BEFORE
+from gcs.flight.recording.flight_folder import BEFORE, PREDICTED
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.session.connection import Connection
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.setpoint_stream import build_stream
@@ -63,7 +65,8 @@ def take_up(request: AttachRequest) -> int:
         raise UsageError(
             f"the vehicles of {request.folder} were emulated and ended with their flight.", hint="name another flight"
         )
-    known = replace(connection(links, key_file=request.key_file), systems=book.systems, also_to=request.also_to)
+    known = connection(links, key_file=request.key_file, radio_baud=book.radio_baud)
+    known = replace(known, systems=book.systems, also_to=request.also_to)
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()
@@ -125,7 +128,13 @@ async def _take_up(
     stream: SetpointStream,
     ctrl_c: Stoppable,
 ) -> JsonObject:
-    options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow, watched_elsewhere=bool(request.also_to))
+    mode, rate_hz = FlightMode(book.mode), plan.scenario.mission.setpoint_rate_hz
+    options = FlightOptions(
+        mode=mode,
+        follow=book.follow,
+        telemetry_share=telemetry_share(known.slowest_baud, len(plan.sysids), mode, rate_hz),
+        watched_elsewhere=bool(request.also_to),
+    )
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
         state = replace(book, links=known.links, pid=os.getpid())
@@ -138,7 +147,8 @@ async def _take_up(
         sessions = await fleet.vehicles_left(kinds, options.find_timeout_s, settle_s=_SETTLE_S, systems=known.systems)
         fleet.freeze()
         hooks = FlightHooks(journal.on_event, journal.on_step)
-        flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
+        tracks = _predicted(request, options.mode)
+        flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks, tracks=tracks)
         journal.keep_time(flight.time)
         ctrl_c.again_calls(flight.landing.report_airborne)
         shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)
@@ -153,6 +163,17 @@ async def _take_up(
                     hint="search for them at their last position; run `gcs attach --land` again when they are heard",
                 )
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
+
+
+def _predicted(request: AttachRequest, mode: FlightMode) -> PredictedTracks | None:
+    """The tracks by which the flight watched its missions on board. Without them it goes on, with a warning."""
+    if mode is FlightMode.STREAM or request.what is not Resume.RESUME:
+        return None
+    try:
+        return PredictedTracks.load(request.folder / PREDICTED)
+    except FileFormatError as problem:
+        request.screen.warn(f"{problem.message} Vehicles that are late or off their tracks are not detected.")
+        return None
 
 
 async def _show(flight: FlightSequence, book: FlightState, screen: Screen, *, asks: bool) -> list[JsonObject]:

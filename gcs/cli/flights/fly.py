@@ -27,6 +27,7 @@ def fly(
     systems: shared.MapOption = None,
     signing_key_file: shared.KeyOption = None,
     transfer: shared.TransferOption = "auto",
+    radio: shared.RadioOption = None,
     missions_only: Annotated[
         bool, shared.option("With --link: do not change fences, rally points and parameters.", "--missions-only")
     ] = False,
@@ -123,7 +124,7 @@ def fly(
     share = None if reserve is None else shared.as_share(reserve)
     keeping = TimeKeeping(FlightMode(mode), sim, NavigatorChoice(nav), gates)
     _check(keeping, speedup, on_link=bool(link), follow=follow)
-    for name, given in (("--reserve", reserve), ("--waive", waive)):
+    for name, given in (("--reserve", reserve), ("--waive", waive), ("--radio", radio)):
         if given and sim:
             raise UsageError(f"{name} applies to vehicles on a --link only", hint=f"leave {name} out with --sim")
     if page:
@@ -132,7 +133,7 @@ def fly(
             raise UsageError("--page and --json exclude each other: nobody would read the page's address")
     if share is not None and not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
-    known = shared.connection(link, systems, signing_key_file, transfer) if link else None
+    known = shared.connection(link, systems, signing_key_file, transfer, radio) if link else None
     watched_at = shared.watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for

@@ -16,7 +16,7 @@ from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
 from gcs.errors import JudgementError, UsageError, counted
 from gcs.flight.assessment.criterion import FlightOutcome
-from gcs.flight.monitoring.monitor import skew_s
+from gcs.flight.monitoring.lateness import skew_s
 from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
 from gcs.flight.monitoring.progress import Event, InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import REPORTS, TELEMETRY, limit_text, planned_text

@@ -43,7 +43,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     from gcs.flight.assessment.flown_coverage import flown_coverage
     from gcs.flight.assessment.judge import judge, judge_reports, load_truth, reported_tracks
     from gcs.flight.assessment.route_passing import points_passed
-    from gcs.flight.monitoring.monitor import skew_s
+    from gcs.flight.monitoring.lateness import skew_s
     from gcs.flight.monitoring.progress import FlightTimes, flown_plan_time
     from gcs.flight.recording.flight_folder import EVENTS, REPORTS, TRUE_STATES, criteria_data, read_events
     from gcs.flight.recording.flight_state import read_flight_state

@@ -92,11 +92,20 @@ def new(
             shown=False,
         ),
     ] = None,
+    terrain: Annotated[
+        Path | None,
+        option(
+            "With --route: elevation model (GeoTIFF, .hgt) from which drawn heights above the ground count.",
+            metavar="DEM",
+            shown="level ground at the origin",
+        ),
+    ] = None,
     survey: Annotated[
         Path | None,
         option(
-            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan, also of a survey pattern), which vehicles "
-            "abreast survey in parallel passes. They start at --at, or where the first pass begins, and come back.",
+            "Drawing with the polygon of an area (KML, KMZ, GeoJSON, .poly, .plan, also of a survey pattern), which "
+            "vehicles abreast survey in parallel passes. They start at --at, or where the first pass begins, and come "
+            "back.",
             metavar="AREA",
             shown=False,
         ),
@@ -181,6 +190,8 @@ def new(
         raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
     surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
     flights = {"--positions": positions, "--course": course, "--distance": distance, "--end": end, "--full": full}
+    if terrain is not None and route is None:
+        raise UsageError("--terrain needs --route.", hint="write [terrain.dem] in other scenarios: docs/scenario.md")
     if route is not None:
         _exclude("--route", {**flights, "--survey": survey})
     if survey is not None:
@@ -198,6 +209,7 @@ def new(
         "end_deg": end_deg,
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
+    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
     from gcs.scenario.sources.load import FILE_NAME
     from gcs.scenario.sources.template import FirstFlight, flown_by, scenario_text, straight_to
     from gcs.util.atomic_write import atomic_write
@@ -209,12 +221,13 @@ def new(
         given |= straight_to(end_deg, (lat_deg, lon_deg))
     wanted = {key: value for key, value in given.items() if value is not None}
     origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
-    flight: Flight | None = FirstFlight(**wanted) if wanted else None
+    limits = type_limits(vehicle or VEHICLE_TYPE)
+    flight: Flight | None = FirstFlight(**wanted, limits=limits) if wanted or vehicle else None
     left_out: dict[str, list[str]] = {}
     if positions is not None:
         from gcs.cli.planning.new_flights import flight_of_sheets
 
-        flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
+        flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, limits, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
     drawn_at = None if at is None else parse_place(at)
     if survey is not None:
@@ -226,7 +239,9 @@ def new(
     elif route is not None:
         from gcs.cli.planning.new_flights import text_of_drawing
 
-        text, left_out["left_out"], flight = text_of_drawing(folder, route, wanted, drawn_at, screen)
+        text, left_out["left_out"], flight = text_of_drawing(
+            folder, route, wanted, drawn_at, screen, vehicle=vehicle, terrain=terrain
+        )
     else:
         place_of = lat_deg, lon_deg, alt_amsl_m or 0.0
         text = scenario_text(folder, *place_of, full=full, flight=flight, vehicle=vehicle)

@@ -24,6 +24,7 @@ from gcs.scenario.sources.template import FirstFlight, Flight, ImpossibleFlight,
 from gcs.scenario.values.navigation_error import vehicle_size_m
 
 if TYPE_CHECKING:
+    from gcs.scenario.schema.scenario import Performance
     from gcs.scenario.sources.survey_flight import SurveyFlight
     from gcs.types import JsonObject
 
@@ -35,26 +36,42 @@ _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the
 
 
 def text_of_drawing(
-    folder: Path, file: Path, wanted: JsonObject, at: tuple[float, float, float | None] | None, screen: Screen
+    folder: Path,
+    file: Path,
+    wanted: JsonObject,
+    at: tuple[float, float, float | None] | None,
+    screen: Screen,
+    *,
+    vehicle: str | None = None,
+    terrain: Path | None = None,
 ) -> tuple[str, list[str], Flight]:
     """The text of the scenario, the sentences about what is not carried over, and the flight.
 
-    Raises FileFormatError for a file that is no drawing of a route, and UsageError for a flight that is not possible.
+    Times are those of `vehicle`; heights above the ground count from the elevation model `terrain`. Raises
+    FileFormatError for a file that is no drawing of a route, and UsageError for a flight that is not possible.
     """
-    flight = route_flight(read_drawing(file), at, wanted.pop("height_m", None), **wanted)
-    text = route_text(folder, flight)
+    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
+
+    limits = type_limits(vehicle or VEHICLE_TYPE)
+    flight = route_flight(read_drawing(file), at, wanted.pop("height_m", None), terrain, limits=limits, **wanted)
+    text = route_text(folder, flight, vehicle)
     time_s = tomllib.loads(text)["time"]["flight_s"]  # less than asked where the battery asks for it
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
     length = f"{flight.length_m:.0f} m in {time_s:.0f} s"
     screen.say(f"{file}: {', '.join([way, length, *_counted_areas(flight.areas)])}")
-    left_out = sentences(flight.left_out)
+    left_out = sentences(flight.left_out, flight.drawing.file_lines)
     for sentence in left_out:
         screen.say(f"  {sentence}")
     return text, left_out, flight
 
 
 def flight_of_sheets(
-    positions: Path, shapes: list[Path], wanted: JsonObject, at: tuple[float, float, float] | None, screen: Screen
+    positions: Path,
+    shapes: list[Path],
+    wanted: JsonObject,
+    at: tuple[float, float, float] | None,
+    limits: Performance,
+    screen: Screen,
 ) -> tuple[SheetFlight, tuple[float, float, None] | None]:
     """The flight; and its origin where that is the place of the first vehicle. Raises UsageError for a wrong sheet."""
     read = read_flight_sheets(
@@ -72,6 +89,7 @@ def flight_of_sheets(
         wanted.get("distance_m", plain.distance_m),
         wanted.get("height_m", read.height_m or plain.height_m),
         wanted.get("end_deg"),
+        limits=limits,
     )
     for sheet in (read.positions, *read.shapes):
         screen.say(f"{sheet.file}: {counted(len(sheet.sysids), 'vehicle')}, {sheet.least_distance()}")
@@ -133,6 +151,7 @@ def text_of_survey(
     The speed is one that `vehicle` can fly: a preset or a vehicle file. Raises UsageError for what cannot be flown, and
     FileFormatError for a file that is no drawing.
     """
+    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
     from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
 
     drawn = survey_area(read_drawing(file), at, avoid_holes=options.holes == "avoid")
@@ -152,13 +171,14 @@ def text_of_survey(
         _speed_mps(options.speed, plain.speed_mps, vehicle),
         drawn.avoided,
         starts_at_origin=at is not None,
+        limits=type_limits(vehicle or VEHICLE_TYPE),
     )
     flight = survey_flight(order)
     areas = drawn.tables([("the start", flight.start_m), *flight.points()])
     flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
     for sentence in _sentences(flight, areas):
         screen.say(sentence)
-    left_out = sentences((*drawn.left_out, *areas.left_out))
+    left_out = sentences((*drawn.left_out, *areas.left_out), drawn.drawing.file_lines)
     for sentence in left_out:
         screen.say(f"  {sentence}")
     place = drawn.origin
@@ -172,7 +192,7 @@ def text_of_survey(
         at_place = place.lat_deg, place.lon_deg, place.alt_amsl_m
         return scenario_text(folder, *at_place, flight=flight, vehicle=vehicle), left_out, flight
     except ImpossibleFlight as error:
-        text = f"{file}: such a survey is not possible: {areas.in_words(error.reason)}"
+        text = f"{file}: such a survey is not possible: {areas.in_words(error.reason, drawn.drawing)}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None
 
 
@@ -207,12 +227,10 @@ def _counted_areas(areas: AreaTables) -> list[str]:
 
 def _speed_mps(speed_mps: float | None, usual_mps: float, vehicle: str | None) -> float:
     """The speed asked for, else the usual one where the vehicles can. Raises UsageError for more than they fly."""
-    from gcs.scenario.schema.vehicle_types import vehicle_file
-    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE
-    from gcs.scenario.sources.load import load_vehicle
+    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
 
     kind = vehicle or VEHICLE_TYPE
-    most_mps = _SPEED_SHARE * min(load_vehicle(vehicle_file(kind, Path())).limits.speed_ned_mps[:2])
+    most_mps = _SPEED_SHARE * min(type_limits(kind).speed_ned_mps[:2])
     if speed_mps is None:
         return min(usual_mps, most_mps)
     if speed_mps > most_mps:

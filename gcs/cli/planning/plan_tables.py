@@ -1,30 +1,24 @@
-"""Tables of plans and scenarios for an operator, and their rows for `--json`: route, coverage of a survey, pads."""
+"""Tables of plans and scenarios for an operator, and their rows for `--json`: route, battery, coverage of a survey."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.cli.shared.console import Screen
-from gcs.errors import UsageError, counted
-from gcs.util.atomic_write import atomic_write
+from gcs.errors import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from gcs.flight.assessment.route_passing import PointPassed
     from gcs.plan.trajectory.plan import Plan
-    from gcs.scenario.schema.scenario import Scenario
     from gcs.types import JsonObject
 
 _NAMED = 5  # places that are not covered
 _SQUARE_M_PER_HA = 10_000.0
 SHOWN = 20  # vehicles of a table on a terminal; a pipe or a file gets all
 _EASY = 0.7  # of the speed limit: in the mean, with corners
-_DIGITS = {"lat_deg": 7, "lon_deg": 7, "alt_amsl_m": 3, "north_m": 3, "east_m": 3}
 
 
 def route_data(plan: Plan) -> list[JsonObject]:
@@ -82,9 +76,9 @@ def say_lines(screen: Screen, plan: Plan) -> None:
         if kept := [m for m in limits_m if np.isfinite(m)]:
             spread = f"{min(kept):g}" if min(kept) == max(kept) else f"{min(kept):g} to {max(kept):g}"
             parts.append(f"{spread} m {what} (on {counted(len(kept), 'leg')} of {len(limits_m)})")
-    if above := sum(line.ground is not None for line in plan.lines):
-        parts[-1] += f"; {counted(above, 'line')} at a height above the ground"
-    screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}")
+    above = sum(line.ground is not None for line in plan.lines)
+    over = f"; {counted(above, 'line')} at a height above the ground" if above else ""
+    screen.say(f"lines between the points: the leader keeps within {', '.join(parts) or 'no limit'}{over}")
     drawn = leg_lines(plan.scenario)
     drawn = drawn[len(drawn) - len(plan.lines) + (plan.begin_state is not None) :]
     for key, what in (("corridor_m", "sideways"), ("height_m", "in height")):
@@ -196,35 +190,6 @@ def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     }
 
 
-def pads_of(scenario: Scenario) -> list[JsonObject]:
-    """The take-off point of every vehicle."""
-    from gcs.frames import ned_to_geodetic
-    from gcs.scenario.values.si import local_origin, pads_ned_m, sysids
-
-    pads = pads_ned_m(scenario)
-    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, local_origin(scenario))
-    values = zip(lat_deg, lon_deg, alt_m, pads[:, 0], pads[:, 1], strict=True)
-    return [
-        {"sysid": sysid}
-        | {name: round(float(one), digits) for (name, digits), one in zip(_DIGITS.items(), row, strict=True)}
-        for sysid, row in zip(sysids(scenario), values, strict=True)
-    ]
-
-
-def say_pads(screen: Screen, pads: list[JsonObject]) -> None:
-    """Print the table."""
-    from rich.table import Table
-
-    table = Table("vehicle", "latitude", "longitude", "altitude AMSL", "north, east", title="pads")
-    for pad in pads[: shown(screen)]:
-        place = f"{pad['north_m']:.2f}, {pad['east_m']:.2f} m"
-        table.add_row(
-            str(pad["sysid"]), f"{pad['lat_deg']:.7f}", f"{pad['lon_deg']:.7f}", f"{pad['alt_amsl_m']:.2f} m", place
-        )
-    screen.show(table)
-    say_rest(screen, len(pads), f"--pads pads.csv writes all {len(pads)}")
-
-
 def shown(screen: Screen) -> int | None:
     """How many vehicles a table has; None for all."""
     return SHOWN if screen.console.is_terminal else None
@@ -234,21 +199,3 @@ def say_rest(screen: Screen, count: int, how: str) -> None:
     """Print how many vehicles a table leaves out, and how to see them."""
     if shown(screen) is not None and count > SHOWN:
         screen.say(f"and {count - SHOWN} more: {how}")
-
-
-def refuse_no_csv(path: Path) -> None:
-    """Raises UsageError for a file name that spreadsheets do not open as CSV."""
-    if path.suffix.lower() != ".csv":
-        raise UsageError(f"--pads {path}: pads are written as CSV", hint=f"write --pads {path.with_suffix('.csv')}")
-
-
-def write_pads(pads: list[JsonObject], path: Path) -> None:
-    """Write all pads as CSV, one row for each vehicle. Raises UsageError where that is impossible."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["sysid", *_DIGITS])
-    writer.writerows([pad["sysid"], *(f"{pad[name]:.{digits}f}" for name, digits in _DIGITS.items())] for pad in pads)
-    try:
-        atomic_write(path, text.getvalue().encode())
-    except OSError as problem:
-        raise UsageError(f"{path} cannot be written: {problem.strerror or problem}.") from None

@@ -5,17 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gcs.cli.planning.plan_tables import (
-    pads_of,
-    refuse_no_csv,
-    route_data,
-    route_table,
-    say_coverage,
-    say_pads,
-    say_rest,
-    shown,
-    write_pads,
-)
+from gcs.cli.planning.pad_tables import pads_of, refuse_no_csv, say_pads, write_pads
+from gcs.cli.planning.plan_tables import route_data, route_table, say_coverage, say_rest, shown
 from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.cli.shared.page_option import PageOption, show_page
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, option

@@ -204,6 +204,15 @@ BackendOption = Annotated[
     str,
     option("skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign.", words=("skein", "mavsdk")),
 ]
+RadioOption = Annotated[
+    int | None,
+    option(
+        "With --link: all vehicles share a radio of this baud: telemetry is requested so that it fits. Default: the "
+        "baud of serial links.",
+        metavar="BAUD",
+        limits=(1200, 10_000_000, "baud"),
+    ),
+]
 TransferOption = Annotated[
     str,
     option(
@@ -215,7 +224,11 @@ TransferOption = Annotated[
 
 
 def connection(
-    links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None, transfer: str = "auto"
+    links: Sequence[str] | None,
+    systems: str | None = None,
+    key_file: Path | None = None,
+    transfer: str = "auto",
+    radio_baud: int | None = None,
 ) -> Connection:
     """The connection that the options describe. Raises `UsageError`."""
     from gcs.link.endpoints.base import parse_link_spec
@@ -227,7 +240,7 @@ def connection(
         parse_link_spec(link)
         if link in chosen[:number]:
             raise UsageError(f"--link {link} is given twice", hint="give each link once")
-    return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
+    return Connection(chosen, parse_map(systems), load_key(key_file), transfer, radio_baud=radio_baud)
 
 
 def nobody_heard(known: Connection, listen_s: float, more: str = "") -> PeerTimeout:

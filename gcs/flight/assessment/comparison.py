@@ -7,7 +7,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gcs.flight.assessment.judge import Truth
-from gcs.flight.monitoring.monitor import lateness_s
+from gcs.flight.monitoring.lateness import lateness_s
 from gcs.flight.monitoring.progress import PlanTime
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan

@@ -13,7 +13,7 @@ from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.flight.contingency.alarm_watch import UNKNOWN_PLACE, AlarmWatch, Place
 from gcs.flight.contingency.conflict_prediction import HORIZON_S
 from gcs.flight.contingency.energy_choice import Outcome
-from gcs.flight.contingency.mode_changes import ModeChanges, Taken
+from gcs.flight.contingency.mode_changes import ModeChanges, ModeOrigin
 from gcs.flight.monitoring.predicted_tracks import BAND_S, CONFIRMED_S
 from gcs.link.wire.message import Message, local_motion
 
@@ -222,11 +222,11 @@ class VehicleWatch:
             return []
         if mode == self._tolerated:
             return []
-        taken = self._signs.taken_by(unix_s)
+        taken = self._signs.origin_of_change(unix_s)
         if taken is None:
             return []
         name = f"now in {self._behaviour.mode_name(mode)}"
-        if taken is Taken.PILOT:
+        if taken is ModeOrigin.PILOT:
             return [Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, name)]
         cause = self._signs.cause
         able = cause is not FailsafeCause.POSITION and (ours or mode != self._behaviour.land)

@@ -16,7 +16,7 @@ _CHANNELS = 8
 _UNUSED = (0, 65535)
 
 
-class Taken(Enum):
+class ModeOrigin(Enum):
     """What chose a mode that was not ordered."""
 
     FAILSAFE = "failsafe"
@@ -72,7 +72,7 @@ class ModeChanges:
         self._reported = None
         self._unclear_s = math.nan
 
-    def taken_by(self, unix_s: float) -> Taken | None:
+    def origin_of_change(self, unix_s: float) -> ModeOrigin | None:
         """Return what chose a mode that was not ordered, once for every change; None: reported, or not yet clear."""
         if self.mode == self._reported:
             return None
@@ -83,22 +83,22 @@ class ModeChanges:
             return None
         self.settle()
         self._reported = self.mode
-        return taken or Taken.PILOT
+        return taken or ModeOrigin.PILOT
 
-    def _judge(self, unix_s: float) -> Taken | None:
+    def _judge(self, unix_s: float) -> ModeOrigin | None:
         recent_s = unix_s - self._evidence_s
         if self._cause_s < recent_s:
             self.cause = FailsafeCause.OTHER
         if self._pilot_s >= recent_s:
-            return Taken.PILOT
+            return ModeOrigin.PILOT
         moved = self._sticks_s >= recent_s
         shown = self._text_s >= recent_s and self.mode in self._signs.modes
         if shown and (self._critical or not self._signs.always_critical):
-            return Taken.FAILSAFE
+            return ModeOrigin.FAILSAFE
         began = self._signs.always_critical or self._critical_s >= recent_s  # else an earlier failsafe's is still shown
         if self._critical and began and not moved:
-            return Taken.FAILSAFE
-        return Taken.PILOT if moved else None
+            return ModeOrigin.FAILSAFE
+        return ModeOrigin.PILOT if moved else None
 
     def _hear(self, text: str, unix_s: float) -> None:
         if self._signs.pilot(text):

@@ -6,6 +6,9 @@ from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import DetectionLimits
 from gcs.flight.monitoring.preflight_check import CheckName
 
+POSITION_HZ, STATE_HZ = 10.0, 2.0  # full telemetry rates; those of attitudes are half those of positions
+_LEAST_STATE_HZ = 0.5
+
 
 @dataclass(frozen=True)
 class FlightOptions:
@@ -21,7 +24,7 @@ class FlightOptions:
     lost_after_s: float = 4.0
     # In mission mode: vehicle time from the upload to the provisional start, beside twice the take-off's duration.
     start_after_takeoff_s: float = 45.0
-    telemetry_rate_hz: float = 10.0
+    telemetry_share: float = 1.0  # of the full telemetry rates: what the link carries
     watched_elsewhere: bool = False  # another ground station gets the frames: also those are requested that it shows
     follow: bool = False  # followers fly relative to the reported position of their leader
     on_loss: OnLoss = OnLoss.LAND
@@ -29,3 +32,13 @@ class FlightOptions:
     waived: frozenset[CheckName] = frozenset()  # pre-flight checks that do not stop this flight
     texts_after_upload_s: float = 2.5  # vehicle time: so long a critical text about the upload may take
     limits: DetectionLimits = field(default_factory=DetectionLimits)
+
+    @property
+    def position_rate_hz(self) -> float:
+        """How often a vehicle is asked to report its position."""
+        return POSITION_HZ * self.telemetry_share
+
+    @property
+    def state_rate_hz(self) -> float:
+        """How often a vehicle is asked to report its state: battery, sensors, fix, time."""
+        return max(STATE_HZ * self.telemetry_share, _LEAST_STATE_HZ)

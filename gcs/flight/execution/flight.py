@@ -34,14 +34,15 @@ from gcs.flight.execution.takeoff_landing import (
 )
 from gcs.flight.execution.telemetry_watch import TelemetryWatch
 from gcs.flight.execution.text_watch import TextWatch
+from gcs.flight.monitoring.completion import Completion
 from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.monitor import Completion, Monitor
+from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.monitoring.reported_now import ReportedNow
-from gcs.flight.setup.build_loads import refuse_no_hour
+from gcs.flight.setup.build_loads import refuse_without_timed_start
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.upload_fleet import Holdings, upload_fleet
 from gcs.link.session.vehicle_load import VehicleLoad
@@ -191,7 +192,7 @@ class FlightSequence:
 
     async def _run(self) -> FlightTimes:
         if self.options.mode is FlightMode.MISSION:
-            refuse_no_hour(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
+            refuse_without_timed_start(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
         await self.each(request_telemetry)
         self.enter(Step.READY)
         await self.each(until_ready)
@@ -238,7 +239,7 @@ class FlightSequence:
         if CheckName.MESSAGES not in self.options.waived:
             self._texts.refuse()
 
-    def is_aloft(self) -> None:
+    def resume_in_air(self) -> None:
         """Another process brought the vehicles into the air: a silent one does not end the flight."""
         self.step = Step.FLY
 

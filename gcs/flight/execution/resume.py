@@ -75,7 +75,7 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
             f"{named(silent)} not heard: the plan is resumed by all vehicles or by none.",
             hint="attach with --land or --return",
         )
-    flight.is_aloft()
+    flight.resume_in_air()
     able = await _ready(flight, need_all=what is Resume.RESUME)
     await flight.prepare_contingency()
     for sysid in flight.vehicles.keys() - able:
@@ -99,7 +99,7 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
     flight.landing.custody.take_up()
     async with alongside(flight.streamer.run()):
         if what is Resume.RESUME and streams:
-            await flight.each(flight.streamer.obey)
+            await flight.each(flight.streamer.enter_setpoint_mode)
         flight.enter(Step.FLY)
         async with alongside(flight.contingency.run()):
             await flight.watch_over(t0_new_s, return_all=what is Resume.RETURN)

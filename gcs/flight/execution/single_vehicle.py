@@ -10,7 +10,7 @@ import numpy as np
 from gcs.autopilots.columns import FlightBehaviour
 from gcs.autopilots.traits import flight_behaviour
 from gcs.errors import PeerError, PeerTimeout
-from gcs.flight.execution.setpoint_messages import setpoint_message
+from gcs.flight.execution.setpoint_schedule import setpoint_message
 from gcs.link.session.vehicle_api import Flyable, Setpoint
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message

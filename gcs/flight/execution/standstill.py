@@ -71,7 +71,7 @@ class Standstill:
             if not (self._reads or self._stranded or self.gathers):
                 self._before_s = checked_s
             self._reads = True
-            self._streamer.hush()
+            self._streamer.pause_if_stalled()
         unread_s = EMULATED_UNREAD_S if self._options.lead_s > 0.0 else UNREAD_S
         if self._reads and (self._loop.time() - self._woke_s > unread_s or all(map(self._is_read, self._heard()))):
             self._reads = False
@@ -180,7 +180,7 @@ class Standstill:
     async def take_back(self, vehicle: FlightVehicle) -> None:
         """Have a vehicle follow setpoints again, at rest where it is. Raises as switching modes does."""
         if self._monitor.t0_unix_s is None:
-            await self._streamer.obey(hurried(vehicle))
+            await self._streamer.enter_setpoint_mode(hurried(vehicle))
             return
         self._held.add(vehicle.sysid)
         self._streamer.resume()

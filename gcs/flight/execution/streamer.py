@@ -16,7 +16,7 @@ from gcs.flight.contingency.manoeuvres import (
 )
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.leader_follower import FollowerState, FollowReference, FormationFollowing
-from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
+from gcs.flight.execution.setpoint_schedule import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
 from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.link.protocols.command import CommandRefused
@@ -34,7 +34,7 @@ _AHEAD_S = 0.5  # between the decision to start and the first setpoint
 _EMULATED_AHEAD_S = 3.0  # ten times as fast, and on a busy machine
 _EMULATED_SOON_S = 0.6
 _NEVER_S = 1e6
-_HUSHED_S = 3.0
+_PAUSE_S = 3.0
 _REJOIN_S = 8.0
 
 
@@ -75,7 +75,7 @@ class Streamer:
         self._stalls = stalls_of(self._loop)
         self._stalls_seen = self._stalls.count
         self._woken = asyncio.Event()
-        self._hushed_until_s = -math.inf  # local time
+        self._paused_until_s = -math.inf  # local time
 
     def wake(self) -> None:
         """Look for due setpoints now: a message may have advanced the vehicle's time. No effect on real vehicles."""
@@ -85,7 +85,7 @@ class Streamer:
     async def run(self) -> None:
         """Send what is due until cancelled."""
         while True:
-            self.hush()
+            self.pause_if_stalled()
             if self.scheduler is None or self.paused:
                 await self._until_woken(_LONGEST_WAIT_S)
             else:
@@ -99,7 +99,7 @@ class Streamer:
         """
         if any(vehicle.behaviour.stream_first_s for vehicle in self._fleet.values()):
             self._schedule(self._time.sure_s() + _NEVER_S, ends=False)
-        await each(self._fleet.values(), self.obey)
+        await each(self._fleet.values(), self.enter_setpoint_mode)
         first_s = float(self._stream.t_s[0])
         ahead_s = _EMULATED_AHEAD_S if self._emulated else _AHEAD_S
         t0_unix_s = math.ceil(self._time.sure_s() + self._options.lead_s + ahead_s) - first_s
@@ -122,25 +122,25 @@ class Streamer:
     async def take_over(self, vehicle: FlightVehicle, reference: ReferenceTrajectory) -> None:
         """Have one vehicle fly this reference from now on. Raises as switching modes does."""
         self.follow(vehicle, reference)
-        await self.obey(vehicle)
+        await self.enter_setpoint_mode(vehicle)
 
-    def hush(self) -> None:
-        """After a pause of this program, send nothing until `resume`, or for `_HUSHED_S` at most.
+    def pause_if_stalled(self) -> None:
+        """After a pause of this program, send nothing until `resume`, or for `_PAUSE_S` at most.
 
         Until what has waited is read, the vehicles' clocks and positions are old.
         """
         if self._stalls.count > self._stalls_seen:
             self._stalls_seen = self._stalls.count
-            self._hushed_until_s = self._loop.time() + _HUSHED_S
+            self._paused_until_s = self._loop.time() + _PAUSE_S
 
     @property
     def paused(self) -> bool:
         """Whether what is due is not sent."""
-        return self._loop.time() < self._hushed_until_s
+        return self._loop.time() < self._paused_until_s
 
     def resume(self) -> None:
         """Send what is due again."""
-        self._hushed_until_s = -math.inf
+        self._paused_until_s = -math.inf
         self._woken.set()
 
     def missing_s(self, now_s: float) -> float:
@@ -297,7 +297,7 @@ class Streamer:
     def _send(self, sysid: int, message: Message) -> None:
         self._fleet[sysid].session.send(message)
 
-    async def obey(self, vehicle: FlightVehicle) -> None:
+    async def enter_setpoint_mode(self, vehicle: FlightVehicle) -> None:
         """Switch to the mode that obeys setpoints, after as much of the stream as the autopilot requires.
 
         Raises as switching modes does.

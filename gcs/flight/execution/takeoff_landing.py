@@ -55,17 +55,17 @@ class FlightVehicle:
 
 
 async def request_telemetry(vehicle: FlightVehicle) -> None:
-    """Request positions at the telemetry rate, attitudes at half, and the messages that show incidents at 2 Hz.
+    """Request positions, attitudes at half their rate, and the messages that show incidents, as the link carries them.
 
     A station that watches cannot request what it shows; a vehicle that refuses that flies all the same.
     """
-    session = vehicle.session
-    await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
-    await session.set_message_interval(MessageId.ATTITUDE, vehicle.options.telemetry_rate_hz / 2.0)
+    session, options = vehicle.session, vehicle.options
+    await session.set_message_interval(MessageId.LOCAL_POSITION_NED, options.position_rate_hz)
+    await session.set_message_interval(MessageId.ATTITUDE, options.position_rate_hz / 2.0)
     state = (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME)
     for number in (*state, *vehicle.behaviour.health_ids):
-        await session.set_message_interval(number, 2.0)
-    if vehicle.options.watched_elsewhere:
+        await session.set_message_interval(number, options.state_rate_hz)
+    if options.watched_elsewhere:
         for number in WATCHED_IDS:
             with suppress(PeerError):
                 await session.set_message_interval(number, WATCHED_HZ)

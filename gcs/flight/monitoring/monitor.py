@@ -6,7 +6,7 @@ was armed. From T0 on vehicles are steered by what they report, and separations 
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -15,6 +15,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
 from gcs.flight.monitoring.expected_motion import ExpectedMotion
+from gcs.flight.monitoring.lateness import Lateness
 from gcs.flight.monitoring.progress import FlightPart, NearestPair
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, local_motion
@@ -24,49 +25,8 @@ from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
-SLOW_MPS = 0.3  # a slower vehicle is neither late nor early
 _HEARD_S = 2.0  # an older report is no position
 _AHEAD_S = 1.0  # a report is extrapolated by this much or less
-LONGEST_SILENCE_S = 600.0  # a longer step of a boot clock is a jump; emulated time runs on while a machine is busy
-SLACK_S, SLACK_SHARE = 5.0, 0.02  # reports are late, by more where vehicles are emulated faster than real time
-PLACE_M = 5.0  # off its landing point a vehicle did not fly the plan, whatever its time
-
-
-class Lateness:
-    """The time shift that best fits reported to planned positions: least squares along the velocity, so far."""
-
-    def __init__(self) -> None:
-        self._behind_m2ps = 0.0
-        self._squared_m2ps2 = 0.0
-
-    def add(self, flown_m: Array, planned_m: Array, rate_mps: Array) -> None:
-        """Add one report, or several; all (..., 3)."""
-        squared = np.sum(rate_mps * rate_mps, axis=-1)
-        behind = np.sum((planned_m - flown_m) * rate_mps, axis=-1)
-        moving = squared > SLOW_MPS**2
-        self._behind_m2ps += float(np.sum(behind, where=moving))
-        self._squared_m2ps2 += float(np.sum(squared, where=moving))
-
-    @property
-    def late_s(self) -> float:
-        """The delay behind the plan; NaN for a vehicle that never moved."""
-        return self._behind_m2ps / self._squared_m2ps2 if self._squared_m2ps2 else math.nan
-
-
-def lateness_s(flown_m: Array, planned_m: Array, rate_mps: Array) -> float:
-    """The delay behind the plan, s, positive if late, by least squares along the planned velocities.
-
-    All arguments are (N, 3); instants slower than 0.3 m/s do not count; NaN if none is left.
-    """
-    lateness = Lateness()
-    lateness.add(flown_m, planned_m, rate_mps)
-    return lateness.late_s
-
-
-def skew_s(late_s: Iterable[float]) -> float:
-    """Return the largest delay less the smallest; NaN without any."""
-    known = [late for late in late_s if math.isfinite(late)]
-    return max(known) - min(known) if known else math.nan
 
 
 @dataclass
@@ -227,64 +187,3 @@ class Monitor:
         view.error_m = float(np.linalg.norm(view.position_ned_m - state[POSITION]))
         if 0.0 <= t_s <= self.plan.flight_s:
             view.lateness.add(view.position_ned_m, state[POSITION], state[VELOCITY])
-
-
-class Completion:
-    """Whether vehicles flew the plan to its end: reported boot times in, what is missing of the plan out.
-
-    GNSS time may jump, and a wrong common time ends a flight early without any incident. A boot clock does not jump.
-    """
-
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
-        self._boot_s: dict[int, float] = {}
-        self._flown_s = dict.fromkeys(plan.sysids, 0.0)
-        self._begin_s: float | None = None  # plan time
-        self._short: dict[int, float] = {}  # seconds flown, of vehicles whose landing began too early
-        self._broke_off = False
-
-    def receive(self, sysid: int, boot_ms: int, *, armed: bool) -> None:
-        """Add the boot time since the last report to the time flown, if the vehicle is armed and the plan has begun.
-
-        Steps back, and steps above 600 s, are jumps of the clock and add nothing.
-        """
-        boot_s = boot_ms / 1e3
-        step_s = boot_s - self._boot_s.get(sysid, boot_s)
-        self._boot_s[sysid] = boot_s
-        if armed and 0.0 < step_s <= LONGEST_SILENCE_S and self._begin_s is not None:
-            self._flown_s[sysid] += step_s
-
-    def begins(self, t_s: float) -> None:
-        """The vehicles fly the plan, which is at its time `t_s` by the common time."""
-        self._begin_s = t_s
-
-    def lands(self, sysids: Collection[int], *, broke_off: bool = False) -> None:
-        """These vehicles, which fly the plan and are heard, have reached its landing by the common time.
-
-        `broke_off`: before that, no vehicle flew the plan any more.
-        """
-        self._broke_off = broke_off
-        enough_s = self._flight_s - SLACK_S - SLACK_SHARE * self._flight_s
-        self._short = {i: self._flown_s[i] for i in sysids if self._flown_s[i] < enough_s}
-
-    def missing(self, views: Mapping[int, VehicleView]) -> list[str]:
-        """Return in words what was not flown. `views`: the vehicles that flew the plan, as last reported."""
-        words = [
-            f"vehicle {sysid} flew {flown_s:.0f} s of {self._flight_s:.0f} s until the landing, by its own clock"
-            for sysid, flown_s in self._short.items()
-        ]
-        if self._broke_off:
-            words.append("no vehicle flew it to its landing")
-        far_m = max(PLACE_M, 3.0 * self._plan.scenario.judge.arrival_position_m)
-        for sysid, view in views.items():
-            place = self._plan.landing_points_ned_m[self._plan.sysids.index(sysid)]
-            off_m = float(np.hypot(*(view.position_ned_m - place)[:2]))
-            if math.isfinite(off_m) and off_m > far_m:
-                words.append(f"vehicle {sysid} came down {off_m:.1f} m from its landing point (limit {far_m:g} m)")
-        return words
-
-    @property
-    def _flight_s(self) -> float:
-        """How long the plan takes from where it was begun to its landing."""
-        landing_s = self._plan.landing_s
-        return 0.0 if self._begin_s is None else max(landing_s - self._begin_s, 0.0)

@@ -6,12 +6,16 @@ outside three times that time, and twice that distance or the navigation error o
 than predicted.
 """
 
+import io
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 
+from gcs.errors import FileFormatError
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.model import VehicleMission
@@ -20,6 +24,9 @@ from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import navigation_error
 from gcs.types import Array
+from gcs.util.archives import ArrayKind, read_arrays
+from gcs.util.atomic_write import atomic_write
+from gcs.util.bounded_file import TRACKS_FILE, open_regular, refuse_size
 
 BAND_S, BAND_M = 1.5, 1.5
 _LATE_M = 1.0  # a vehicle on its track is late, or early, if it is so much farther from where it may be in time
@@ -29,6 +36,13 @@ _REACH_S = 20.0  # a vehicle is sought on its track so far before and after the 
 _PULL_MPS = 0.5  # nobody is late on a slower track; where one comes back, the place nearest in time counts
 _MOVES_MPS = 0.5  # of a slower track no relative speed is known
 _FASTEST = 2.0  # relative speed
+_ARRAYS = {
+    "sysid": ArrayKind("i8", 1, TRACKS_FILE.largest_bytes),
+    "begin_s": ArrayKind("f8", 1, TRACKS_FILE.largest_bytes),
+    "band_m": ArrayKind("f8", 1, TRACKS_FILE.largest_bytes),
+    "band_s": ArrayKind("f8", 1, TRACKS_FILE.largest_bytes),
+    "ned_m": ArrayKind("f8", 3, TRACKS_FILE.largest_bytes),
+}
 
 
 class PredictedTracks:
@@ -67,6 +81,32 @@ class PredictedTracks:
         spread_s = np.array([each.widest_s for each in report.spreads]) if report.spreads else None
         sysids = tuple(each.sysid for each in missions)
         return cls(sysids, float(t_s[0]), np.array(ned_m), _band_m(plan), spread_s)
+
+    def save(self, path: Path) -> None:
+        """Write the tracks as a NumPy archive, for `gcs attach`. Raises OSError."""
+        data = io.BytesIO()
+        sysid = np.array(self.sysids, dtype=np.int64)
+        begin_s, band_m = np.array([self._begin_s]), np.array([self.band_m])
+        np.savez(data, sysid=sysid, begin_s=begin_s, band_m=band_m, band_s=self.band_s, ned_m=self._ned_m)
+        atomic_write(path, data.getvalue())
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Return the tracks that `save` wrote. Raises FileFormatError."""
+        hint = "attach with --land or --return"
+        try:
+            with os.fdopen(open_regular(path, hint=hint), "rb") as file:
+                refuse_size(path, os.fstat(file.fileno()).st_size, TRACKS_FILE)
+                found = read_arrays(file, _ARRAYS, stored=True)
+            sysids, ned_m, band_s = tuple(found["sysid"].tolist()), found["ned_m"], found["band_s"]
+            if not all(np.isfinite(values).all() for values in found.values()):
+                raise ValueError("a value is not a finite number")
+            if ned_m.shape[::2] != (len(sysids), 3) or ned_m.shape[1] < 2 or band_s.shape != (len(sysids),):
+                raise ValueError("its arrays are not of one fleet")
+            (begin_s,), (band_m,) = found["begin_s"].tolist(), found["band_m"].tolist()
+        except (OSError, ValueError) as problem:
+            raise FileFormatError(f"{path} has no predicted tracks of a flight: {problem}.", hint=hint) from problem
+        return cls(sysids, begin_s, ned_m, band_m, band_s - BAND_S)
 
     def places(self, rows: list[int], t_s: Array) -> Array:
         """Predicted positions (R, T, 3) of the vehicles in these rows, each at its own times (R, T)."""

@@ -34,6 +34,7 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 
 
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
+PREDICTED = "predicted.npz"  # the tracks of missions on board, for `gcs attach`
 BEFORE = "before.json"  # what was on the vehicles before the upload, for `gcs restore`
 _EVENT = TypeAdapter(Event)
 OUTCOMES = {

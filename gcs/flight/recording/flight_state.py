@@ -40,6 +40,7 @@ class FlightState:
     waived: tuple[str, ...] = ()  # pre-flight checks that this flight was allowed to fail
     missions: tuple[dict[str, int | str], ...] = ()  # how each vehicle's mission was sent, and why so
     incomplete: tuple[RecordGap, ...] = ()  # what the other files lack
+    radio_baud: int | None = None  # of a radio behind the links that all vehicles share
 
     @property
     def over(self) -> bool:

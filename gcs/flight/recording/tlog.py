@@ -163,7 +163,8 @@ def load_tlog(path: Path) -> Tlog:
     understood = sum(_STAMP * frame.stamped + len(frame.data) for frame in frames if frame.message)
     if understood <= _LEAST_SHARE * sum(one.size if isinstance(one, Gap) else len(one.data) for one in found):
         raise FileFormatError(
-            f"{path} has no telemetry: no MAVLink frames after time stamps.", hint="name a flight's folder or a .tlog"
+            f"{path} has no telemetry: no MAVLink frames after time stamps.",
+            hint="name a flight's folder or a .tlog; a log on board (.bin, .ulg) holds none",
         )
     notes = []
     if not frames[0].stamped:

@@ -1,6 +1,7 @@
 """From a plan to the load of each vehicle: mission, fence, rally point, parameters, and what keeps its times."""
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
@@ -18,10 +19,12 @@ from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.returns.fence_rally import build_safety
 from gcs.mission.returns.rtl_altitudes import return_warnings
+from gcs.mission.waypoints.mission_items import empty_missions
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from gcs.scenario.values.si import names_autopilots
 
+WITHOUT_MISSIONS = "the setpoint stream is flown without waypoint missions on board"
 _SHARE = 0.5  # of a limit that the autopilot may use; sensors and wind take the rest
 
 
@@ -33,25 +36,30 @@ def build_loads(
     safety: bool = True,
     warn: Callable[[str], None] = lambda _: None,
     exported: ExportIndex | None = None,
+    stream: bool = False,
 ) -> tuple[VehicleLoad, ...]:
     """Return the load of every vehicle of the plan, each for its own autopilot (MAV_AUTOPILOT by system id).
 
     Missions are those of an export, with its checks. `timed` ones have speeds corrected for the autopilot; the others
     have the plan's own speeds, which autopilots do not keep. What `exported` has for these autopilots is not built
     again. With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings
-    about returns; it is told too by how much arrival times may spread. Raises `PeerError` as `fleet_autopilots`, and
-    `VerificationError` for missions that failed verification, or that an autopilot does not store.
+    about returns; it is told too by how much arrival times may spread. Vehicles that follow a setpoint `stream` need no
+    mission: where none can be on board they get an empty one, and `warn` is told why. Raises `PeerError` as
+    `fleet_autopilots`, and `NotWritten` for missions that failed verification, or that an autopilot does not store.
     """
     each = fleet_autopilots(plan, autopilots)
-    if exported is not None and exported.autopilots == each and not exported.refused:
+    if exported is not None and exported.autopilots == each and (not exported.refused or stream):
         safe, missions = exported.safety, exported.missions
     else:
         safe = build_safety(plan, each)
         made = make_missions(plan, MissionOrder(each, timed=timed), safe, select_formats(["plan"]))
-        if made.refusal is not None:
+        if made.refusal is not None and not stream:
             raise made.refusal
         _say_spread(made.timing, made.legs, warn)
         missions = made.missions
+        if made.refusal is not None:
+            warn(f"{WITHOUT_MISSIONS}: {made.refusal.message}")
+            missions = empty_missions(plan)
     if not safety:
         return missions_only(missions)
     for text in return_warnings(plan, safe.returns, each):
@@ -91,7 +99,7 @@ def refuse_other_autopilots(plan: Plan, autopilots: Iterable[int]) -> None:
         )
 
 
-def refuse_no_hour(vehicles: Iterable[tuple[int, int]], error: type[GcsError] = UsageError) -> None:
+def refuse_without_timed_start(vehicles: Iterable[tuple[int, int]], error: type[GcsError] = UsageError) -> None:
     """Raises an error where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
     known = {int(one): one for one in Autopilot}
     late = [
@@ -114,11 +122,12 @@ async def loads_built_aside(
     safety: bool = True,
     warn: Callable[[str], None] = lambda _: None,
     exported: ExportIndex | None = None,
+    stream: bool = False,
 ) -> tuple[VehicleLoad, ...]:
     """Return what `build_loads` does, computed beside the event loop. Raises what it raises."""
     fleet_autopilots(plan, autopilots)
     loads, warnings = await in_own_process(
-        _with_warnings, plan, autopilots, timed=timed, safety=safety, exported=exported
+        _with_warnings, plan, autopilots, timed=timed, safety=safety, exported=exported, stream=stream
     )
     for text in warnings:
         warn(text)
@@ -126,10 +135,11 @@ async def loads_built_aside(
 
 
 def _with_warnings(
-    plan: Plan, autopilots: Mapping[int, int], *, timed: bool, safety: bool, exported: ExportIndex | None
+    plan: Plan, autopilots: Mapping[int, int], *, timed: bool, safety: bool, exported: ExportIndex | None, stream: bool
 ) -> tuple[tuple[VehicleLoad, ...], list[str]]:
     warnings: list[str] = []
-    loads = build_loads(plan, autopilots, timed=timed, safety=safety, warn=warnings.append, exported=exported)
+    warn = warnings.append
+    loads = build_loads(plan, autopilots, timed=timed, safety=safety, warn=warn, exported=exported, stream=stream)
     return loads, warnings
 
 
@@ -154,10 +164,16 @@ def export_for_flight(
     """Export what is uploaded; return the index and the navigator of emulated vehicles.
 
     `report` is that of the plan's verification. A setpoint stream needs no corrected speeds, and the ideal navigator
-    keeps the plan's own. Raises `VerificationError` if vehicles that fly their missions may come too close to each
-    other.
+    keeps the plan's own. Without missions that can be on board a stream is flown all the same, and said. Raises
+    `NotWritten` if vehicles that fly their missions may come too close to each other.
     """
-    if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL):
+    if keeping.mode is FlightMode.STREAM:
+        index = export(plan, folder, timed=False, report=report)
+        if index.refused and plan.begin_state is None:
+            say(f"{WITHOUT_MISSIONS}: {index.refused}")
+            index = replace(index, missions=empty_missions(plan))
+        return index, NavigatorChoice.IDEAL
+    if keeping.emulated and keeping.navigator is NavigatorChoice.IDEAL:
         return _fit(export(plan, folder, timed=False, report=report), plan), NavigatorChoice.IDEAL
     say("timing the missions by the model of their autopilot, for all answers that it may give")
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready

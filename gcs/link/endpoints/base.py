@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from gcs.errors import UsageError
-from gcs.link.endpoints.ports import Address, host_port, lacks_brackets, split_host_port
+from gcs.link.endpoints.addresses import Address, host_port, lacks_brackets, split_host_port
 
 Receive = Callable[[bytes, Address], None]
 

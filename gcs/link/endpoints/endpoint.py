@@ -8,17 +8,9 @@ from contextlib import suppress
 import serial
 
 from gcs.errors import LinkError, ProtocolMisuse
+from gcs.link.endpoints.addresses import Address, caller_host, host_port, plain_address, resolve_udp
 from gcs.link.endpoints.base import DEFAULT_BAUD, LinkMode, LinkSpec, Receive, parse_link_spec
-from gcs.link.endpoints.ports import (
-    BUFFER_BYTES,
-    Address,
-    ByteStream,
-    UdpPort,
-    caller_host,
-    host_port,
-    plain_address,
-    resolve_udp,
-)
+from gcs.link.endpoints.ports import BUFFER_BYTES, ByteStream, UdpPort
 
 _CONNECT_S = 5.0
 _REOPEN_S = 1.0

@@ -33,6 +33,14 @@ class Connection:
     key: bytes | None = field(default=None, repr=False)
     transfer: str = "auto"  # a `Transfer`: as a file or item by item
     also_to: tuple[str, ...] = ()  # `udpout:HOST:PORT`: every frame of the vehicles is copied there, one way
+    radio_baud: int | None = None  # of a radio behind the links that all vehicles share
+
+    @property
+    def slowest_baud(self) -> int | None:
+        """The baud of the slowest serial line or radio; None without one."""
+        specs = [parse_link_spec(link) for link in self.links]
+        serial = [spec.port for spec in specs if spec.mode is LinkMode.SERIAL]
+        return min([*serial, *([] if self.radio_baud is None else [self.radio_baud])], default=None)
 
     @asynccontextmanager
     async def open_backend(self, backend: str) -> AsyncIterator[LinkedFleet | MavsdkFleet]:

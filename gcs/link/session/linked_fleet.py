@@ -15,9 +15,9 @@ from typing import Self
 
 from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.link.endpoints.addresses import Address
 from gcs.link.endpoints.base import LinkMode
 from gcs.link.endpoints.endpoint import Endpoint, make_endpoint
-from gcs.link.endpoints.ports import Address
 from gcs.link.protocols.command import CommandSender
 from gcs.link.protocols.mission.strategy import Transfer
 from gcs.link.session.routing_table import IDENTIFY_S, LinkAddress, RoutingTable, reject_shared_systems, vehicle_words

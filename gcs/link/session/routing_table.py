@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from gcs.autopilots.parameter_names import system_id_names
 from gcs.errors import PeerError, UsageError
-from gcs.link.endpoints.ports import Address, host_port
+from gcs.link.endpoints.addresses import Address, host_port
 from gcs.link.wire.message import Message
 
 SILENT_S = 3.0  # after this silence a vehicle may have moved to another address

@@ -1,17 +1,20 @@
 """A drawing: the points of a route, areas, and what a scenario cannot carry over of the file."""
 
+import contextlib
 import itertools
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 
+from gcs.errors import FileFormatError
 from gcs.frames import wrapped_deg
 from gcs.mission.model import Home
 
 NAME_MAX = 100
 AREA_HEIGHTS = "not carried over: an area has none"
 _SHOWN_MAX = 60  # of a name in a sentence
+_REASON_MAX = 300
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
 Place = tuple[float, float]  # latitude, longitude, degrees
 
@@ -81,6 +84,60 @@ class Drawing:
     left_out: tuple[LeftOut, ...] = ()
     line: str = ""  # the label of the line whose points are the route; empty where they are points or items
     surveys: tuple[DrawnArea, ...] = ()  # areas that the file itself means to be surveyed
+    file_lines: Mapping[str, int] = field(default_factory=dict, compare=False)  # by the label of what is on them
+
+    def where(self, label: str) -> str:
+        """The file, and the line of what has this label: "valley.kml, line 12"."""
+        line = line_of_label(label, self.file_lines)
+        return self.source if line is None else f"{self.source}, line {line}"
+
+    def named(self, label: str) -> str:
+        """The label with its line: "item 4 (NAV_WAYPOINT), line 9"."""
+        line = line_of_label(label, self.file_lines)
+        return label if line is None else f"{label}, line {line}"
+
+
+def line_of_label(label: str, file_lines: Mapping[str, int]) -> int | None:
+    """The line of a thing, else of what it is a part of; None where the file has no lines."""
+    parts = label.split(" of ")
+    wholes = (" of ".join(parts[first:]) for first in range(len(parts)))
+    return next((file_lines[whole] for whole in wholes if whole in file_lines), None)
+
+
+# What a drawing can say beside its places, by the words that programs have for it
+_MEANINGS = {
+    **dict.fromkeys(("alt", "altitude", "ele", "elevation", "height", "heightm", "z"), "a height beside a place"),
+    **dict.fromkeys(("altitudem", "agl", "heightagl", "altitudeagl"), "a height beside a place"),
+    **dict.fromkeys(("speed", "speedmps", "velocity", "speedms", "cruisespeed"), "a speed"),
+    **dict.fromkeys(("hold", "holds", "holdtime", "delay", "loitertime", "staytime"), "a hold"),
+    **dict.fromkeys(("heading", "headingdeg", "yaw", "course"), "a heading"),
+    **dict.fromkeys(("radius", "radiusm"), "a radius"),
+}
+KML_DATUMS = {  # by altitude mode
+    **{"absolute": Datum.SEA, "relativeToGround": Datum.GROUND},
+    **dict.fromkeys(("clampToGround", "clampToSeaFloor", ""), Datum.NONE),
+}
+
+
+def meaning_of(key: str) -> str:
+    """What a property of this name says of a flight: "a speed"; empty for every other name."""
+    return _MEANINGS.get(re.sub(r"[^a-z]", "", key.lower()), "")
+
+
+@contextlib.contextmanager
+def on_line(line: int) -> Iterator[None]:
+    """Names a line in a ValueError."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"line {line}: {error}") from error
+
+
+def refusal(source: str, error: Exception, kind: str) -> FileFormatError:
+    """The error for a file of this kind, "KML", whose reader has raised another one."""
+    reason = str(error)[:_REASON_MAX]
+    at = ", " if reason.startswith("line ") else ": "
+    return FileFormatError(f"{source}{at}{reason}.", hint=f"correct it there, or save the drawing again as {kind}")
 
 
 def tidy(name: str) -> str:
@@ -99,10 +156,11 @@ def part_of(label: str, what: str, number: int, count: int) -> str:
     return label if count == 1 else f"{what} {number} of {label}"
 
 
-def on_earth(lat_deg: float, lon_deg: float) -> Place:
+def on_earth(lat_deg: float, lon_deg: float, label: str = "") -> Place:
     """A place, with a longitude from -180 to 180. Raises ValueError for one that is not on Earth."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 360.0):
-        raise ValueError(f"latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
+        at = f"{label}: " if label else ""
+        raise ValueError(f"{at}latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
     return lat_deg, float(wrapped_deg(lon_deg))
 
 
@@ -116,20 +174,23 @@ def ring(corners: Sequence[Place], label: str) -> tuple[Place, ...]:
     return tuple(open_ring)
 
 
-def sentences(left_out: Iterable[LeftOut]) -> list[str]:
-    """The sentences, with equal ones joined: "items 3, 4 and 7 (DO_SET_ROI): ..."."""
+def sentences(left_out: Iterable[LeftOut], file_lines: Mapping[str, int] | None = None) -> list[str]:
+    """The sentences with their lines, equal ones joined: "items 3, 4 and 7 (DO_SET_ROI), lines 6, 7 and 10: ..."."""
     joined: dict[tuple[str, str, str], list[str]] = {}
+    of: dict[tuple[str, str, str], list[int | None]] = {}
     for one in left_out:
         what, number, rest = _parts(one.label)
-        numbers = joined.setdefault((what, rest, one.text), [])
+        key = what, rest, one.text
+        numbers = joined.setdefault(key, [])
         if number not in numbers:
             numbers.append(number)
+        of.setdefault(key, []).append(line_of_label(one.label, file_lines or {}))
     found = []
     for (what, rest, text), numbers in joined.items():
-        if len(numbers) == 1:
-            found.append(f"{what}{' ' * bool(numbers[0])}{numbers[0]}{rest}: {text}")
-        else:
-            found.append(f"{what}s {_listed(numbers)}{rest}: {text}")
+        many, number = ("", numbers[0]) if len(numbers) == 1 else ("s", _listed(numbers))
+        lines = sorted({line for line in of[what, rest, text] if line is not None})
+        on = f", line{'s' * (len(lines) > 1)} {_listed(list(map(str, lines)))}" if lines else ""
+        found.append(f"{what}{many}{' ' * bool(number)}{number}{rest}{on}: {text}")
     return found
 
 

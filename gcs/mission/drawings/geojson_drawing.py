@@ -6,20 +6,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
-from gcs.errors import FileFormatError, counted
 from gcs.mission.drawings.drawing import (
     AREA_HEIGHTS,
+    KML_DATUMS,
     Datum,
     Drawing,
     DrawnArea,
     DrawnPoint,
     labelled,
+    meaning_of,
     on_earth,
+    on_line,
     part_of,
+    refusal,
     tidy,
 )
 from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
+from gcs.mission.formats.mission_file import Key, lines_of
 from gcs.mission.formats.vendor_quirks import MARK, decoded
 from gcs.util.bounded_file import read_json
 
@@ -30,7 +34,8 @@ GEOJSON_TYPES = (
 _PARTS = ("LineString", "Polygon", "Point")
 _DEPTH_MAX = 8  # of collections in collections
 _NAME_KEYS = ("name", "Name", "title", "label")
-_HEIGHT_KEYS = frozenset(("alt", "altitude", "ele", "elevation", "height", "height_m", "z"))
+_READ_KEYS = ("radius_m", "altitude_amsl_m")  # of what this program exports
+_MODE = "altitudeMode"  # the property in which GDAL keeps the mode of KML
 _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of GeoJSON
 
 
@@ -45,38 +50,42 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     """The drawing in a GeoJSON file. Raises `FileFormatError`."""
     found = Sketch(source)
     try:
-        document = read_json(decoded(data, source).removeprefix(MARK))
+        text = decoded(data, source).removeprefix(MARK)
+        document = read_json(text)
         crs = document.get("crs") if isinstance(document, dict) else None
         if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
             raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
-        aside: Counter[str] = Counter()  # heights that stand in properties
-        for number, (geometry, properties) in enumerate(_features(document), start=1):
-            aside.update(key for key, value in properties.items() if key.lower() in _HEIGHT_KEYS and value)
+        aside: Counter[str] = Counter()  # properties that say something of a flight
+        features = [*_features(document)]
+        lines = lines_of(text, {path for path, _, _ in features})
+        for number, (path, geometry, properties) in enumerate(features, start=1):
+            read = _READ_KEYS if "radius_m" in properties or "altitude_amsl_m" in properties else ()
+            aside.update(key for key, value in properties.items() if meaning_of(key) and value and key not in read)
             name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
             label = labelled("feature", number, name)
-            _feature(_Feature(label, name, properties), geometry, found)
+            found.file_lines[label] = lines.get(path, 1)
+            with on_line(lines.get(path, 1)):
+                _feature(_Feature(label, name, properties), geometry, found)
     except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{source}: {str(error)[:200]}.", hint="save the drawing again as GeoJSON") from error
-    for key, count in aside.items():
-        text = "not carried over: a height in GeoJSON is the third number of a place"
-        found.leave_out(f"property '{tidy(key)}' of {counted(count, 'feature')}", text)
-    lines = [line.points for line in found.lines if not line.recorded]
-    if any(point.datum is Datum.SEA and point.height_m for points in lines for point in points):
+        raise refusal(source, error, "GeoJSON") from error
+    found.leave_out_data("property", aside, "feature")
+    drawn = [line.points for line in found.lines if not line.recorded]
+    if any(point.datum is Datum.SEA and point.height_m for points in drawn for point in points):
         found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
     return found.drawing()
 
 
-def _features(document: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """The geometries of a document, and their properties."""
+def _features(document: Any, path: tuple[Key, ...] = ()) -> Iterator[tuple[tuple[Key, ...], Any, dict[str, Any]]]:
+    """The geometries of a document, where they stand in it, and their properties."""
     kind = _kind(document)
     if kind == "FeatureCollection":
-        for feature in _list(document, "features"):
-            yield from _features(feature)
+        for row, feature in enumerate(_list(document, "features")):
+            yield from _features(feature, (*path, "features", row))
     elif kind == "Feature":
         properties = document.get("properties")
-        yield document.get("geometry"), properties if isinstance(properties, dict) else {}
+        yield path, document.get("geometry"), properties if isinstance(properties, dict) else {}
     else:
-        yield document, {}
+        yield path, document, {}
 
 
 def _kind(value: Any) -> str:
@@ -99,15 +108,18 @@ def _geometries(label: str, geometry: Any, depth: int = 0) -> Iterator[tuple[str
     if kind == "GeometryCollection":
         if depth == _DEPTH_MAX:
             raise ValueError("collections are nested too deeply")
-        for one in _list(geometry, "geometries"):
+        inner = _list(geometry, "geometries")
+        for one in inner:
             yield from _geometries(label, one, depth + 1)
+        if not inner:
+            yield kind, []
         return
     if kind not in GEOJSON_TYPES or kind.startswith("Feature"):
         yield kind, []
         return
     coordinates = _list(geometry, "coordinates")
     if kind.startswith("Multi"):
-        for part in coordinates:
+        for part in coordinates or [[]]:
             yield kind.removeprefix("Multi"), _list(part, "coordinates")
     else:
         yield kind, coordinates
@@ -116,10 +128,13 @@ def _geometries(label: str, geometry: Any, depth: int = 0) -> Iterator[tuple[str
 def _feature(feature: _Feature, geometry: Any, found: Sketch) -> None:
     """Add what a feature draws. Raises ValueError."""
     parts = [] if geometry is None else [*_geometries(feature.label, geometry)]
-    if not parts:  # a feature may have no place
+    if geometry is None:  # a feature may have no place
         found.leave_out(feature.label, "has no place; not carried over")
     for kind in dict.fromkeys(kind for kind, _ in parts if kind not in _PARTS):
-        found.leave_out(feature.label, f"of the unknown type '{tidy(kind)[:40]}'; not carried over")
+        what = "an empty collection" if kind in GEOJSON_TYPES else f"of the unknown type '{tidy(kind)[:40]}'"
+        found.leave_out(feature.label, f"{what}; not carried over")
+    if any(map(_has_fourth_number, (one for _, one in parts))):
+        found.leave_out(feature.label, "the numbers after its heights, times or measures, are not carried over")
     of_kind = {kind: [one for other, one in parts if other == kind] for kind in _PARTS}
     if of_kind["LineString"]:
         _add_line(feature, of_kind["LineString"], found)
@@ -140,7 +155,10 @@ def _add_line(feature: _Feature, pieces: list[list[Any]], found: Sketch) -> None
     if isinstance(counts, list) and len(counts) == len(pieces):
         pieces = [piece[:count] if count == 1 else piece for piece, count in zip(pieces, counts, strict=True)]
     own = [part_of(feature.label, "line", number, len(pieces)) for number in range(1, len(pieces) + 1)]
-    drawn = [LinePiece(label, tuple(_line(piece, label))) for label, piece in zip(own, pieces, strict=True)]
+    drawn = [
+        LinePiece(label, _by_mode(feature, label, _line(piece, label), found))
+        for label, piece in zip(own, pieces, strict=True)
+    ]
     heights = feature.properties.get("altitude_amsl_m")
     total = sum(len(piece.points) for piece in drawn)
     if not isinstance(heights, list) or len(heights) != total or not all(map(_is_number, heights)):
@@ -161,13 +179,31 @@ def _line(coordinates: Sequence[Any], label: str) -> list[DrawnPoint]:
     return [_point(position, f"point {number} of {label}") for number, position in enumerate(coordinates, start=1)]
 
 
+def _has_fourth_number(coordinates: list[Any]) -> bool:
+    if any(isinstance(one, list) for one in coordinates):
+        return any(_has_fourth_number(one) for one in coordinates if isinstance(one, list))
+    return len(coordinates) > 3
+
+
+def _by_mode(feature: _Feature, label: str, points: list[DrawnPoint], found: Sketch) -> tuple[DrawnPoint, ...]:
+    """The points with heights that count as the feature's altitude mode says; without one, from the sea."""
+    mode = feature.properties.get(_MODE)
+    if not isinstance(mode, str) or not mode or not any(point.datum is Datum.SEA for point in points):
+        return tuple(points)
+    datum = KML_DATUMS.get(mode, Datum.NONE)
+    if datum is Datum.NONE and any(point.height_m for point in points):
+        found.leave_out(label, f"its heights are not carried over: its altitude mode is {tidy(mode)[:40]}")
+    return tuple(replace(point, datum=datum) if point.datum is Datum.SEA else point for point in points)
+
+
 def _add_point(feature: _Feature, label: str, coordinates: list[Any], found: Sketch) -> None:
     """Add a point; one with a radius is a disk."""
     if _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
         centre, inside = _point(coordinates, label).place, feature.properties.get("inclusion") is True
         found.areas.append(DrawnArea((centre,), label, inside, radius_m=float(radius_m)))
     else:
-        found.points.append(_point(coordinates, label, feature.name if label == feature.label else ""))
+        point = _point(coordinates, label, feature.name if label == feature.label else "")
+        found.points += _by_mode(feature, label, [point], found)
 
 
 def _point(position: Any, label: str, name: str = "") -> DrawnPoint:

@@ -1,6 +1,6 @@
 """Routes in mission files: QGroundControl's `.plan` with its patterns, and the tables and JSON of any program."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
@@ -11,20 +11,26 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mavlink import FenceCommand
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, refusal, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.formats.any_mission import read_mission
-from gcs.mission.formats.mission_file import Key
+from gcs.mission.formats.mission_file import Key, lines_of
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText, Point
-from gcs.mission.formats.point_lists import begins_fence, begins_rally
+from gcs.mission.formats.point_lists import begins_rally, numbered_points
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
-from gcs.mission.formats.vendor_quirks import QuirkKind, first_line
+from gcs.mission.formats.vendor_quirks import Quirk, QuirkKind, first_line
 from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.model import Home
 
 _NOWHERE_DEG = 1e-6  # a home at 0 N 0 E is one that was not set
 _PATTERNS = {"survey": "survey", "CorridorScan": "corridor", "StructureScan": "structure"}
+_CHANGING = frozenset(  # quirks with which something else is flown than some other program would fly
+    (
+        *(QuirkKind.ALTITUDE, QuirkKind.EMPTY, QuirkKind.SEQ, QuirkKind.YAW, QuirkKind.HOME),
+        *(QuirkKind.FENCE_1, QuirkKind.RALLY_1),
+    )
+)
 _LANDINGS = ("fwLandingPattern", "vtolLandingPattern")
 
 
@@ -46,47 +52,88 @@ def draw_plan(data: bytes, source: str) -> Drawing:
     home = _home(Home(*document.mission.plannedHomePosition))
     named = document.mission.firmwareType
     course = ItemCourse(sketch, home, Autopilot(named) if named in tuple(Autopilot) else None)
-    course.follow(_items(document.mission.items, plan, sketch))
-    _fence(fence_in_plan(document.geoFence, plan), sketch)
-    _rally(rally_in_plan(document.rallyPoints, plan), sketch)
-    for quirk in plan.quirks.found():
-        if quirk.kind is QuirkKind.ALTITUDE:
-            sketch.leave_out(f"line {quirk.line}", str(quirk))
+    lines = _plan_lines(plan.text, document)
+    course.follow(_items(document.mission.items, plan, sketch, lines))
+    _fence(fence_in_plan(document.geoFence, plan), sketch, lines)
+    _rally(rally_in_plan(document.rallyPoints, plan), sketch, lines)
+    _quirks(plan.quirks.found(), sketch)
     speed_mps = document.mission.hoverSpeed
     return sketch.drawing(home=course.home, speed_mps=speed_mps if speed_mps > 0.0 else None, returns=course.returns)
 
 
 def draw_mission(data: bytes, source: str) -> Drawing:
     """The drawing in a mission file of another format. Raises `FileFormatError`, also for a fence or rally points."""
-    start = first_line(data)
-    if begins_fence(start) or begins_rally(start):
-        what = "a fence" if begins_fence(start) else "rally points"
-        raise FileFormatError(f"{source}: holds {what}, and no route.", hint="give the file with the route")
+    if begins_rally(first_line(data)):
+        raise FileFormatError(f"{source}: holds rally points, and no route.", hint="give the file with the route")
     file = read_mission(data, source)
+    lines = file.item_lines
     if file.items and {item.command for item in file.items} <= set(FenceCommand):
         raise FileFormatError(f"{source}: holds a fence or rally points, and no route.", hint="give the mission")
     sketch = Sketch(source)
     home = None if file.home is None else _home(file.home)
     course = ItemCourse(sketch, home, file.firmware)
     first = 1 if file.text else file.jumps_from
-    course.follow(NumberedItem(number, item) for number, item in enumerate(file.items, start=first))
-    _fence(file.geofence, sketch)
-    _rally(file.rally, sketch)
+    numbered = [NumberedItem(number, item) for number, item in enumerate(file.items, start=first)]
+    sketch.file_lines |= dict(zip((one.label for one in numbered), lines, strict=True))
+    course.follow(numbered)
+    _quirks(file.quirks, sketch)
     return sketch.drawing(home=course.home, speed_mps=file.speed_mps, returns=course.returns)
 
 
-def _items(items: Sequence[PlanItem | ComplexItem], plan: PlanText, sketch: Sketch) -> Iterator[NumberedItem]:
+def draw_point_list(data: bytes, source: str) -> Drawing:
+    """The polygon in a list of points: of Mission Planner, or a fence, whose first point is where vehicles return to.
+
+    Raises `FileFormatError`.
+    """
+    sketch, label = Sketch(source), "the polygon"
+    rows = numbered_points(data, source)
+    if len(rows) > 2 and rows[-1][1] == rows[1][1] != rows[0][1]:
+        line, _ = rows.pop(0)
+        sketch.leave_out(f"line {line}", "the return point of a fence; not carried over")
+    sketch.file_lines[label] = rows[0][0]
+    try:
+        sketch.add_area(label, [point.place_deg for _, point in rows])
+    except ValueError as error:
+        raise refusal(source, error, "a polygon") from error
+    return sketch.drawing()
+
+
+def _plan_lines(text: str, document: PlanDocument) -> dict[tuple[Key, ...], int]:
+    """The lines of what sentences name in a plan."""
+    counts: dict[tuple[Key, ...], int] = {
+        ("mission", "items"): len(document.mission.items),
+        ("geoFence", "polygons"): len(document.geoFence.polygons),
+        ("geoFence", "circles"): len(document.geoFence.circles),
+        ("rallyPoints", "points"): len(document.rallyPoints.points),
+    }
+    rows: list[tuple[Key, ...]] = [(*path, row) for path, count in counts.items() for row in range(count)]
+    return lines_of(text, [*rows, ("geoFence", "breachReturn")])
+
+
+def _quirks(quirks: Iterable[Quirk], sketch: Sketch) -> None:
+    """Leave out what was read otherwise than it was written."""
+    for quirk in quirks:
+        if quirk.kind in _CHANGING:
+            sketch.leave_out(f"line {quirk.line}", str(quirk))
+
+
+def _items(
+    items: Sequence[PlanItem | ComplexItem], plan: PlanText, sketch: Sketch, lines: Mapping[tuple[Key, ...], int]
+) -> Iterator[NumberedItem]:
     """The items of a plan, with those in its patterns, numbered as QGroundControl numbers them."""
     number = 1
     for index, item in enumerate(items):
         path: tuple[Key, ...] = ("mission", "items", index)
         if isinstance(item, PlanItem):
             number = item.number(index) if item.doJumpId is not None else number
-            yield NumberedItem(number, plan.item(item, path))
+            numbered = NumberedItem(number, plan.item(item, path))
+            sketch.file_lines[numbered.label] = lines[path]
+            yield numbered
             number += 1
             continue
         name = _PATTERNS.get(item.complexItemType, tidy(item.complexItemType)[:40])
         label = f"item {number} ({name})"
+        sketch.file_lines[label] = lines[path]
         _area_of_pattern(item, label, sketch)
         if item.complexItemType in _LANDINGS:
             sketch.leave_out(label, "landing patterns are not carried over; the formation lands below its last point")
@@ -141,17 +188,23 @@ def _home(home: Home) -> Home | None:
     return home if max(abs(home.lat_deg), abs(home.lon_deg)) > _NOWHERE_DEG else None
 
 
-def _fence(fence: Geofence, sketch: Sketch) -> None:
-    for number, polygon in enumerate(fence.polygons, start=1):
-        corners = tuple(place.place_deg for place in polygon.points)
-        sketch.areas.append(DrawnArea(corners, f"fence polygon {number}", polygon.inclusion))
-    for number, circle in enumerate(fence.circles, start=1):
-        centre, label = (circle.center.place_deg,), f"fence circle {number}"
+def _fence(fence: Geofence, sketch: Sketch, lines: Mapping[tuple[Key, ...], int]) -> None:
+    for row, polygon in enumerate(fence.polygons):
+        corners, label = tuple(place.place_deg for place in polygon.points), f"fence polygon {row + 1}"
+        sketch.file_lines[label] = lines["geoFence", "polygons", row]
+        sketch.areas.append(DrawnArea(corners, label, polygon.inclusion))
+    for row, circle in enumerate(fence.circles):
+        centre, label = (circle.center.place_deg,), f"fence circle {row + 1}"
+        sketch.file_lines[label] = lines["geoFence", "circles", row]
         sketch.areas.append(DrawnArea(centre, label, circle.inclusion, radius_m=circle.radius_m))
     if fence.return_point is not None:
-        sketch.leave_out("the fence's return point", "not carried over; failsafes choose where vehicles return to")
+        label = "the fence's return point"
+        sketch.file_lines[label] = lines["geoFence", "breachReturn"]
+        sketch.leave_out(label, "not carried over; failsafes choose where vehicles return to")
 
 
-def _rally(points: Sequence[RallyPoint], sketch: Sketch) -> None:
-    for number, _ in enumerate(points, start=1):
-        sketch.leave_out(f"rally point {number}", "not carried over; `gcs export` writes one for each vehicle")
+def _rally(points: Sequence[RallyPoint], sketch: Sketch, lines: Mapping[tuple[Key, ...], int]) -> None:
+    for row, _ in enumerate(points):
+        label = f"rally point {row + 1}"
+        sketch.file_lines[label] = lines["rallyPoints", "points", row]
+        sketch.leave_out(label, "not carried over; `gcs export` writes one for each vehicle")

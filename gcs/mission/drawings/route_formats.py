@@ -12,13 +12,13 @@ from pathlib import Path
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing
 from gcs.mission.drawings.geojson_drawing import GEOJSON_TYPES, draw_geojson
-from gcs.mission.drawings.mission_drawing import draw_mission, draw_plan
+from gcs.mission.drawings.mission_drawing import draw_mission, draw_plan, draw_point_list
 from gcs.mission.drawings.xml_drawing import draw_gpx, draw_kml, draw_kmz
 from gcs.mission.formats.point_lists import begins_fence, begins_rally
 from gcs.mission.formats.qgc_plan import is_mission_json
 from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.formats.vendor_quirks import MARK, decoded, first_line
-from gcs.util.bounded_file import DRAWING_FILE, as_utf8, read_file, read_json
+from gcs.util.bounded_file import DRAWING_FILE, SHEETS, as_utf8, read_file, read_json
 from gcs.util.bounded_xml import root_of
 
 
@@ -56,7 +56,8 @@ class DrawnFile:
             text = decoded(self.data, self.source).removeprefix(MARK) if self.is_json else ""
             document = read_json(text, not_finite=True) if text else None
         except json.JSONDecodeError as error:
-            raise FileFormatError(f"{self.source}, line {error.lineno}: not JSON: {error.msg}.") from error
+            hint = "save the drawing as one document: GeoJSON or .plan"
+            raise FileFormatError(f"{self.source}, line {error.lineno}: not JSON: {error.msg}.", hint=hint) from error
         except ValueError as error:
             raise FileFormatError(f"{self.source}: {error}.") from error
         return document if isinstance(document, dict) else {}
@@ -73,10 +74,14 @@ class RouteFormat:
 
 
 def _is_mission(file: DrawnFile) -> bool:
-    """Also a fence or rally points, whose reader says that they are no route."""
+    """Also rally points, whose reader says that they are no route."""
     line = first_line(file.data)
-    begins = line.startswith(HEADER.split()[0]) or begins_fence(line) or begins_rally(line)
+    begins = line.startswith(HEADER.split()[0]) or begins_rally(line)
     return is_mission_json(file.data) if file.is_json else begins
+
+
+def _is_point_list(file: DrawnFile) -> bool:
+    return not file.is_json and begins_fence(first_line(file.data))
 
 
 _PLAN = "The items; those of surveys and corridors as QGroundControl stored them"
@@ -91,6 +96,7 @@ ROUTE_FORMATS = (
     RouteFormat((".kml",), _KML, lambda file: file.is_xml, draw_kml),
     RouteFormat((".geojson",), _GEOJSON, lambda file: file.members.get("type") in GEOJSON_TYPES, draw_geojson),
     RouteFormat((".waypoints", ".mission"), "The items, also of older versions", _is_mission, draw_mission),
+    RouteFormat((".poly", ".fen"), "None: the area of a survey", _is_point_list, draw_point_list),
 )
 
 
@@ -109,6 +115,9 @@ def drawing_in(data: bytes, source: str, formats: Sequence[RouteFormat] = ROUTE_
     for row in formats:
         if row.holds(file):
             return row.reader(data, source)
+    if Path(source).suffix.lower() in SHEETS and file.start:
+        hint = "save its points as a line: KML, GPX or GeoJSON; --positions takes the places of vehicles on the ground"
+        raise FileFormatError(f"{source}: is a sheet, and no drawing.", hint=hint)
     what = "neither a .plan nor GeoJSON" if file.is_json else "no drawing" if file.start else "empty"
     raise FileFormatError(f"{source}: is {what}.", hint=_hint(formats))
 

@@ -3,15 +3,25 @@
 The route of a map is one of its lines, else its single points in their order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from gcs.errors import FileFormatError
+from gcs.errors import FileFormatError, counted
 from gcs.frames import Origin, geodetic_to_ned
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, LeftOut, Place, ring
+from gcs.mission.drawings.drawing import (
+    Datum,
+    Drawing,
+    DrawnArea,
+    DrawnPoint,
+    LeftOut,
+    Place,
+    meaning_of,
+    ring,
+    tidy,
+)
 from gcs.mission.drawings.line_pieces import LinePiece, joined
 
 _SAME_M = 5.0  # a named point so near to a corner of the line names it
@@ -38,6 +48,7 @@ class Sketch:
     areas: list[DrawnArea] = field(default_factory=list)
     surveys: list[DrawnArea] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
+    file_lines: dict[str, int] = field(default_factory=dict)  # by label
 
     def add_line(self, label: str, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
         """Add a line that a file has in pieces, each with its own label; those that touch are one.
@@ -46,6 +57,8 @@ class Sketch:
         recorded line at 0 N 0 E.
         """
         drawn = []
+        if not pieces:
+            self.leave_out(label, "has no point; not carried over")
         for whole in pieces:
             piece = self._with_fix(whole) if recorded else whole
             if len(piece.points) < _LEAST:
@@ -114,6 +127,7 @@ class Sketch:
             left_out=tuple(self.left_out),
             line="" if flown is None else flown.label,
             surveys=tuple(self.surveys),
+            file_lines=self.file_lines if any(line > 1 for line in self.file_lines.values()) else {},
             **more,
         )
 
@@ -139,6 +153,11 @@ class Sketch:
     def leave_out(self, label: str, text: str) -> None:
         """Add a sentence."""
         self.left_out.append(LeftOut(label, text))
+
+    def leave_out_data(self, what: str, counts: Mapping[str, int], of: str) -> None:
+        """Add a sentence for each name of data that says something of a flight, and on how many elements it stands."""
+        for key, count in counts.items():
+            self.leave_out(f"{what} '{tidy(key)}' of {counted(count, of)}", f"not carried over: {meaning_of(key)}")
 
     def refused(self, text: str, hint: str = "") -> FileFormatError:
         """The error for the whole file."""

@@ -7,6 +7,7 @@ waypoints in their order, with heights above the sea. Every place that none of t
 import io
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
@@ -14,14 +15,18 @@ from xml.etree.ElementTree import Element
 from gcs.errors import FileFormatError, counted
 from gcs.mission.drawings.drawing import (
     AREA_HEIGHTS,
+    KML_DATUMS,
     Datum,
     Drawing,
     DrawnPoint,
     LeftOut,
     Place,
     labelled,
+    meaning_of,
     on_earth,
+    on_line,
     part_of,
+    refusal,
     tidy,
 )
 from gcs.mission.drawings.line_pieces import LinePiece
@@ -33,8 +38,7 @@ from gcs.util.bounded_xml import line_of, read_xml, text_of
 _IN_KMZ = "doc.kml"
 UNPACKED_MAX_BYTES = 64 * MIB
 _COMMA = re.compile(r"\s*,\s*")
-_DATUMS = {"absolute": Datum.SEA, "relativeToGround": Datum.GROUND}
-_ON_GROUND = ("clampToGround", "clampToSeaFloor", "")
+_CLAMPED = "clampToGround"  # the altitude mode of a geometry that gives none
 _LINES, _TRACKS = ("LineString", "LinearRing"), ("Track", "MultiTrack")
 _GEOMETRIES = (*_LINES, *_TRACKS, "Polygon", "Point", "Model")
 _WITHOUT_PLACE = frozenset(  # what a Placemark has beside its geometry
@@ -48,7 +52,9 @@ _ELSEWHERE = {
     "NetworkLink": "the file that it links to is not read",
     **dict.fromkeys(("GroundOverlay", "ScreenOverlay", "PhotoOverlay"), "not carried over: an image is no line"),
     "Tour": "not carried over: it draws no line",
+    "Update": "not carried over: a change of another file",
 }
+_SAYING = ("Data", "SimpleData")  # elements of ExtendedData with a name and a value
 _INSIDE = {"1": True, "0": False}
 
 
@@ -73,11 +79,14 @@ def draw_kml(data: bytes, source: str) -> Drawing:
     try:
         root = _root(data, "kml")
         reader = _KmlReader(found)
-        for number, placemark in enumerate(root.iter("Placemark"), start=1):
-            reader.placemark(placemark, number)
+        changes = {id(one) for update in root.iter("Update") for one in update.iter("Placemark")}
+        placemarks = [one for one in root.iter("Placemark") if id(one) not in changes]
+        for number, placemark in enumerate(placemarks, start=1):
+            with on_line(line_of(placemark)):
+                reader.placemark(placemark, number)
         reader.rest(root)
     except ValueError as error:
-        raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as KML") from error
+        raise refusal(source, error, "KML") from error
     return found.drawing()
 
 
@@ -94,12 +103,19 @@ class _KmlReader:
 
     found: Sketch
     read: set[int] = field(default_factory=set)  # identities of elements
+    aside: Counter[str] = field(default_factory=Counter)  # names of data that say something of a flight
 
     def placemark(self, placemark: Element, number: int) -> None:
         """Add what a Placemark draws. Raises ValueError."""
         name = tidy(text_of(placemark, "name"))
         label = labelled("Placemark", number, name)
-        marks = {data.get("name", ""): text_of(data, "value") for data in placemark.iter("Data")}
+        self.found.file_lines[label] = line_of(placemark)
+        marks = {
+            data.get("name", ""): text_of(data, "value") or text_of(data)
+            for kind in _SAYING
+            for data in placemark.iter(kind)
+        }
+        self.aside.update(key for key, value in marks.items() if meaning_of(key) and value)
         before = len(self.found.left_out)
         shapes = [*self._shapes(placemark, label)]
         if not shapes and len(self.found.left_out) == before:
@@ -115,6 +131,7 @@ class _KmlReader:
             parts = [shape for shape in shapes if shape.tag == kind]
             for part, shape in enumerate(parts, start=1):
                 own = part_of(label, kind.lower(), part, len(parts))
+                self.found.file_lines.setdefault(own, line_of(shape))
                 if kind == "Polygon":
                     self._polygon(shape, own, _INSIDE.get(marks.get("inclusion", "")))
                 elif kind == "Point":
@@ -129,11 +146,14 @@ class _KmlReader:
         """Leave out what stands outside of Placemarks, each with a sentence."""
         for kind, text in _ELSEWHERE.items():
             for number, one in enumerate(root.iter(kind), start=1):
-                self.found.leave_out(labelled(kind, number, tidy(text_of(one, "name"))), text)
+                label = labelled(kind, number, tidy(text_of(one, "name")))
+                self.found.file_lines[label] = line_of(one)
+                self.found.leave_out(label, text)
                 self._have_read(one)
         for one in root.iter():
             if one.tag in ("coordinates", "coord") and id(one) not in self.read:
                 self.found.leave_out(f"<{one.tag}> on line {line_of(one)}", "not carried over: in no known geometry")
+        self.found.leave_out_data("data", self.aside, "Placemark")
 
     def _have_read(self, element: Element) -> None:
         self.read.update(id(one) for one in element.iter())
@@ -153,6 +173,7 @@ class _KmlReader:
     def _pieces(self, shapes: Sequence[Element], what: str, label: str) -> Iterator[LinePiece]:
         for number, shape in enumerate(shapes, start=1):
             own = part_of(label, what, number, len(shapes))
+            self.found.file_lines.setdefault(own, line_of(shape))
             yield LinePiece(own, tuple(self._points(shape, own)))
 
     def _points(self, shape: Element, label: str, name: str = "") -> Iterator[DrawnPoint]:
@@ -160,12 +181,12 @@ class _KmlReader:
         datum, offset_m = self._mode(shape, label)
         rows = [*(self._track(shape, label) if shape.tag == "Track" else self._coordinates(shape, label))]
         mode = text_of(shape, "altitudeMode")
-        if mode in _ON_GROUND:
-            self._lost_heights(rows, label, f"not carried over: its altitude mode is {mode or _ON_GROUND[0]}")
+        if KML_DATUMS.get(mode) is Datum.NONE:
+            self._lost_heights(rows, label, f"not carried over: its altitude mode is {mode or _CLAMPED}")
         for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
             own = label if shape.tag == "Point" else f"point {number} of {label}"
             height_m, point_datum = (rest[0] + offset_m, datum) if rest else (0.0, Datum.NONE)
-            yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
+            yield DrawnPoint(on_earth(lat_deg, lon_deg, own), height_m, point_datum, own, name)
 
     def _mode(self, shape: Element, label: str) -> tuple[Datum, float]:
         """What heights of a geometry count from, and what is added to them."""
@@ -173,10 +194,10 @@ class _KmlReader:
         if len(modes) > 1:
             self.found.leave_out(label, f"has altitude modes {' and '.join(map(tidy, modes))}; the first one counts")
         mode = modes[0] if modes else ""
-        if mode not in (*_DATUMS, *_ON_GROUND):
+        if mode not in KML_DATUMS:
             text = f"its altitude mode '{tidy(mode)[:40]}' is none that can be flown; its heights are not carried over"
             self.found.leave_out(label, text)
-        datum, text = _DATUMS.get(mode, Datum.NONE), text_of(shape, "altitudeOffset")
+        datum, text = KML_DATUMS.get(mode, Datum.NONE), text_of(shape, "altitudeOffset")
         offset_m = _number(text, label, "altitudeOffset") if text else 0.0
         if offset_m and datum is Datum.NONE:
             self.found.leave_out(label, f"its altitudeOffset of {offset_m:g} m is not carried over: it has no heights")
@@ -210,7 +231,8 @@ class _KmlReader:
             for sides in ("outerBoundaryIs", "innerBoundaryIs")
         )
         if not outer:
-            raise ValueError(f"{label} is a polygon without an edge")
+            self.found.leave_out(label, "a polygon without an outer edge; not carried over")
+            return
         if len(outer) > 1:
             text = f"{label} has {len(outer)} outer edges, the second on line {line_of(outer[1])}"
             raise ValueError(f"{text}; draw a polygon for each")
@@ -219,7 +241,7 @@ class _KmlReader:
     def _ring(self, edge: Element, label: str) -> list[Place]:
         rows = [*self._coordinates(edge, label)]
         self._lost_heights(rows, label, AREA_HEIGHTS)
-        return [on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in rows]
+        return [on_earth(lat_deg, lon_deg, label) for lon_deg, lat_deg, *_ in rows]
 
     def _lost_heights(self, rows: Sequence[Sequence[float]], label: str, why: str) -> None:
         """Leave out the heights of places, where they have any: converters write 0 for none."""
@@ -242,7 +264,7 @@ def _segments(track: Element) -> Iterator[Element]:
 def _numbers(parts: list[str]) -> list[float]:
     """Longitude, latitude and perhaps a height. Raises ValueError."""
     try:
-        values = [float(part) for part in parts if part]
+        values = list(map(float, parts[:-1] if len(parts) > 2 and not parts[-1] else parts))
     except ValueError:
         values = []
     if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
@@ -257,17 +279,20 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
         root = _root(data, "gpx")
         for number, route in enumerate(root.findall("rte"), start=1):
             label = labelled("route", number, tidy(text_of(route, "name")))
-            sketch.add_line(label, [LinePiece(label, _gpx_points(route.findall("rtept"), label))])
+            sketch.file_lines[label] = line_of(route)
+            sketch.add_line(label, [LinePiece(label, _gpx_points(route.findall("rtept"), label, sketch))])
         for number, track in enumerate(root.findall("trk"), start=1):
             label, segments = labelled("track", number, tidy(text_of(track, "name"))), track.findall("trkseg")
             own = [part_of(label, "segment", part, len(segments)) for part in range(1, len(segments) + 1)]
+            sketch.file_lines |= {label: line_of(track)} | dict(zip(own, map(line_of, segments), strict=True))
             pieces = [
-                LinePiece(one, _gpx_points(seg.findall("trkpt"), one)) for one, seg in zip(own, segments, strict=True)
+                LinePiece(one, _gpx_points(seg.findall("trkpt"), one, sketch))
+                for one, seg in zip(own, segments, strict=True)
             ]
-            sketch.add_line(label, pieces or [LinePiece(label, ())], recorded=True)
-        sketch.points += _gpx_points(root.findall("wpt"), "")
+            sketch.add_line(label, pieces, recorded=True)
+        sketch.points += _gpx_points(root.findall("wpt"), "", sketch)
     except ValueError as error:
-        raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as GPX") from error
+        raise refusal(source, error, "GPX") from error
     _gpx_rest(root, sketch)
     return sketch.drawing()
 
@@ -276,25 +301,34 @@ def _gpx_rest(root: Element, sketch: Sketch) -> None:
     """Leave out the places that are in no route, track or waypoint: shaping points of a navigator, for example."""
     read = {id(one) for path in ("rte/rtept", "trk/trkseg/trkpt", "wpt") for one in root.findall(path)}
     others: dict[str, list[Element]] = {}
+    aside: Counter[str] = Counter()
     for one in root.iter():
         if id(one) not in read and one.get("lat") is not None and one.get("lon") is not None:
             others.setdefault(one.tag, []).append(one)
+        elif one.tag != "ele" and meaning_of(one.tag) and text_of(one):
+            aside[one.tag] += 1
+    sketch.leave_out_data("element", aside, "point")
     for tag, places in others.items():
         text = f"{counted(len(places), 'place')}, the first on line {line_of(places[0])}; not carried over"
         sketch.leave_out(f"<{tidy(tag)[:40]}>", text)
 
 
-def _gpx_points(elements: Iterable[Element], of: str) -> tuple[DrawnPoint, ...]:
-    return tuple(_gpx_point(element, number, of) for number, element in enumerate(elements, start=1))
+def _gpx_points(elements: Iterable[Element], of: str, sketch: Sketch) -> tuple[DrawnPoint, ...]:
+    points = []
+    for number, element in enumerate(elements, start=1):
+        name = tidy(text_of(element, "name"))
+        label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
+        sketch.file_lines[label] = line_of(element)
+        with on_line(line_of(element)):
+            points.append(_gpx_point(element, label, name))
+    return tuple(points)
 
 
-def _gpx_point(element: Element, number: int, of: str) -> DrawnPoint:
-    name = tidy(text_of(element, "name"))
-    label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
+def _gpx_point(element: Element, label: str, name: str) -> DrawnPoint:
     lat_deg, lon_deg = (_number(element.get(key, ""), label, key) for key in ("lat", "lon"))
     height = text_of(element, "ele") or element.get("ele", "")  # some programs write it beside lat and lon
     height_m = _number(height, label, "ele") if height else 0.0
-    return DrawnPoint(on_earth(lat_deg, lon_deg), height_m, Datum.SEA if height else Datum.NONE, label, name)
+    return DrawnPoint(on_earth(lat_deg, lon_deg, label), height_m, Datum.SEA if height else Datum.NONE, label, name)
 
 
 def _number(text: str, label: str, key: str) -> float:

@@ -4,7 +4,7 @@ In JSON files it finds the line of a value.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from gcs.autopilots.traits import Autopilot
@@ -45,12 +45,29 @@ class MissionFile:
             return self.lines[index]
         return line_of(self.text, (*self.items_path, index)) if self.text else None
 
+    @property
+    def item_lines(self) -> list[int]:
+        """The line of every item."""
+        if self.lines or not self.text:
+            return list(self.lines)
+        paths: list[tuple[Key, ...]] = [(*self.items_path, index) for index in range(len(self.items))]
+        found = lines_of(self.text, paths)
+        return [found[path] for path in paths]
+
 
 def line_of(text: str, path: Sequence[Key]) -> int:
     """The line, from 1, on which the value at `path` begins, or the innermost value around it that exists."""
-    wanted = tuple(path)
+    around = lines_of(text, {tuple(path[:depth]) for depth in range(len(path) + 1)})
+    return around[max(around, key=len)] if around else 1
+
+
+def lines_of(text: str, paths: Iterable[tuple[Key, ...]]) -> dict[tuple[Key, ...], int]:
+    """The lines, from 1, on which the values at `paths` begin: of those that exist."""
+    wanted = set(paths)
+    deepest = max(map(len, wanted), default=-1)
     here: list[Key | None] = []  # key or index inside each open bracket; None if an object's key comes next
-    found, depth = 0, -1
+    found: dict[tuple[Key, ...], int] = {}
+    line, counted_to = 1, 0
     for token in _TOKEN.finditer(text):
         word = token.group()
         if word in "}]":
@@ -62,13 +79,15 @@ def line_of(text: str, path: Sequence[Key]) -> int:
         elif here and here[-1] is None:
             here[-1] = word[1:-1]
         else:
-            if len(here) > depth and tuple(here) == wanted[: len(here)]:
-                found, depth = token.start(), len(here)
-                if depth == len(wanted):
+            at = tuple(here) if len(here) <= deepest else None
+            if at in wanted and at not in found:
+                line, counted_to = line + text.count("\n", counted_to, token.start()), token.start()
+                found[at] = line  # type: ignore[index]
+                if len(found) == len(wanted):
                     break
             if word in "{[":
                 here.append(0 if word == "[" else None)
-    return text.count("\n", 0, found) + 1
+    return found
 
 
 def refused(text: str, source: str, path: Sequence[Key], reason: str, *, hint: str = "") -> FileFormatError:

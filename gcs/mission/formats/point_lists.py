@@ -30,6 +30,11 @@ def begins_rally(line: str) -> bool:
     return _RALLY.fullmatch(line) is not None
 
 
+def numbered_points(text: str | bytes, source: str) -> list[tuple[int, GeoPoint]]:
+    """The points of a list with their lines. Raises `FileFormatError` with file, line and reason."""
+    return [(number, _point(cells, source, number)) for number, cells in _rows(text, source, QuirkList(source), 2)]
+
+
 def read_fence_list(text: str | bytes, source: str) -> tuple[Geofence, tuple[Quirk, ...]]:
     """The fence in a list of points. Raises `FileFormatError` with file, line and reason."""
     quirks = QuirkList(source)

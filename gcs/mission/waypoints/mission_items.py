@@ -104,6 +104,17 @@ def build_missions(
     return missions
 
 
+def empty_missions(plan: Plan) -> tuple[VehicleMission, ...]:
+    """A mission without items for each vehicle, in the plan's order: what is on board is cleared."""
+    places = np.stack(ned_to_geodetic(plan.pads_ned_m, local_origin(plan.scenario)), axis=-1)
+    return tuple(VehicleMission(sysid, _home(pad), (), ()) for sysid, pad in zip(plan.sysids, places, strict=True))
+
+
+def _home(pad: Array) -> Home:
+    """A pad's latitude, longitude and altitude (3,), with the decimals of which all machines are certain."""
+    return Home(*[round(part, decimals) for part, decimals in zip(pad.tolist(), _HOME_DECIMALS, strict=True)])
+
+
 def refuse_too_many(count: int, firmware: Autopilot, tolerance_m: float) -> None:
     """Raise `TooManyItems` for a mission of so many items, home not counted."""
     count, most = firmware.home_is_item_0 + count, firmware.traits.missions.items_max
@@ -124,8 +135,7 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
     points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
     places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
-    # A pad's latitude, longitude and altitude, with the decimals of which all machines are certain
-    home = Home(*[round(part, decimals) for part, decimals in zip(places[-1].tolist(), _HOME_DECIMALS, strict=True)])
+    home = _home(places[-1])
     below_m = np.full(len(places), places[-1, 2] if altitude is Altitude.RELATIVE else 0.0)
     if altitude is Altitude.TERRAIN:
         ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])

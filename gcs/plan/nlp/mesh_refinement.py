@@ -21,7 +21,14 @@ from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.route_phases import first_mesh
 from gcs.plan.nlp.transcription import transcribe
-from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
+from gcs.plan.nlp.violations import (
+    accel_reserve_mps2,
+    complaints,
+    find_violations,
+    jerk_reserve_mps3,
+    tightenings,
+    turning_reserve_g,
+)
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.plan.trajectory.leg_lines import LegLine
@@ -117,6 +124,7 @@ def optimise(
             tightenings=(*problem.tightenings, *tightenings(problem, missed)),
             accel_reserve_mps2=problem.accel_reserve_mps2 + accel_reserve_mps2(missed),
             jerk_reserve_mps3=problem.jerk_reserve_mps3 + jerk_reserve_mps3(missed),
+            turning_reserve_g=turning_reserve_g(problem.scenario, problem.turning_reserve_g, missed),
         )
         worst_s = [miss.t_s for miss in missed]
         if problem.follows_course:  # past a corner of a zone the violation moves along its period while it shrinks

@@ -19,6 +19,7 @@ from gcs.plan.ocp.margins import Margin
 from gcs.plan.ocp.problem import Problem, Tightening, control_bounds
 from gcs.plan.trajectory.constraint_id import ANGLES, COLUMNS, ConstraintId, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
 from gcs.util.long_work import report
 
@@ -36,6 +37,7 @@ _LEADING = (Kind.ROLL, Kind.PITCH, Kind.ROLL_RATE, Kind.PITCH_RATE, Kind.U1, Kin
 _EXCESS, _BESIDE_S = 1.2, 1.0
 # Near a minimum that may violate a limit between two instants, intervals are divided so often, into so many parts.
 _LEVELS, _PARTS = 4, 8
+_MOST_TURNING = 0.2  # of the turning limit: so much of it is kept in reserve at most
 # Larger fleets are first checked every 0.5 s. Vehicles farther than _FAR_M from a limit need no fine grid.
 _FEW = 16
 _COARSE_S, _FAR_M = 0.5, 0.2
@@ -125,6 +127,16 @@ def accel_reserve_mps2(found: tuple[Violation, ...]) -> float:
 def jerk_reserve_mps3(found: tuple[Violation, ...]) -> float:
     """By how much the jerk of some vehicle exceeds what the program's constraints leave for it."""
     return _EXCESS * max((miss.by for miss in found if miss.constraint.kind is Kind.JERK), default=0.0)
+
+
+def turning_reserve_g(scenario: Scenario, before_g: float, found: tuple[Violation, ...]) -> float:
+    """How much tighter the turning limit of the program becomes, g.
+
+    Almost at rest a course turns at once: the peak of the load factor moves to between the next nodes, however many
+    there are.
+    """
+    by_g = max((miss.by for miss in found if miss.constraint.kind is Kind.TURNING), default=0.0)
+    return min(before_g + _EXCESS * by_g, _MOST_TURNING * scenario.limits.load_factor_max)
 
 
 def _finely(times: Array, evaluate: Evaluate) -> tuple[Array, list[tuple[Margin, float]]]:

@@ -152,6 +152,7 @@ class Problem:
     clearance_reserve_m: float = 0.0  # added to the least clearance at the nodes
     accel_reserve_mps2: float = 0.0  # by how much a follower accelerated more than the leader in an earlier round
     jerk_reserve_mps3: float = 0.0  # by how much a vehicle's jerk exceeded its limit in an earlier round
+    turning_reserve_g: float = 0.0  # by how much a vehicle's turning load factor exceeded its limit in earlier rounds
     free_time: FreeTime | None = None  # where given, end_s is a guess
     tightenings: tuple[Tightening, ...] = ()
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters

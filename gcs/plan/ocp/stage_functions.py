@@ -274,7 +274,7 @@ def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[
     place, speed, acceleration = _motion_of(problem, z, slot)
     v = z[3:6] + speed
     a = motion[3:6] + acceleration
-    bound = scenario.limits.load_factor_max * problem.quadrotor.gravity_mps2
+    bound = (scenario.limits.load_factor_max - problem.turning_reserve_g) * problem.quadrotor.gravity_mps2
     turn = v[0] * a[1] - v[1] * a[0]
     values = [1.0 - (turn / bound) ** 2 / (v[0] ** 2 + v[1] ** 2 + REST_SMOOTHING_MPS**2)]
     if (most := scenario.limits.accel_max_mps2) is not None:

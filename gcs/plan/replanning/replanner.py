@@ -48,7 +48,7 @@ from gcs.plan.search.routes import find_routes, survey
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.trajectory.zone_margin import kept_room, new_zone, without_room
+from gcs.plan.trajectory.zone_margin import kept_margin, new_zone, without_margin
 from gcs.scenario.environment.no_fly import ZoneName
 from gcs.scenario.schema.scenario import NoFlyZone
 from gcs.types import Array
@@ -72,21 +72,21 @@ class Replanner:
         *,
         spare_disks: int = SPARE_DISKS,
         extra_objectives: tuple[ObjectiveTerm, ...] = (),
-        keeps_room: bool = True,
+        keeps_margin: bool = True,
     ) -> None:
         """Build the programs, and solve the plan once for its multipliers. Raises PlanningError where that fails.
 
-        `extra_objectives` are those of `make_plan`. Without `keeps_room` a re-plan may pass no-fly zones as near as the
-        verifier allows; with it that is the second attempt.
+        `extra_objectives` are those of `make_plan`. Without `keeps_margin` a re-plan may pass no-fly zones as near as
+        the verifier allows; with it that is the second attempt.
         """
         self.plan = plan
         self.spare_disks = spare_disks
         self._extra_objectives = extra_objectives
-        self._keeps_room = keeps_room and plan.scenario.limits.zone_margin_m is None
+        self._keeps_room = keeps_margin and plan.scenario.limits.zone_margin_m is None
         self._second: Replanner | None = None
-        roomy = kept_room(plan) if keeps_room else without_room(plan.scenario)
+        inflated = kept_margin(plan) if keeps_margin else without_margin(plan.scenario)
         mission = plan.phase(PhaseKind.MISSION)
-        flight = flight_problem(roomy, extra_objectives)
+        flight = flight_problem(inflated, extra_objectives)
         fixed = with_times_of_changes(flight.scenario, plan)
         self._turns = turning(plan, fixed, flight)
         whole = replace(
@@ -141,7 +141,7 @@ class Replanner:
             if scenario.route or not self._keeps_room or not (zones or scenario.no_fly or scenario.keep_in):
                 raise
         self._second = self._second or Replanner(
-            self.plan, spare_disks=self.spare_disks, extra_objectives=self._extra_objectives, keeps_room=False
+            self.plan, spare_disks=self.spare_disks, extra_objectives=self._extra_objectives, keeps_margin=False
         )
         return self._second._replanned(leader, t_s, tuple(zones), on_round, began)
 

@@ -25,7 +25,7 @@ _EVERY_S = 0.1
 Found = TypeVar("Found")
 
 
-def with_room(scenario: Scenario, share: float = 1.0) -> Scenario:
+def with_margin(scenario: Scenario, share: float = 1.0) -> Scenario:
     """The scenario with zones as the planner avoids them."""
     if scenario.limits.zone_margin_m is not None:
         return _widened(scenario, [scenario.limits.zone_margin_m] * len(zones(scenario)))
@@ -35,37 +35,37 @@ def with_room(scenario: Scenario, share: float = 1.0) -> Scenario:
     return _widened(scenario, [float(np.clip(m, 0.0, aim_m)) for m in margins_m])
 
 
-def without_room(scenario: Scenario) -> Scenario:
+def without_margin(scenario: Scenario) -> Scenario:
     """The scenario with zones as near as a plan may pass them."""
-    return with_room(scenario, 0.0)
+    return with_margin(scenario, 0.0)
 
 
-def first_with_room(scenario: Scenario, found_in: Callable[[Scenario], Found]) -> Found:
+def first_with_margin(scenario: Scenario, found_in: Callable[[Scenario], Found]) -> Found:
     """What `found_in` returns for the scenario with zones as large as may be.
 
     Where it raises PlanningError with the whole margin and without any, the margin is not what hinders.
     """
-    roomy, bare = with_room(scenario), without_room(scenario)
-    if zones(roomy) == zones(bare):
-        return found_in(roomy)
+    inflated, bare = with_margin(scenario), without_margin(scenario)
+    if zones(inflated) == zones(bare):
+        return found_in(inflated)
     try:
-        return found_in(roomy)
+        return found_in(inflated)
     except PlanningError:
         found = found_in(bare)
     try:
-        return found_in(with_room(scenario, _SMALLER_SHARE))
+        return found_in(with_margin(scenario, _SMALLER_SHARE))
     except PlanningError:
         return found
 
 
-def kept_room(plan: Plan) -> Scenario:
+def kept_margin(plan: Plan) -> Scenario:
     """The plan's scenario with zones as a re-plan avoids them.
 
     Each keeps the room that the plan leaves it, so that the old plan is a solution of the new problem.
     """
     scenario, times = plan.scenario, np.arange(plan.t_start_s, plan.t_end_s, _EVERY_S)
     if scenario.limits.zone_margin_m is not None or not zones(scenario):
-        return with_room(scenario)
+        return with_margin(scenario)
     places, aim_m = plan.states(times)[..., :3], planned_margin_m(scenario)
     return _widened(scenario, [float(np.clip(_free_m(zone, times, places), 0.0, aim_m)) for zone in zones(scenario)])
 

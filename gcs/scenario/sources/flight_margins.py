@@ -1,11 +1,12 @@
-"""Speeds and times of a new flight of the template's vehicle type, with the room that a planner needs."""
+"""Speeds and times of a new flight by the limits of its vehicle type, with the room that a planner needs."""
 
 import math
 from functools import cache
+from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
 from gcs.scenario.schema.scenario import Performance
-from gcs.scenario.schema.vehicle_types import preset_file
+from gcs.scenario.schema.vehicle_types import preset_file, presets
 from gcs.scenario.sources.load import load_vehicle
 from gcs.scenario.values.own_landing import landing_duration_s
 from gcs.scenario.values.si import WIND_PEAKS
@@ -17,21 +18,24 @@ HOVERS_S = 10.0  # both hovers of [ground_phases]
 _LEAST_TAKEOFF_S = 20.0
 
 
-@cache
-def type_limits() -> Performance:
-    """The limits of the vehicle type."""
-    return load_vehicle(preset_file(VEHICLE_TYPE)).limits
+def type_limits(vehicle: str = VEHICLE_TYPE) -> Performance:
+    """The limits of a vehicle type, a preset or a vehicle file. Raises ScenarioError for a file with mistakes."""
+    return _preset_limits(vehicle) if vehicle in presets() else load_vehicle(Path(vehicle)).limits
 
 
 @cache
-def fastest_mps() -> float:
+def _preset_limits(name: str) -> Performance:
+    return load_vehicle(preset_file(name)).limits
+
+
+def fastest_mps(limits: Performance) -> float:
     """The highest mean speed of a new flight in any direction."""
-    return SPEED_SHARE * min(type_limits().speed_ned_mps[:2])
+    return SPEED_SHARE * min(limits.speed_ned_mps[:2])
 
 
-def ground_phases_s(climb_m: float, descent_m: float | None = None) -> tuple[float, float]:
+def ground_phases_s(limits: Performance, climb_m: float, descent_m: float | None = None) -> tuple[float, float]:
     """The times of take-off, in calm air and in wind, and of the autopilot's landing, for the highest vehicle."""
     down_m = climb_m if descent_m is None else descent_m
-    vertical_mps = type_limits().speed_ned_mps[2]
+    vertical_mps = limits.speed_ned_mps[2]
     takeoff_s = max(_LEAST_TAKEOFF_S, math.ceil(_CLIMB_ROOM * WIND_PEAKS[0] / vertical_mps * climb_m))
     return float(takeoff_s), landing_duration_s(Autopilot.ARDUPILOT, down_m, vertical_mps)

@@ -1,7 +1,7 @@
 """A flight whose formation and shapes come from sheets: its vehicles, its shapes, and a change to each in turn."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +10,8 @@ from scipy.spatial.distance import cdist
 
 from gcs.errors import counted
 from gcs.scenario.schema.formation_table import START_SHAPE
-from gcs.scenario.sources.flight_margins import ground_phases_s
+from gcs.scenario.schema.scenario import Performance
+from gcs.scenario.sources.flight_margins import ground_phases_s, type_limits
 from gcs.scenario.sources.flight_sheets import Sheet
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.validation.spacing import nearest_pair
@@ -37,6 +38,7 @@ class SheetFlight:
     end_deg: tuple[float, float] | None = None
     separation_m: float | None = None  # to keep at all times; None: the usual one
     changes_s: tuple[float, ...] | None = None  # how long each change takes; None: an estimate with ample room
+    limits: Performance = field(default_factory=type_limits)  # of the vehicles
 
     def quicker(self) -> None:
         """Changes of shape are as fast as they can be planned."""
@@ -60,7 +62,8 @@ class SheetFlight:
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION is the table [formation]."""
         starts_m = self.positions.places_m
-        straight = FirstFlight(1, "line", 10.0, self.course_deg, self.distance_m, self.height_m, self.end_deg).keys()
+        way = self.course_deg, self.distance_m, self.height_m, self.end_deg
+        straight = FirstFlight(1, "line", 10.0, *way, limits=self.limits).keys()
         course = math.radians(self.course_deg)
         leader_m = np.array([*starts_m[0, :2], self.height_m]).round(3) + 0.0
         way_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course), 0.0]), 2)
@@ -77,7 +80,7 @@ class SheetFlight:
         end = [f"position_m = {_numbers(end_m)}"]
         if self.end_deg is not None:
             end = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
-        takeoff_s, _ = ground_phases_s(highest_m)
+        takeoff_s, _ = ground_phases_s(self.limits, highest_m)
         more = f"\nground_phases = {{ takeoff_s = {takeoff_s} }}"
         if self.is_close:
             more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'

@@ -1,7 +1,7 @@
 """A survey as a scenario: start, points of the route, line abreast, box, and the area that must be covered."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +10,8 @@ import shapely
 from gcs.errors import UsageError, counted
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.places import ROUTE_MAX
-from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s
+from gcs.scenario.schema.scenario import Performance
+from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
 from gcs.scenario.sources.mowing import BOW_M, Mowing, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
 from gcs.types import Array
@@ -36,6 +37,7 @@ class SurveyOrder:
     avoided: tuple[shapely.Polygon, ...] = ()  # no-fly zones (north, east), m
     zones: str = ""  # these and other areas, as tables of a scenario
     starts_at_origin: bool = False  # else where the first pass begins
+    limits: Performance = field(default_factory=type_limits)  # of the vehicles
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class SurveyFlight:
     def fitting(self, longest_s: float) -> str:
         """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
         mown = self.mowing
-        left_s = longest_s - sum(ground_phases_s(self.order.height_m)) - HOVERS_S
+        left_s = longest_s - sum(ground_phases_s(self.order.limits, self.order.height_m)) - HOVERS_S
         for count in range(mown.count + 1, _COUNT_MAX + 1):
             try:
                 quick = survey_flight(replace(self.order, counts=(count,)))
@@ -93,7 +95,8 @@ class SurveyFlight:
         """What stands in the template for each @KEY@; FORMATION is the table [formation] and [survey]."""
         order, mown = self.order, self.mowing
         spacing_m = round(mown.spacing_m, 3)
-        plain = FirstFlight(mown.count, "line", spacing_m, mown.course_deg, 100.0, order.height_m).keys()
+        first = FirstFlight(mown.count, "line", spacing_m, mown.course_deg, 100.0, order.height_m, limits=order.limits)
+        plain = first.keys()
         flown = np.concatenate([shapely.get_coordinates(mown.lines), [self.start_m]])
         reach_m = _ROOM_M + max(map(max, mown.leads_m)) + mown.count * spacing_m * order.starts_at_origin
         box = np.stack([flown.min(axis=0) - reach_m, flown.max(axis=0) + reach_m])

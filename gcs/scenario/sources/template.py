@@ -6,7 +6,7 @@ import os
 import re
 import tempfile
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import ClassVar, Protocol, Self, get_args
@@ -18,9 +18,9 @@ from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, place_up_m
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
-from gcs.scenario.schema.scenario import OriginTable, Scenario
+from gcs.scenario.schema.scenario import OriginTable, Performance, Scenario
 from gcs.scenario.schema.vehicle_types import KEY, presets
-from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s
+from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s, type_limits
 from gcs.scenario.sources.load import FILE_NAME, load_scenario, load_vehicle
 from gcs.scenario.validation.to_metres import question
 from gcs.scenario.values.battery_estimate import BatteryEstimate, battery_estimate
@@ -79,18 +79,20 @@ class FirstFlight:
     height_m: float = 15.0
     end_deg: tuple[float, float] | None = None  # latitude and longitude of the end, to be written as they were given
     pace_spm: float = _PACE_SPM
+    limits: Performance = field(default_factory=type_limits)  # of the vehicles
 
     @property
     def flight_s(self) -> float:
         """From start to end, s."""
-        ends_s = 0.0 if self.pace_spm == _PACE_SPM else _ENDS_S
-        return max(_LEAST_S, 5.0 * math.ceil((self.pace_spm * self.distance_m + ends_s) / 5.0))
+        pace_spm = max(self.pace_spm, 1.0 / fastest_mps(self.limits))
+        ends_s = 0.0 if pace_spm == _PACE_SPM else _ENDS_S
+        return max(_LEAST_S, 5.0 * math.ceil((pace_spm * self.distance_m + ends_s) / 5.0))
 
     @property
     def phases_s(self) -> tuple[float, float]:
         """Take-off and landing, s."""
         highest_m = float(places_up_m(self.shape, self.count, self.spacing_m)[:, 2].max())
-        return ground_phases_s(self.height_m + highest_m)
+        return ground_phases_s(self.limits, self.height_m + highest_m)
 
     @property
     def separation_m(self) -> float:
@@ -103,13 +105,13 @@ class FirstFlight:
 
     def quicker(self) -> Self | None:
         """The same flight as fast as it can be planned; None where it is."""
-        faster = replace(self, pace_spm=1.0 / fastest_mps())
+        faster = replace(self, pace_spm=1.0 / fastest_mps(self.limits))
         return faster if faster.flight_s < self.flight_s else None
 
     def fitting(self, longest_s: float) -> str:
         """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
         on_ground_s = sum(self.phases_s) + HOVERS_S
-        length_m = (longest_s - on_ground_s - _ENDS_S) * fastest_mps()
+        length_m = (longest_s - on_ground_s - _ENDS_S) * fastest_mps(self.limits)
         if longest_s >= on_ground_s + _LEAST_S and length_m >= _ROUND_M:
             option = f"an --end {_down(length_m)} m away" if self.end_deg else f"--distance {_down(length_m)}"
             return f"give {option} or less, and fly the rest as a second flight"
@@ -117,7 +119,7 @@ class FirstFlight:
         shorter = self.flight_s > longest_s - HOVERS_S - _LEAST_S
         air_s = longest_s - HOVERS_S - (_LEAST_S if shorter else self.flight_s)
         height_m = _down(self.height_m * air_s / sum(self.phases_s))
-        also = f" and --distance {_LEAST_S * fastest_mps() / 2.0:.0f} or less" if shorter else ""
+        also = f" and --distance {_LEAST_S * fastest_mps(self.limits) / 2.0:.0f} or less" if shorter else ""
         return f"give --height {height_m} or less{also}: take-off and landing take {on_ground_s:.0f} s"
 
     def keys(self) -> dict[str, str]:
@@ -128,7 +130,7 @@ class FirstFlight:
         top_m = self.height_m + float(places_m[:, 2].max())
         yaw_deg = round(180.0 - (180.0 - self.course_deg) % 360.0, 6)
         start, end = [0.0, 0.0, self.height_m], [*end_ne_m.tolist(), self.height_m]
-        is_default = self == FirstFlight()
+        is_default = replace(self, limits=type_limits()) == FirstFlight()
         middle, radius_m = (end_ne_m / 2.0).round(1).tolist(), max(1.0, float(round(self.distance_m / 10.0)))
         no_fly = [*middle, radius_m] if not is_default else [150.0, 60.0, 50.0]
         north_m, east_m = self._box(places_m[:, :2], end_ne_m) if not is_default else ([-60, 360], [-120, 120])

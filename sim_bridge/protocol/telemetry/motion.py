@@ -1,7 +1,6 @@
-"""Telemetry of motion and its setpoints, and of identity, time, home, origin and mission progress."""
+"""Telemetry of motion and its setpoints."""
 
 import math
-import zlib
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from sim_bridge.protocol.telemetry.instruments import Builder, Fields, Sources, 
 _FULL = int(SetpointMask.IGNORE_YAW_RATE)
 _GROUND_LEVEL = 63  # mask of the setpoint of a vehicle on the ground
 _PWM_OFF, _PWM_IDLE, _PWM_RANGE = 900, 1000, 1000
-_UID_BYTES = 18
 
 
 def quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]:
@@ -185,54 +183,6 @@ def _throttle(sources: Sources) -> Array:
     return np.asarray(airframes.rotors_radps[sources.instruments.row] / airframes.rotor_max_radps)
 
 
-def _mission_current(sources: Sources) -> Fields:
-    progress = sources.autopilot.progress
-    state, mode = progress.state(sources.autopilot.mode.intent, flying=sources.autopilot.flying)
-    return {"seq": progress.seq, "total": progress.counted, "mission_state": int(state), "mission_mode": mode}
-
-
-def _system_time(sources: Sources) -> Fields:
-    known = sources.reached(Milestone.FIXED)
-    unix_us = sources.instruments.unix_us if known else 0
-    return {"time_unix_usec": unix_us, "time_boot_ms": sources.instruments.boot_ms}
-
-
-def _home_position(sources: Sources) -> Fields | None:
-    if not sources.reached(Milestone.PLACED):
-        return None
-    instruments, home_ned_m = sources.instruments, sources.autopilot.path_generator.home_ned_m
-    yaw_rad = float(instruments.estimate[8])
-    return {
-        **on_earth(instruments.place(home_ned_m), "latitude", "longitude", "altitude"),
-        **dict(zip("xyz", (home_ned_m - instruments.pad_ned_m).tolist(), strict=True)),
-        "q": quaternion(0.0, 0.0, yaw_rad) if sources.personality.streams.home_has_attitude else [math.nan] * 4,
-        **dict.fromkeys(("approach_x", "approach_y", "approach_z"), 0.0),
-        "time_usec": instruments.boot_ms * 1000,
-    }
-
-
-def _global_origin(sources: Sources) -> Fields | None:
-    if not sources.reached(Milestone.PLACED):
-        return None
-    instruments = sources.instruments
-    place = on_earth(instruments.place(instruments.pad_ned_m), "latitude", "longitude", "altitude")
-    return {**place, "time_usec": instruments.boot_ms * 1000}
-
-
-def _autopilot_version(sources: Sources) -> Fields:
-    personality, uid = sources.personality, sources.instruments.uid
-    return {
-        "capabilities": int(personality.capabilities),
-        "flight_sw_version": personality.version,
-        **dict.fromkeys(("middleware_sw_version", "os_sw_version", "board_version", "vendor_id", "product_id"), 0),
-        "flight_custom_version": list(b"skein\0\0\0"),
-        "middleware_custom_version": [0] * 8,
-        "os_custom_version": [0] * 8,
-        "uid": zlib.crc32(uid) << 32 | zlib.crc32(uid[::-1]) if personality.sends_uid else 0,
-        "uid2": list(uid.ljust(_UID_BYTES, b"\0")),
-    }
-
-
 BUILDERS: dict[MessageId, Builder] = {
     MessageId.ATTITUDE: _attitude,
     MessageId.ATTITUDE_QUATERNION: _attitude_quaternion,
@@ -245,9 +195,4 @@ BUILDERS: dict[MessageId, Builder] = {
     MessageId.POSITION_TARGET_LOCAL_NED: _local_target,
     MessageId.POSITION_TARGET_GLOBAL_INT: _global_target,
     MessageId.ALTITUDE: _altitude,
-    MessageId.SYSTEM_TIME: _system_time,
-    MessageId.MISSION_CURRENT: _mission_current,
-    MessageId.GPS_GLOBAL_ORIGIN: _global_origin,
-    MessageId.AUTOPILOT_VERSION: _autopilot_version,
-    MessageId.HOME_POSITION: _home_position,
 }

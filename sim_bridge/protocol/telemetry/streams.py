@@ -4,11 +4,11 @@ import math
 
 from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId
-from sim_bridge.protocol.telemetry import motion, vitals
+from sim_bridge.protocol.telemetry import identity, motion, vitals
 from sim_bridge.protocol.telemetry.instruments import Builder, Sources
 
 _LONGEST_US = 2**31 - 1  # the largest interval that MESSAGE_INTERVAL can hold
-_BUILDERS: dict[MessageId, Builder] = {**vitals.BUILDERS, **motion.BUILDERS}
+_BUILDERS: dict[MessageId, Builder] = {**vitals.BUILDERS, **motion.BUILDERS, **identity.BUILDERS}
 _NAMES: dict[int, str] = {number: number.name for number in _BUILDERS}
 _SAME_S = 1e-6
 _FAST_S = 0.2

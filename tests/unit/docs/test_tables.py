@@ -21,7 +21,7 @@ PARAMETERS = "tests/unit/link/test_parameters.py"
 STATUS = "tests/unit/link/session/test_status_report.py"
 PREFLIGHT = "tests/unit/flight/setup/test_preflight_rules.py"
 PROLOGUE = "tests/unit/flight/execution/test_takeoff_landing.py"
-STREAM = "tests/unit/flight/execution/test_setpoint_messages.py"
+STREAM = "tests/unit/flight/execution/test_setpoint_schedule.py"
 
 RULES = "tests/unit/flight/contingency/test_policy.py"
 ENERGY = "tests/unit/flight/contingency/test_energy_choice.py"

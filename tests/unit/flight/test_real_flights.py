@@ -33,6 +33,7 @@ from gcs.util.aio import alongside
 from tests.real_flights import FLIGHTS, Flight, Recorded, in_virtual_time, unpacked
 
 FULL = [name for name in FLIGHTS if "fence" not in name]
+WHOLE = ("arducopter-4.5.6-follow-wind", "px4-1.17dev-stream", "mixed-stream")  # the others with `-m long`
 BOTH_AUTOPILOTS, OLD_RALLY, MISSION = "mixed-stream", "px4-1.17dev-return-into-fence", "arducopter-4.5.6-mission"
 
 
@@ -125,8 +126,14 @@ def test_pre_flight_lets_go_what_flew(name: str, tmp_path: Path) -> None:
     assert {(check.name, check.measured) for check in checks if not check.go} <= {("messages", OLD_RALLY_FRAME)}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in FULL if "mission" not in name])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in WHOLE else pytest.mark.long)
+        for name in FULL
+        if "mission" not in name
+    ],
+)
 def test_a_whole_flight_passes_without_an_incident(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -143,6 +143,7 @@ def test_a_last_shape_of_vehicles_above_each_other_cannot_land(simulation1: Scen
     assert "add a [[formation.change]]" in error.hint
 
 
+@pytest.mark.slow
 def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simulation1: Scenario) -> None:
     """12 m and another 4.24 m at 1.5 m/s, the quintic's peak being 15/8 of the mean."""
     tilted = at({**UPRIGHT, "angle_deg": 45.0}, 3.0)
@@ -155,6 +156,7 @@ def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simul
     assert verify(make_plan(fleet(simulation1, 5, "row", (tilted,), **HIGH | {"ground_phases": enough}))).ok
 
 
+@pytest.mark.slow
 def test_a_gate_that_never_settles_says_so(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shape_schedule, "_LATE_S", 0.0)
     monkeypatch.setattr(shape_schedule, "_TRIES", 2)

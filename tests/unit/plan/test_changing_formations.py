@@ -263,6 +263,7 @@ def test_a_rigid_formation_has_no_way_there(simulation1: Scenario, more: dict[st
     assert caught.value.hint
 
 
+@pytest.mark.slow
 def test_a_rigid_formation_goes_round_where_it_can(simulation1: Scenario, planned: Planned) -> None:
     """Room for all vehicles past one of two disks whose gap is too narrow for the row; it costs more than shrinking."""
     disks = [{"north_m": 40.0, "east_m": east, "radius_m": 11.0} for east in (-16.0, 16.0)]

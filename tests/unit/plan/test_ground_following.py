@@ -27,6 +27,7 @@ def test_the_leader_follows_the_ground(tmp_path: Path) -> None:
     assert all(line.ground is not None and line.limits.height_m == 1.0 for line in plan.lines)
 
 
+@pytest.mark.slow
 def test_a_ground_that_is_too_rough_is_said_with_the_leg(tmp_path: Path) -> None:
     rough = "[terrain]\nripple = { a = 0.0, b = 2.0, c = 0.0, d = 0.0, e = 0.0, f = 0.0, g = 0.0 }"
     with pytest.raises(Infeasible, match=r"leg 1.*the ground below varies by \d\.\d m within metres.*within 1 m"):

@@ -184,6 +184,7 @@ def test_between_two_points_the_leader_keeps_to_the_line_and_its_height(through:
     assert most_off(narrow, 1)[0] > 0.5
 
 
+@pytest.mark.slow
 def test_a_line_through_a_zone_gives_way_unless_the_scenario_says_how_near(
     through: PlanOf, simulation1: Scenario
 ) -> None:

@@ -78,7 +78,7 @@ def test_ground_hides_what_is_behind_it_and_nothing_else(repo_root: Path) -> Non
     assert over[2] > over[0] + 0.05 and below[2] < below[0] + 0.05  # blue above the top, ground below it
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None:
     from PIL import Image
 
@@ -87,7 +87,7 @@ def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None
         assert film.n_frames == np.ceil(changing.flight_s / 75.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_measures_are_the_verifiers(changing: Plan) -> None:
     t_s = np.arange(0.0, changing.flight_s, 0.05)
     report = verify(changing)

@@ -138,6 +138,7 @@ def test_an_interrupted_installation_is_repaired(clone: Clone) -> None:
     assert clone.installations == 3
 
 
+@pytest.mark.slow
 def test_two_at_once_install_once(clone: Clone) -> None:
     clone.python()
     both = [clone.start("printf", "x", FAKE_SLOW="1") for _ in range(2)]

@@ -14,7 +14,7 @@ from gcs.link.protocols.machine import Transition as Row
 from gcs.link.protocols.mission.item_messages import item_from_message, item_to_message
 from gcs.link.protocols.mission.read_back import compare_missions, read_back_error
 from gcs.link.protocols.mission.rules import (
-    DOUBTFUL,
+    AMBIGUOUS_RESULTS,
     EVENTS,
     IN_DOUBT,
     NO_REFUSAL,
@@ -202,7 +202,7 @@ _NONE_LEFT = _If("no item is left", lambda m, _: not m._waiting)
 _LOOKS = _If("`look_first`", lambda m, _: m._look_first)
 _FIRST_LOOK = _If("`look_first`, and it was not sent yet", lambda m, _: m._look_first and m._tries_left == m._tries)
 _TRIES = _If("sent fewer than `tries` times", lambda m, _: m._tries_left > 0)
-_PLAIN = _If("accepted, or in doubt", lambda _, ack: ack.fields["type"] in (MissionResult.ACCEPTED, *DOUBTFUL))
+_PLAIN = _If("accepted, or in doubt", lambda _, ack: ack.fields["type"] in (MissionResult.ACCEPTED, *AMBIGUOUS_RESULTS))
 _DENIED = _If("DENIED: it awaits the item", lambda _, ack: ack.fields["type"] == MissionResult.DENIED)
 _OFFER, _QUESTION = "MISSION_WRITE_PARTIAL_LIST", "MISSION_REQUEST_INT"
 

@@ -50,7 +50,7 @@ EVENTS = {
     "MISSION_ITEM": MachineEvent.ITEM,
     "MISSION_ACK": MachineEvent.MISSION_ACK,
 }
-DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
+AMBIGUOUS_RESULTS = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
 
 
 NO_REFUSAL = Guard[object](
@@ -59,7 +59,7 @@ NO_REFUSAL = Guard[object](
 )
 IN_DOUBT = Guard[TableMachine](
     "ERROR, DENIED or OPERATION_CANCELLED, and round trips are estimated",
-    lambda machine, ack: machine.exchange.estimates and ack.fields["type"] in DOUBTFUL,
+    lambda machine, ack: machine.exchange.estimates and ack.fields["type"] in AMBIGUOUS_RESULTS,
 )
 
 

@@ -16,7 +16,7 @@ from gcs.link.protocols.machine import TIMER, Guard, MachineEvent, MachineState,
 from gcs.link.protocols.machine import Transition as Row
 from gcs.link.protocols.mission.read_back import compare_missions, read_back_error
 from gcs.link.protocols.mission.receiver import MissionReceiver
-from gcs.link.protocols.mission.rules import DOUBTFUL, MissionRefused, UploadMachine
+from gcs.link.protocols.mission.rules import AMBIGUOUS_RESULTS, MissionRefused, UploadMachine
 from gcs.link.protocols.mission.sender import MissionSender
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
@@ -74,13 +74,13 @@ class VerifiedUpload(UploadMachine):
 
     def _is_busy(self) -> bool:
         error = self._failure
-        if not isinstance(error, MissionRefused) or error.result not in DOUBTFUL:
+        if not isinstance(error, MissionRefused) or error.result not in AMBIGUOUS_RESULTS:
             return False
         return error.seq is None and error.result != MissionResult.OPERATION_CANCELLED
 
     def _is_final(self) -> bool:
         error = self._failure
-        return error.result not in DOUBTFUL if isinstance(error, MissionRefused) else not self._sender.heard
+        return error.result not in AMBIGUOUS_RESULTS if isinstance(error, MissionRefused) else not self._sender.heard
 
     def _is_gone(self) -> bool:
         return isinstance(self._failure, PeerTimeout) and self._reader.count is None and self._reads > 1

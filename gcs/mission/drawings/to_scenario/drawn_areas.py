@@ -9,7 +9,7 @@ import shapely
 
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
-from gcs.mission.drawings.drawing import DrawnArea, LeftOut, Place, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place, tidy
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.places import CORNERS_MAX
 
@@ -37,17 +37,17 @@ class AreaTables:
         heads = ["[[keep_in]]"] * len(self.keep_in) + ["[[no_fly]]"] * len(self.no_fly)
         return list(map(_table, heads, [*self.keep_in, *self.no_fly]))
 
-    def in_words(self, reason: str) -> str:
-        """A reason of the scenario's rules with the labels of areas in place of their keys."""
+    def in_words(self, reason: str, drawing: Drawing) -> str:
+        """A reason of the scenario's rules with the labels of areas, and their lines, in place of their keys."""
 
         def label(found: re.Match[str]) -> str:
             areas, number = getattr(self, found[1]), int(found[2])
-            return f"{areas[number].label}: " if number < len(areas) else found[0]
+            return f"{drawing.named(areas[number].label)}: " if number < len(areas) else found[0]
 
         return _KEY_OF_AREA.sub(label, reason)
 
 
-def area_tables(source: str, areas: Sequence[DrawnArea], spots: Sequence[Spot], origin: Origin) -> AreaTables:
+def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Spot], origin: Origin) -> AreaTables:
     """The areas of a drawing. One whose file does not say what it is holds the whole route, or is left out.
 
     Vehicles stay inside each [[keep_in]]. Fences that only together hold the route become one area, if they overlap.
@@ -59,13 +59,13 @@ def area_tables(source: str, areas: Sequence[DrawnArea], spots: Sequence[Spot], 
     no_fly: list[_Area] = []
     holes: list[_Area] = []
     for drawn in areas:
-        area = area_in_metres(source, drawn, origin)
+        area = area_in_metres(drawing, drawn, origin)
         if drawn.inside is False:
             no_fly.append(area)
         elif drawn.inside or shapely.covers(area[1], points).all():
             keep_in.append(area)
             inner = (DrawnArea(hole, f"{drawn.label}, hole {n}") for n, hole in enumerate(drawn.holes, start=1))
-            holes += [area_in_metres(source, hole, origin) for hole in inner]
+            holes += [area_in_metres(drawing, hole, origin) for hole in inner]
         else:
             text = "not round the whole route, and not carried over; if it is a no-fly zone, write it as [[no_fly]]"
             said.append(LeftOut(drawn.label, text))
@@ -74,26 +74,26 @@ def area_tables(source: str, areas: Sequence[DrawnArea], spots: Sequence[Spot], 
         inside = shapely.contains_properly(shape, points)
         if inside.any():
             label = spots[int(inside.argmax())][0]
-            message = f"{source}: {label} lies in {zone.label}, a no-fly zone."
+            message = f"{drawing.where(label)}: {label} lies in {zone.label}, a no-fly zone."
             raise FileFormatError(message, hint="draw the route around it")
-    keep_in = _together(source, keep_in, spots, origin, said)
+    keep_in = _together(drawing, keep_in, spots, origin, said)
     for found, most, what in ((keep_in, KEEP_IN_MAX, "areas to stay in"), (no_fly, NO_FLY_MAX, "no-fly zones")):
         if len(found) > most:
-            raise FileFormatError(f"{source}: has {len(found)} {what}; a scenario has at most {most}.")
+            raise FileFormatError(f"{drawing.source}: has {len(found)} {what}; a scenario has at most {most}.")
     for one, _ in (*keep_in, *no_fly):
         if len(one.corners) > CORNERS_MAX:
             text = f"{one.label} has {len(one.corners)} corners; an area has at most {CORNERS_MAX}"
-            raise FileFormatError(f"{source}: {text}.", hint="draw it with fewer corners")
+            raise FileFormatError(f"{drawing.where(one.label)}: {text}.", hint="draw it with fewer corners")
     return AreaTables(tuple(one for one, _ in keep_in), tuple(one for one, _ in no_fly), tuple(said))
 
 
-def area_in_metres(source: str, area: DrawnArea, origin: Origin) -> _Area:
+def area_in_metres(drawing: Drawing, area: DrawnArea, origin: Origin) -> _Area:
     """An area as the scenario has it, and in metres. Raises `FileFormatError` for one that crosses itself."""
     if area.radius_m is None:
         lat, lon = np.array(area.corners).T
         shape = shapely.Polygon(place_up_m(lat, lon, 0.0, origin)[:, :2])
         if not shape.is_valid or shape.area <= 0.0:
-            text = f"{source}: {area.label} crosses itself."
+            text = f"{drawing.where(area.label)}: {area.label} crosses itself."
             raise FileFormatError(text, hint="draw its corners in order")
         return area, shape
     angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
@@ -105,7 +105,7 @@ def area_in_metres(source: str, area: DrawnArea, origin: Origin) -> _Area:
 
 
 def _together(
-    source: str, areas: Sequence[_Area], spots: Sequence[Spot], origin: Origin, said: list[LeftOut]
+    drawing: Drawing, areas: Sequence[_Area], spots: Sequence[Spot], origin: Origin, said: list[LeftOut]
 ) -> list[_Area]:
     """The areas to stay in, each of which holds the route: as they are, or joined to one."""
     points = shapely.points([place_m for _, place_m in spots])
@@ -117,13 +117,13 @@ def _together(
         row = int(outside.argmax())
         away_m = float(shapely.distance(joined, points[row]))
         raise FileFormatError(
-            f"{source}: {spots[row][0]} is {away_m:.1f} m outside {areas[0][0].label}"
+            f"{drawing.where(spots[row][0])}: {spots[row][0]} is {away_m:.1f} m outside {areas[0][0].label}"
             + (" and the other areas to stay in." if len(areas) > 1 else "."),
             hint="draw the route inside, or the area larger",
         )
     labels = " and ".join(area.label for area, _ in areas)
     if joined.geom_type != "Polygon" or joined.interiors:
-        text = f"{source}: the route leads through {labels}, which are apart."
+        text = f"{drawing.where(areas[0][0].label)}: the route leads through {labels}, which are apart."
         raise FileFormatError(text, hint="join them to one area")
     said.append(LeftOut(labels, "the route is only in both together; one area to stay in"))
     corners = _degrees(np.array(joined.exterior.coords)[:-1], origin)

@@ -6,6 +6,7 @@ There are as many as a scenario may have, and no two of them at one place; a rec
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from gcs.errors import FileFormatError, counted
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut, sentences
 from gcs.mission.drawings.item_course import HOLD_MAX_S
+from gcs.mission.drawings.to_scenario.drawn_ground import LEVEL, Ground, ground_of
+from gcs.scenario.schema.degree_keys import ABOVE_GROUND
 from gcs.scenario.schema.fields import FARTHEST_M
 from gcs.scenario.schema.places import ROUTE_MAX
 from gcs.types import Array
@@ -39,41 +42,54 @@ class PlacedPoint:
     place_m: tuple[float, float, float]
     key: str
     height_m: float
+    ground_m: float = 0.0  # height of the ground there
 
 
 def placed_point(
-    point: DrawnPoint, origin: Origin, drawing: Drawing, height_m: float | None, left_out: list[LeftOut]
+    point: DrawnPoint,
+    origin: Origin,
+    drawing: Drawing,
+    height_m: float | None,
+    left_out: list[LeftOut],
+    ground: Ground = LEVEL,
 ) -> PlacedPoint:
     """A point in metres; one without a height, or on the ground, gets `height_m`. What changes is `left_out`."""
+    ground_m = ground.height_m(point.place, origin)
+    if point.datum is Datum.GROUND:
+        above_m = point.height_m
+        if height_m is not None and above_m < LOWEST_M:
+            left_out.append(
+                LeftOut(point.label, f"a height of {above_m:g} m is on the ground; flown at {height_m:g} m")
+            )
+            above_m = height_m
+        placed = _placed(point, ABOVE_GROUND, ground_m + above_m, origin, ground_m)
+        return replace(placed, height_m=round(above_m, 3))
     if point.datum is Datum.NONE:
-        return _placed(point, "height_m", HEIGHT_M if height_m is None else height_m, origin)
+        return _placed(point, "height_m", HEIGHT_M if height_m is None else height_m, origin, ground_m)
     key, value = "height_m", point.height_m
     home = drawing.home if point.datum is Datum.HOME else None
     if point.datum is Datum.SEA:
         key = "alt_amsl_m"
     elif home is not None and home.alt_amsl_m != origin.alt_amsl_m:
         key, value = "alt_amsl_m", home.alt_amsl_m + value
-    placed = _placed(point, key, value, origin)
-    above_ground_m = placed.place_m[2]
+    placed = _placed(point, key, value, origin, ground_m)
+    above_ground_m = placed.place_m[2] - ground_m
     if point.datum is not Datum.SEA:  # home may be lower than the origin, or higher
         above_ground_m = min(above_ground_m, point.height_m)
     if height_m is not None and above_ground_m < LOWEST_M:
         where = "above the sea is under the ground" if point.datum is Datum.SEA else "is on the ground"
         left_out.append(LeftOut(point.label, f"a height of {point.height_m:g} m {where}; flown at {height_m:g} m"))
-        return _placed(point, "height_m", height_m, origin)
-    if point.datum is Datum.GROUND:
-        text = "the height above the ground counts from the origin, because the file has no terrain"
-        left_out.append(LeftOut(point.label, text))
+        return _placed(point, "height_m", height_m, origin, ground_m)
     return placed
 
 
-def _placed(point: DrawnPoint, key: str, value: float, origin: Origin) -> PlacedPoint:
-    if key == "height_m":
-        place_m = place_up_m(*point.place, value, origin)
-    else:
+def _placed(point: DrawnPoint, key: str, value: float, origin: Origin, ground_m: float) -> PlacedPoint:
+    if key == "alt_amsl_m":
         place_m = geodetic_to_ned(*point.place, value, origin) * [1.0, 1.0, -1.0]
+    else:
+        place_m = place_up_m(*point.place, value, origin)
     north_m, east_m, up_m = map(float, place_m)
-    return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3))
+    return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3), ground_m)
 
 
 def fewer(drawing: Drawing, points: list[PlacedPoint], left_out: list[LeftOut]) -> list[PlacedPoint]:
@@ -170,6 +186,7 @@ class PlacedRoute:
     origin: Origin
     origin_is: str
     left_out: tuple[LeftOut, ...]
+    ground: Ground = LEVEL
 
     @property
     def places_m(self) -> Array:
@@ -177,11 +194,16 @@ class PlacedRoute:
         return np.array([point.place_m for point in self.points])
 
 
-def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None, height_m: float | None) -> PlacedRoute:
+def placed_route(
+    drawing: Drawing,
+    at: tuple[float, float, float | None] | None,
+    height_m: float | None,
+    terrain: Path | None = None,
+) -> PlacedRoute:
     """The route of a drawing, with the origin `at`, else at its planned home, else at its first point.
 
-    `height_m` is the height of points without one, or on the ground. Raises `FileFormatError` for a drawing that makes
-    no route.
+    `height_m` is the height of points without one, or on the ground; `terrain` the elevation model from which heights
+    above the ground count. Raises `FileFormatError` for a drawing that makes no route.
     """
     left_out = [*drawing.left_out]
     drawing = _with_home(drawing, left_out)
@@ -190,13 +212,20 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     points = list(drawing.points)
     for point in points:
         if abs(point.height_m) > _BEYOND_M:
-            raise FileFormatError(f"{drawing.source}: {point.label} is at {point.height_m:g} m, beyond any flight.")
+            where = drawing.where(point.label)
+            raise FileFormatError(f"{where}: {point.label} is at {point.height_m:g} m, beyond any flight.")
     if height_m is None:
         points = _with_heights(points, left_out)
     if drawing.recorded:
         points, ground_m = _in_the_air(points, left_out)
-    origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, left_out)
-    placed = [placed_point(point, origin, drawing, height_m, left_out) for point in points]
+    ground = LEVEL if terrain is None else ground_of(terrain, [point.place for point in points])
+    origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, left_out, ground)
+    placed = [placed_point(point, origin, drawing, height_m, left_out, ground) for point in points]
+    if terrain is None and any(point.key == ABOVE_GROUND for point in placed):
+        text = (
+            "above the ground count from level ground at the origin's altitude; for the true ground give --terrain DEM"
+        )
+        left_out.append(LeftOut("heights", text))
     if bare := sum(point.datum is Datum.NONE for point in points):
         every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
         left_out.append(LeftOut("heights", f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)"))
@@ -206,7 +235,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     if far_m > FARTHEST_M:
         limit = f"the limit is {FARTHEST_M / 1000.0:,.0f} km"
         label = placed[int(np.abs(places_m).max(axis=1).argmax())].drawn.label
-        text = f"{drawing.source}: {label} is {far_m / 1000.0:,.0f} km from the origin ({origin_is}); {limit}."
+        text = f"{drawing.where(label)}: {label} is {far_m / 1000.0:,.0f} km from the origin ({origin_is}); {limit}."
         raise FileFormatError(text, hint="correct that point, or give --at near the route")
     comes_back = len(placed) > 2 and float(np.linalg.norm(places_m[-1] - places_m[0])) <= _BACK_M
     if comes_back:
@@ -217,7 +246,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     ends = placed[:1] if returns else [placed[0], placed[-1]]
     text = "the hold is not carried over; the formation hovers there before or after the flight"
     left_out += [LeftOut(point.drawn.label, text) for point in ends if point.drawn.hold_s]
-    return PlacedRoute(tuple(placed), returns, origin, origin_is, tuple(left_out))
+    return PlacedRoute(tuple(placed), returns, origin, origin_is, tuple(left_out), ground)
 
 
 def _refuse_few(drawing: Drawing, count: int) -> None:
@@ -225,7 +254,7 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
         return
     step = "draw a line through the area" if drawing.areas and not drawing.points else "draw at least two points"
     has = "no point" if not drawing.points else "only one place"
-    left_out = sentences(drawing.left_out)
+    left_out = sentences(drawing.left_out, drawing.file_lines)
     why = f" ({'; '.join(left_out[:_SAID_MAX])}{'; ...' if len(left_out) > _SAID_MAX else ''})" if left_out else ""
     raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to{why}.", hint=step)
 
@@ -302,6 +331,7 @@ def _origin(
     ground_m: float | None,
     below_m: float,
     left_out: list[LeftOut],
+    ground: Ground,
 ) -> tuple[Origin, str]:
     """The origin, and in words what it is."""
     home = drawing.home
@@ -310,6 +340,9 @@ def _origin(
         place, what, alt_m = (home.lat_deg, home.lon_deg), "planned home", home.alt_amsl_m
     if at is not None:
         place, what, alt_m = at[:2], "as given", alt_m if at[2] is None else at[2]
+    if alt_m is None and (under_m := ground.alt_amsl_m(place)) is not None:
+        alt_m = round(under_m, 1)
+        left_out.append(LeftOut("the origin", f"its altitude is that of --terrain, {alt_m:g} m above the sea"))
     if alt_m is None:
         above_sea_m = [point.height_m for point in points if point.datum is Datum.SEA]
         alt_m = float(np.floor(min(above_sea_m) - below_m)) if above_sea_m else 0.0
@@ -331,12 +364,13 @@ def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint], *, ground_g
         hint = "draw it lower" if highest.key == "height_m" else _GIVE_GROUND
         if highest.key != "height_m" and ground_given:
             hint = "draw it lower, or correct the altitude of the ground in --at"
-        raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
-    lowest = min(points, key=lambda point: point.place_m[2])
-    if (up_m := round(lowest.place_m[2], 3)) >= LOWEST_M:
+        raise FileFormatError(f"{drawing.where(highest.drawn.label)}: {text}", hint=hint)
+    lowest = min(points, key=lambda point: point.place_m[2] - point.ground_m)
+    if (up_m := round(lowest.place_m[2] - lowest.ground_m, 3)) >= LOWEST_M:
         return
-    text = f"{lowest.drawn.label} is {up_m + 0.0:.1f} m above the origin; a vehicle flies at {LOWEST_M:g} m or more."
+    what = "the ground" if lowest.ground_m or lowest.key == ABOVE_GROUND else "the origin"
+    text = f"{lowest.drawn.label} is {up_m + 0.0:.1f} m above {what}; a vehicle flies at {LOWEST_M:g} m or more."
     hint = "give --height METRES for such points"
-    if lowest.key != "height_m":
+    if lowest.key == "alt_amsl_m":
         hint += ", or correct the altitude of the ground in --at" if ground_given else f", or {_GIVE_GROUND}"
-    raise FileFormatError(f"{drawing.source}: {text}", hint=hint)
+    raise FileFormatError(f"{drawing.where(lowest.drawn.label)}: {text}", hint=hint)

@@ -1,9 +1,11 @@
 """The scenario of a drawn route: the values for its template, with names and heights as drawn."""
 
+import itertools
 import json
 import math
+import os
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -12,9 +14,12 @@ import numpy as np
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing, LeftOut, sentences, tidy
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables, commented, number_text, place_text
+from gcs.mission.drawings.to_scenario.drawn_ground import DEM_HINT
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
+from gcs.scenario.schema.degree_keys import ABOVE_GROUND
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
+from gcs.scenario.schema.scenario import Performance
 from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
 from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
 from gcs.scenario.values.formations import places_up_m, turned
@@ -23,10 +28,11 @@ from gcs.types import Array
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed
 _ROOM_M = 60.0  # beside the formation, for detours
 _KEY_OF_POINT = re.compile(r"^(?:(start|end)|route\[([0-9]+)\])(?:\.\w+)?(?: = .*?)?: ", re.MULTILINE)
+_KEY_OF_DEM = re.compile(r"^terrain\.dem\.file(?: = .*?)?: ", re.MULTILINE)
 _SAID_MAX = 40  # sentences in the scenario
 _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
 CRUISE_MPS = 10.0 / 3.0
-_ACCEL_MPS2 = 1.0  # half of what the vehicle type has
+_ACCEL_MPS2 = 5.0  # half of what a vehicle has for each unit of its load factor
 _STEP_S, _LEAST_S = 5.0, 30.0
 _STRAIGHT_DEG = 30.0  # at a smaller turn a formation passes at its speed
 
@@ -43,6 +49,7 @@ class RouteFlight:
     shape: Generator = "vee"
     spacing_m: float = 10.0
     cruise_mps: float = CRUISE_MPS  # where no speed is drawn
+    limits: Performance = field(default_factory=type_limits)  # of the vehicles
 
     def quicker(self) -> Self | None:
         """The same flight as fast as it can be planned; None where it is, or where all speeds are drawn."""
@@ -61,7 +68,7 @@ class RouteFlight:
     def _phases_s(self, above_m: float) -> tuple[float, float]:
         """Take-off and landing of the vehicle that is highest above the leader, s."""
         ends = self.route.points[0].place_m[2], self.route.points[0 if self.route.returns else -1].place_m[2]
-        return ground_phases_s(ends[0] + above_m, ends[1] + above_m)
+        return ground_phases_s(self.limits, ends[0] + above_m, ends[1] + above_m)
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -73,7 +80,12 @@ class RouteFlight:
         """The time from start to end, s. Raises `FileFormatError` for more than a scenario allows."""
         holds_s = np.array([point.drawn.hold_s for point in self.route.points] + [0.0] * self.route.returns)
         holds_s[[0, -1]] = 0.0
-        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, _SHARE * type_limits().speed_ned_mps[2], holds_s)
+        climb_mps, accel_mps2 = _SHARE * self.limits.speed_ned_mps[2], _ACCEL_MPS2 * self.limits.load_factor_max
+        least_s = [
+            np.maximum(np.diff(ground_m[:, 0]) / speed_mps, np.abs(np.diff(ground_m[:, 1])) / climb_mps).sum() * follows
+            for ground_m, follows, speed_mps in zip(*self._ground, self._leg_speeds_mps, strict=True)
+        ]
+        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, climb_mps, holds_s, accel_mps2, np.array(least_s))
         if time_s > FLIGHT_MAX_S:
             text = f"the route is {self.length_m / 1000.0:.1f} km long and takes {time_s:,.0f} s; {_LONGEST_FLIGHT}"
             raise FileFormatError(f"{self.drawing.source}: {text}.", hint="split it into several files")
@@ -88,9 +100,11 @@ class RouteFlight:
         """What stands in the template for each @KEY@."""
         points, returns = self.route.points, self.route.returns
         places_m = turned(places_up_m(self.shape, self.count, self.spacing_m), self._course_deg)
-        lowest_m, highest_m = (float(edge) for edge in self._heights_m(places_m))
+        lowest_m = self._lowest_m(places_m)
+        bottom_m, top_m = self._bounds_m
+        top_m += float(places_m[:, 2].max())
         flown = self._course_deg, max(1.0, self.length_m), points[0].place_m[2]
-        first = FirstFlight(self.count, self.shape, self.spacing_m, *flown).keys()
+        first = FirstFlight(self.count, self.shape, self.spacing_m, *flown, limits=self.limits).keys()
         source = tidy(Path(self.drawing.source).name)
         yaw = f"roll_pitch_yaw_deg = [0.0, 0.0, {first['YAW']}]\n" if first["YAW"] != "0.0" else ""
         interior = points[1:] if returns else points[1:-1]
@@ -110,6 +124,7 @@ class RouteFlight:
             "END_WORD": commented('end = "start"', "the route comes back") + "\n" if returns else "",
             "TABLES": "\n".join(
                 [
+                    *self._terrain(),
                     _place_table("[start]", points[0], "of the leader, which hovers there") + yaw,
                     *(self._route_table(point, turn) for point, turn in legs),
                     *([] if returns else [_place_table("[end]", points[-1]) + yaw]),
@@ -118,14 +133,14 @@ class RouteFlight:
             ),
             "BOX_NORTH": str(north_m),
             "BOX_EAST": str(east_m),
-            "BOX_HEIGHT": str([0.0, max(40.0, 10.0 * math.ceil(highest_m / 10.0 + 1.5))]),
+            "BOX_HEIGHT": str([10.0 * math.floor(bottom_m / 10.0), max(40.0, 10.0 * math.ceil(top_m / 10.0 + 1.5))]),
             "CLEARANCE": repr(min(5.0, math.floor(5.0 * lowest_m) / 10.0)),
             "TAKEOFF": repr(takeoff_s),
         }
 
     def in_words(self, reason: str) -> str:
         """A reason of the scenario's rules with the labels of points and areas in place of their keys."""
-        points = [point.drawn.label for point in self.route.points]
+        points = [self.drawing.named(point.drawn.label) for point in self.route.points]
         interior = points[1:] if self.route.returns else points[1:-1]
         ends = {"start": points[0], "end": points[0 if self.route.returns else -1]}
 
@@ -134,18 +149,19 @@ class RouteFlight:
                 return f"{interior[int(found[2])]}: " if int(found[2]) < len(interior) else found[0]
             return f"{ends[found[1]]}: "
 
-        return _KEY_OF_POINT.sub(label, self.areas.in_words(reason))
+        reason = _KEY_OF_DEM.sub(f"--terrain {self.route.ground.file}: ", self.areas.in_words(reason, self.drawing))
+        reason = _KEY_OF_POINT.sub(label, reason)
+        return re.sub(r"\[(start|end)\]", lambda found: ends[found[1]], reason)
 
     @property
     def _course_m(self) -> Array:
-        """The places that the leader passes (N, 3), with the start again where it comes back."""
-        places_m = self.route.places_m
-        return np.concatenate([places_m, places_m[:1]]) if self.route.returns else places_m
+        """The places that the leader passes (N, 3)."""
+        return np.array([point.place_m for point in self._round])
 
     @property
     def _most_mps(self) -> float:
         """The fastest that a leg is flown."""
-        return _SHARE * min(type_limits().speed_ned_mps[:2])
+        return _SHARE * min(self.limits.speed_ned_mps[:2])
 
     @property
     def _leg_speeds_mps(self) -> Array:
@@ -170,16 +186,44 @@ class RouteFlight:
                 return round(math.degrees(math.atan2(leg_m[1], leg_m[0])), 1) + 0.0
         return 0.0
 
-    def _heights_m(self, places_m: Array) -> tuple[float, float]:
-        """The lowest and the highest place of a vehicle. Raises `FileFormatError` for one at the ground."""
-        heights_m = self.route.places_m[:, 2]
+    def _lowest_m(self, places_m: Array) -> float:
+        """The least height of a vehicle above the ground. Raises `FileFormatError` for one at the ground."""
+        heights_m = self.route.places_m[:, 2] - [point.ground_m for point in self.route.points]
         lowest_m = float(heights_m.min() + places_m[:, 2].min())
         if lowest_m < 1.0:
             row = int(heights_m.argmin())
-            text = f"{self.route.points[row].drawn.label} is {heights_m[row]:.1f} m above the origin, too low"
-            text = f"{self.drawing.source}: {text} for a {self.shape} of {self.count} vehicles."
+            label = self.route.points[row].drawn.label
+            text = f"{label} is {heights_m[row]:.1f} m above the ground, too low"
+            text = f"{self.drawing.where(label)}: {text} for a {self.shape} of {self.count} vehicles."
             raise FileFormatError(text, hint="give another --shape, or a smaller --spacing")
-        return lowest_m, float(heights_m.max() + places_m[:, 2].max())
+        return lowest_m
+
+    @property
+    def _bounds_m(self) -> tuple[float, float]:
+        """The lowest ground, at most 0, and the highest place of the leader, also where it follows the ground."""
+        points = self._round
+        lines, follows = self._ground
+        above_m = [max(a.place_m[2] - a.ground_m, b.place_m[2] - b.ground_m) for a, b in itertools.pairwise(points)]
+        followed = zip(lines, above_m, follows, strict=True)
+        tops_m = [float(ground_m[:, 1].max()) + most_m for ground_m, most_m, is_followed in followed if is_followed]
+        bottom_m = min(float(ground_m[:, 1].min()) for ground_m in lines)
+        return min(0.0, bottom_m), max(float(self.route.places_m[:, 2].max()), *tops_m, 0.0)
+
+    @property
+    def _round(self) -> list[PlacedPoint]:
+        """The points that the leader passes, with the start again where it comes back."""
+        return [*self.route.points, *self.route.points[: int(self.route.returns)]]
+
+    @property
+    def _ground(self) -> tuple[list[Array], list[bool]]:
+        """The ground along each leg, and whether the leader follows it there."""
+        lines = self.route.ground.along([point.drawn.place for point in self._round], self.route.origin)
+        return lines, [a.key == b.key == ABOVE_GROUND for a, b in itertools.pairwise(self._round)]
+
+    def _terrain(self) -> list[str]:
+        """The table of the elevation model, whose path is absolute: the text may stand in any folder."""
+        file = self.route.ground.file
+        return [] if file is None else [f"[terrain.dem]\nfile = {_text(file.resolve().as_posix())}\n"]
 
     def _box(self, places_m: Array) -> tuple[list[float], list[float]]:
         """The least and the greatest place north and east, for the formation at any heading, with room for detours."""
@@ -206,7 +250,7 @@ class RouteFlight:
 
     def _comments(self) -> str:
         """What is left out, as lines of comments; empty if nothing is."""
-        said = sentences(self.left_out)
+        said = sentences(self.left_out, self.drawing.file_lines)
         more = [f"and {len(said) - _SAID_MAX} more"] * (len(said) > _SAID_MAX)
         lines = ["# Not carried over as it was drawn:", *(f"#   {line}" for line in [*said[:_SAID_MAX], *more])]
         return "\n".join(lines) if said else "#"
@@ -216,35 +260,44 @@ def route_flight(
     drawing: Drawing,
     at: tuple[float, float, float | None] | None = None,
     height_m: float | None = None,
+    terrain: Path | None = None,
     **formation: object,
 ) -> RouteFlight:
-    """The flight along a drawing. `at` and `height_m` as `placed_route` has them; `formation`: count, shape, spacing_m.
+    """The flight along a drawing. `at`, `height_m` and `terrain` as `placed_route` has them.
+
+    `formation`: count, shape, spacing_m, and the limits of the vehicles.
 
     Raises `FileFormatError` for a drawing that makes no flight.
     """
-    route = placed_route(drawing, at, height_m)
+    route = placed_route(drawing, at, height_m, terrain)
     spots = [(point.drawn.label, point.place_m[:2]) for point in route.points]
-    flight = RouteFlight(drawing, route, area_tables(drawing.source, drawing.areas, spots, route.origin))
+    flight = RouteFlight(drawing, route, area_tables(drawing, drawing.areas, spots, route.origin))
     flight = replace(flight, **formation)  # type: ignore[arg-type]
     flight.keys()  # refuses a flight that takes too long
     return flight
 
 
-def route_text(folder: Path, flight: RouteFlight) -> str:
-    """The text of the scenario of a flight, named after its folder.
+def route_text(folder: Path, flight: RouteFlight, vehicle: str | None = None) -> str:
+    """The text of the scenario of a flight, named after its folder, judged with the battery of `vehicle`.
 
     Raises `ImpossibleFlight` for one that the rules of scenarios refuse, in the words of the drawing.
     """
     origin = flight.route.origin
     place = origin.lat_deg, origin.lon_deg, origin.alt_amsl_m
     try:
-        return scenario_text(folder, *place, flight=flight, template="template_route.toml")
+        text = scenario_text(folder, *place, flight=flight, template="template_route.toml", vehicle=vehicle)
     except ImpossibleFlight as error:
         which = f"a {flight.shape} of {flight.count}, {flight.spacing_m:g} m apart"
         reason = flight.in_words(error.reason)
         text = f"{flight.drawing.source}: {which}, is not possible: {reason}"
         hint = "give a smaller --count or --spacing, or another --shape; or draw the area larger"
+        if _KEY_OF_DEM.search(error.reason):
+            hint = DEM_HINT
         raise ImpossibleFlight(text, hint=hint, reason=error.reason) from None
+    if (file := flight.route.ground.file) is not None:
+        beside = Path(os.path.relpath(file, folder)).as_posix()
+        text = text.replace(_text(file.resolve().as_posix()), _text(beside), 1)
+    return text
 
 
 def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
@@ -275,16 +328,26 @@ def is_passed_at_speed(turn_rad: float) -> bool:
     return turn_rad <= math.radians(_STRAIGHT_DEG)
 
 
-def flight_time_s(points_m: Array, speeds_mps: Array, climb_mps: float, holds_s: Array) -> float:
+def flight_time_s(
+    points_m: Array,
+    speeds_mps: Array,
+    climb_mps: float,
+    holds_s: Array,
+    accel_mps2: float = 1.0,
+    least_s: Array | float = 0.0,
+) -> float:
     """The time along points (N, 3) with a speed for each leg (N - 1,) and a hold at each point (N,), s.
+
+    No leg takes less than `least_s` (N - 1,), which one over hills needs to climb and to descend.
 
     A stop costs the time to brake and to accelerate again, a turn the time to change the direction of the velocity.
     """
     legs_m = np.diff(points_m, axis=0)
     flown_s = np.maximum(np.linalg.norm(legs_m, axis=1) / speeds_mps, np.abs(legs_m[:, 2]) / climb_mps)
+    flown_s = np.maximum(flown_s, least_s)
     slower_mps = np.minimum(speeds_mps[:-1], speeds_mps[1:])
     stops = holds_s[1:-1] > 0.0
-    turned_s = slower_mps * np.where(stops, 1.0, np.sin(turns_rad(points_m) / 2.0)) / _ACCEL_MPS2
-    ends_s = (speeds_mps[0] + speeds_mps[-1]) / 2.0 / _ACCEL_MPS2
+    turned_s = slower_mps * np.where(stops, 1.0, np.sin(turns_rad(points_m) / 2.0)) / accel_mps2
+    ends_s = (speeds_mps[0] + speeds_mps[-1]) / 2.0 / accel_mps2
     total_s = float(flown_s.sum() + turned_s.sum() + ends_s + holds_s.sum())
     return max(_LEAST_S, _STEP_S * math.ceil(total_s / _STEP_S))

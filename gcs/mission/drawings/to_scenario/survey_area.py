@@ -12,7 +12,7 @@ import shapely
 
 from gcs.errors import UsageError
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, sentences
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, Spot, area_in_metres, area_tables
 
 _NAMED = 5  # polygons that a sentence names
@@ -37,7 +37,7 @@ class SurveyArea:
 
         Raises `FileFormatError` for points that leave an area to stay in, or lie in a no-fly zone.
         """
-        return area_tables(self.drawing.source, self.others, spots, self.origin)
+        return area_tables(self.drawing, self.others, spots, self.origin)
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -62,22 +62,21 @@ def survey_area(
 
     Raises UsageError for a drawing without exactly one field, and for one that no-fly zones divide.
     """
-    source = drawing.source
     drawn = _field(drawing)
     others = tuple(area for area in drawing.areas if area is not drawn)
     if avoid_holes:
         holes = enumerate(drawn.holes, start=1)
         others += tuple(DrawnArea(hole, f"hole {number} of {drawn.label}", False) for number, hole in holes)
     origin, altitude_is = _origin(drawing, drawn, at)
-    zones = [area_in_metres(source, area, origin) for area in others if area.inside is False]
-    field = _in_metres(source, drawn, origin)
+    zones = [area_in_metres(drawing, area, origin) for area in others if area.inside is False]
+    field = _in_metres(drawing, drawn, origin)
     left = shapely.set_precision(field.difference(shapely.union_all([shape for _, shape in zones])), 0.01)
     parts = [part for part in shapely.get_parts(left) if part.area > _SLIVER_M2]
     if len(parts) != 1:
         what = f"divide it into {len(parts)} parts" if parts else "leave nothing of it"
         named = " and ".join(area.label for area, shape in zones if shape.intersects(field))
         raise UsageError(
-            f"{source}: {drawn.label} cannot be surveyed as one: {named} {what}.",
+            f"{drawing.where(drawn.label)}: {drawn.label} cannot be surveyed as one: {named} {what}.",
             hint="draw each part in a file of its own" if parts else "draw the area outside of no-fly zones",
         )
     return SurveyArea(drawing, drawn, origin, altitude_is, parts[0], tuple(shape for _, shape in zones), others)
@@ -88,7 +87,7 @@ def _field(drawing: Drawing) -> DrawnArea:
     meant = [[*drawing.surveys]] + [[area for area in polygons if area.inside is kind] for kind in (None, True)]
     found = next((areas for areas in meant if areas), [])
     if not found:
-        said = "; ".join(str(one) for one in drawing.left_out if "area" in one.text or "corner" in one.text)
+        said = "; ".join(sentences(drawing.left_out, drawing.file_lines)[:_NAMED])
         text = f"{drawing.source} has no polygon to survey{f' ({said})' if said else ''}."
         raise UsageError(text, hint="draw the area as a polygon")
     if len(found) > 1:
@@ -110,7 +109,7 @@ def _origin(drawing: Drawing, drawn: DrawnArea, at: tuple[float, float, float | 
     return Origin(*place, 0.0), ""
 
 
-def _in_metres(source: str, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
+def _in_metres(drawing: Drawing, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
     """The area (north, east), m, from the origin. Raises UsageError for one that crosses itself."""
     rings = []
     for ring in (drawn.corners, *drawn.holes):
@@ -119,5 +118,8 @@ def _in_metres(source: str, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
     area = shapely.Polygon(rings[0], rings[1:])
     if not area.is_valid or area.area <= 0.0:
         reason = shapely.is_valid_reason(area) if not area.is_valid else "it has no area"
-        raise UsageError(f"{source}: not an area: {reason} (north east, m).", hint="draw its corners in order")
+        raise UsageError(
+            f"{drawing.where(drawn.label)}: {drawn.label} is no area: {reason} (north east, m).",
+            hint="draw its corners in order",
+        )
     return area

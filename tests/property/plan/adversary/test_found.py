@@ -162,6 +162,7 @@ def reshaped(plan: Plan, after: Array, move: Move) -> Plan:
     return replace(plan, shape=planner._whole_shape(plan.scenario, joined(parts), plan.phases))
 
 
+@pytest.mark.slow
 def test_an_assignment_that_is_not_the_fastest(simulation1: Scenario) -> None:
     """Eq. 14: the two vehicles at the ends of a wedge go to the far ends of a row, each past the other."""
     plan = make_plan(fleet(simulation1, 5, changes=(at(TO_ROW, 2.0),), shapes=SHAPES, time={"flight_s": 40.0}))
@@ -243,7 +244,9 @@ def seen_by_samples(plan: Plan, name: str) -> float:
     return float(Oracle(plan).margin(name, np.arange(0.0, plan.flight_s, SAMPLES_S)).min())
 
 
-@pytest.mark.parametrize("name", ["course", pytest.param("breathing", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [pytest.param("course", marks=pytest.mark.slow), pytest.param("breathing", marks=pytest.mark.slow)]
+)
 def test_a_vehicle_out_of_a_shape_that_may_bend_for_four_milliseconds(name: str) -> None:
     """5 cm down, between two samples: neither a scale nor a turn does that."""
     plan = mission(name)

@@ -18,6 +18,7 @@ from tests.property.plan.adversary.missions import MISSIONS, mission
 from tests.property.plan.adversary.oracle import PAD, Oracle, outside_m, window
 
 NOW = np.array([0.0])
+LONG = ("stairs", "hills", "ripple")  # to plan
 
 
 def test_over_level_ground_the_distance_is_the_height() -> None:
@@ -34,6 +35,7 @@ def test_beside_a_needle_it_is_the_distance_to_its_tip_or_its_side() -> None:
     np.testing.assert_allclose(distance_m(needle, beside), [0.5], atol=2e-3)
 
 
+@pytest.mark.slow
 def test_over_a_slope_it_is_the_height_times_the_cosine() -> None:
     """The relief of "hills" beside a pixel, seen from 5 cm: there it is a plane."""
     terrain = mission("hills").scenario.terrain
@@ -74,7 +76,7 @@ def test_the_distance_from_a_polygon_counts_its_corners() -> None:
     [
         ("breathing", -0.45, 0.0),
         ("breathing", 0.046, -0.12),
-        ("swinging", -0.45, -2.7),
+        pytest.param("swinging", -0.45, -2.7, marks=pytest.mark.slow),
         ("folding", 0.01, -np.hypot(0.045, 0.0225)),
     ],
 )
@@ -115,7 +117,9 @@ def assert_honest(plan: Plan) -> int:
     return seen
 
 
-@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in MISSIONS]
+)
 def test_what_is_proved_is_no_more_and_what_is_shown_no_less_than_there_is(name: str) -> None:
     assert assert_honest(mission(name)) > 60
 

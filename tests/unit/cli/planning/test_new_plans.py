@@ -62,7 +62,8 @@ def test_whatever_is_typed_leaves_room_for_a_plan(kind: str, seed: int) -> None:
 def leaves_room(scenario: Scenario) -> None:
     """Check conditions that every plan needs."""
     limits, flight_s = scenario.limits, scenario.time.flight_s
-    assert battery_estimate(scenario).is_enough
+    if scenario.survey is None:  # a survey that needs more is written with a warning
+        assert battery_estimate(scenario).is_enough
     points = route_points(scenario)
     stops = [scenario.start.position_m, *(point.position_m for point in points), scenario.end.position_m]
     legs_s = (np.abs(np.diff(stops, axis=0)) / limits.speed_ned_mps).max(axis=1)
@@ -81,7 +82,7 @@ def leaves_room(scenario: Scenario) -> None:
     [
         ("--count 4 --distance 5000", "take-off to touch-down, about 105% of a battery; one of quad500 lasts 890 s"),
         ("--count 2 --distance 100 --height 600", "with 25% of it in reserve"),
-        ("--shape line --height 300", "with 25% of it in reserve"),
+        ("--shape line --height 600", "with 25% of it in reserve"),
         ("--height 500 --distance 4000", "with 25% of it in reserve"),
         ("--at 47.39,8.54,4000 --end 47.42,8.54", "an --end "),
     ],
@@ -127,7 +128,7 @@ def test_a_long_flight_is_flown_faster_where_one_battery_is_then_enough(folder: 
 def test_how_many_batteries_the_flight_needs_is_printed(folder: None, capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs("new", "five", "--count", "5") == 0
     told = capsys.readouterr().out
-    assert "batteries: 5, one for each vehicle; about 13% of it used in 155 s, 25% stays in reserve" in told
+    assert "batteries: 5, one for each vehicle; about 13% of it used in 152 s, 25% stays in reserve" in told
     assert gcs("new", "alone", "--count", "1", "--json") == 0
     assert json.loads(capsys.readouterr().out)["battery_share_estimate"] == pytest.approx(0.126, abs=0.02)
 

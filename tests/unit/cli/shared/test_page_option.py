@@ -36,6 +36,7 @@ def opened(arguments: Sequence[str]) -> tuple[int, str, bytes]:
         return command.wait(), "".join(lines), scene
 
 
+@pytest.mark.slow
 def test_a_plan_has_a_page_until_ctrl_c() -> None:
     code, said, scene = opened(["show", str(PLAN), "--page"])
     assert code == 0 and "\npage: http" in said

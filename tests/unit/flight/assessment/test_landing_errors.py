@@ -88,6 +88,7 @@ def test_the_report_tells_landings_by_themselves(name: str, tmp_path: Path, caps
     assert 0.8 * above_m < max(landing["vertical_max_m"] for landing in landings) < above_m
 
 
+@pytest.mark.slow
 def test_vehicles_that_were_called_back_did_not_land_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = unpacked("arducopter-4.5.6-mission", tmp_path)
     assert run(["report", str(folder), "--json"]) == 0

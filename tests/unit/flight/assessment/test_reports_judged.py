@@ -107,6 +107,7 @@ def test_plan_time_waits_while_vehicles_are_led_back() -> None:
     assert again.t_s(np.array([1009.0, 1014.0, 1016.0, 1021.0])).tolist() == [7, 11, 12, 13]
 
 
+@pytest.mark.slow
 def test_no_position_error_counts_while_a_standstill_led_the_vehicles_off_the_plan(simulation1_plan: Plan) -> None:
     """Vehicles 5 m off from 60 to 80 s, as the event of the standstill has it; separation and fence count on."""
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.flight.execution.setpoint_messages import Grid, Scheduler
+from gcs.flight.execution.setpoint_schedule import Grid, Scheduler
 
 RATE_HZ, T0 = 50.0, 1_700_000_000.0
 GRID = Grid.of(np.rint(np.arange(-100, 501) * 20.0) / 1e3, RATE_HZ)

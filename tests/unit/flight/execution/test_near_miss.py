@@ -68,6 +68,7 @@ def test_all_hold_a_minute_and_a_half_before_it_and_come_home_apart() -> None:
     assert least_m(places[:, t_s >= first.t_s]) > judged_separation_m(near_miss.plan().scenario) + 2.0 * OFF_M
 
 
+@pytest.mark.slow
 def test_without_the_conflict_the_late_vehicle_is_seen_off_its_track(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SeparationWatch, "look", lambda *_: [])
     fleet, t_s, places = flown_again(118.0, 30.0)
@@ -79,6 +80,7 @@ def test_without_the_conflict_the_late_vehicle_is_seen_off_its_track(monkeypatch
     assert least_m(places[:, t_s >= first.t_s]) > judged_separation_m(near_miss.plan().scenario)
 
 
+@pytest.mark.slow
 def test_without_the_track_the_conflict_is_seen_five_seconds_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(TrackWatch, "look", lambda *_: [])
     fleet, t_s, places = flown_again(203.0, 25.0)

@@ -225,11 +225,11 @@ def test_a_pilot_who_takes_over_in_a_standstill_keeps_the_vehicle(hop: Plan, hop
     assert [what.split(",")[0] for what in told(fleet) if what not in of_pilot] == ["stayed without setpoints", BACK]
 
 
-class Hushed(SimpleNamespace):
+class PausedStreamer(SimpleNamespace):
     """A streamer that sends nothing after a standstill until it resumes."""
 
     def __init__(self, missing_s: float = 0.0, **others: Any) -> None:
-        super().__init__(paused=True, hush=lambda: None, missing_s=lambda now_s: missing_s, **others)
+        super().__init__(paused=True, pause_if_stalled=lambda: None, missing_s=lambda now_s: missing_s, **others)
 
     def resume(self) -> None:
         self.paused = False
@@ -267,7 +267,7 @@ def test_vehicles_gather_until_all_are_slow_or_both_clocks_say_that_it_takes_too
     """One of them follows setpoints a little later than the other. They are slow below 0.5 m/s."""
     ours: Any = object.__new__(Standstill)
     clock = SimpleNamespace(now_s=0.0)
-    ours._loop, ours._streamer = SimpleNamespace(time=lambda: clock.now_s), Hushed()
+    ours._loop, ours._streamer = SimpleNamespace(time=lambda: clock.now_s), PausedStreamer()
     ours._monitor, ours._before_s, ours._held = SimpleNamespace(t0_s=0.0), 0.0, set()
     ours._stranded, ours.gathers = True, False
     ours._vehicles = {
@@ -296,7 +296,7 @@ def reading(lead_s: float, missing_s: float, *, is_read: bool) -> tuple[Any, Sim
     clock = SimpleNamespace(now_s=50.0)
     ours._stalls, ours._seen = SimpleNamespace(count=1), 0
     ours._loop, ours._time = SimpleNamespace(time=lambda: clock.now_s), SimpleNamespace(sure_s=lambda: 0.0)
-    ours._streamer = Hushed(missing_s=missing_s)
+    ours._streamer = PausedStreamer(missing_s=missing_s)
     ours._options, ours._reads, ours._stranded, ours.gathers = FlightOptions(lead_s=lead_s), False, False, False
     ours._heard, ours._is_read = lambda: [None], lambda vehicle: is_read
     return ours, clock
@@ -329,15 +329,15 @@ def test_after_a_standstill_nothing_is_sent_for_three_seconds_or_until_it_is_res
     ours: Any = object.__new__(Streamer)
     clock = SimpleNamespace(now_s=50.0)
     ours._loop, ours._woken = SimpleNamespace(time=lambda: clock.now_s), asyncio.Event()
-    ours._stalls, ours._stalls_seen, ours._hushed_until_s = SimpleNamespace(count=0), 0, -math.inf
+    ours._stalls, ours._stalls_seen, ours._paused_until_s = SimpleNamespace(count=0), 0, -math.inf
     seen = []
     for count, now_s in ((0, 50.0), (1, 51.0), (1, 53.9), (1, 54.1), (2, 55.0), (3, 57.0), (3, 59.9), (3, 60.1)):
         ours._stalls.count, clock.now_s = count, now_s
-        ours.hush()
+        ours.pause_if_stalled()
         seen.append(ours.paused)
     assert seen == [False, True, True, False, True, True, True, False]
     ours._stalls.count = 4
-    ours.hush()
+    ours.pause_if_stalled()
     assert ours.paused and not ours._woken.is_set()
     ours.resume()
     assert not ours.paused and ours._woken.is_set()
@@ -352,7 +352,7 @@ def test_a_vehicle_that_is_taken_back_gets_setpoints_again(flies: bool) -> None:
     async def take(vehicle: object, *reference: object) -> None:
         done.append((*reference, ours._streamer.paused))
 
-    ours._streamer = Hushed(obey=take, take_over=take)
+    ours._streamer = PausedStreamer(enter_setpoint_mode=take, take_over=take)
     ours._monitor = SimpleNamespace(t0_unix_s=EPOCH_S if flies else None)
     ours._time, ours._held = SimpleNamespace(sure_s=lambda: 7.0), set()
     ours._hold_at = lambda vehicle, now_s: ("hold", now_s)

@@ -13,7 +13,8 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
-from gcs.flight.monitoring.monitor import Completion, Monitor, VehicleView
+from gcs.flight.monitoring.completion import Completion
+from gcs.flight.monitoring.monitor import Monitor, VehicleView
 from gcs.flight.monitoring.progress import FlightPart
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message

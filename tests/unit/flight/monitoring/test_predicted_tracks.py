@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from gcs.errors import FileFormatError
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.flight.monitoring.predicted_tracks import BAND_M, BAND_S, OffTrack, PredictedTracks, TrackWatch
 from gcs.types import Array
@@ -135,3 +138,22 @@ def test_in_the_recorded_near_miss_the_slow_vehicle_is_told_in_time_and_no_other
     first_s = min(t_s for _, t_s in found)
     assert 120.0 < first_s < 124.5 < near_miss.NEAREST_S - 80.0
     assert found[near_miss.LATE, first_s].startswith("2.4 s late on its predicted track and 0.7 m off it")
+
+
+def test_attach_finds_the_tracks_that_the_flight_had(tmp_path: Path) -> None:
+    seen, path = view(20.0, (16.0, 0.5, -8.2), (1.0, 0.0, 0.0)), tmp_path / "predicted.npz"
+    tracks = out_and_back()
+    tracks.band_s = tracks.band_s + 0.7
+    tracks.save(path)
+    read = PredictedTracks.load(path)
+    seconds = np.array([0.0, 4.0])
+    np.testing.assert_array_equal(
+        read.ahead([seen], T0, T0 + 20.0, seconds), tracks.ahead([seen], T0, T0 + 20.0, seconds)
+    )
+    np.testing.assert_allclose(read.band_s, tracks.band_s)
+    assert (read.sysids, read.band_m) == (tracks.sysids, tracks.band_m)
+    path.write_bytes(path.read_bytes()[:-300])
+    with pytest.raises(FileFormatError, match="no predicted tracks"):
+        PredictedTracks.load(path)
+    with pytest.raises(FileFormatError, match="No such file"):
+        PredictedTracks.load(tmp_path / "nothing.npz")

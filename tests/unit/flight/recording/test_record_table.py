@@ -15,7 +15,7 @@ from gcs.errors import FileFormatError
 from gcs.flight.assessment import judge
 from gcs.flight.assessment.comparison import compare
 from gcs.flight.assessment.judge import Truth
-from gcs.flight.monitoring.monitor import Lateness, lateness_s, skew_s
+from gcs.flight.monitoring.lateness import Lateness, lateness_s, skew_s
 from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.record_table import FlightReports, build_record, load_record
 from gcs.flight.recording.tlog import Gap, LoggedFrame, scan

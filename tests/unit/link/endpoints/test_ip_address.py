@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from gcs.errors import LinkError
-from gcs.link.endpoints.ports import (
+from gcs.link.endpoints.addresses import (
     caller_host,
     host_port,
     lacks_brackets,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -42,7 +43,7 @@ def said(drawing: Drawing) -> str:
 
 
 def kml_element(kind: str, number: int, name: str) -> str:
-    if kind == "line":
+    if kind in ("line", "fourth"):
         shape = f"<LineString>{coordinates(line(10 * number, 3))}</LineString>"
     elif kind == "empty":
         shape = "<LineString><coordinates> </coordinates></LineString>"
@@ -55,6 +56,17 @@ def kml_element(kind: str, number: int, name: str) -> str:
         apart = (line(10 * number), line(10 * number + 5))
         shape = "<MultiGeometry>" + "".join(f"<LineString>{coordinates(one)}</LineString>" for one in apart)
         shape += "</MultiGeometry>"
+    elif kind == "nested":
+        inner = f"<LineString>{coordinates(line(10 * number, 3))}</LineString>"
+        return (
+            f"<Folder><Folder><Placemark><name>{name}</name>{'<MultiGeometry>' * 3}{inner}{'</MultiGeometry>' * 3}"
+            + ("</Placemark></Folder></Folder>")
+        )
+    elif kind == "hollow":
+        shape = ("<MultiTrack/>", "<MultiGeometry/>", "<Polygon/>")[number % 3]
+    elif kind == "meaning":
+        data = '<ExtendedData><Data name="Speed"><value>7</value></Data></ExtendedData>'
+        shape = f"{data}<LineString>{coordinates(line(10 * number, 3))}</LineString>"
     else:
         shape = f"<MultiPolygon><x>{coordinates(square(number))}</x></MultiPolygon>"
     return f"<Placemark><name>{name}</name>{shape}</Placemark>"
@@ -73,15 +85,30 @@ def json_element(kind: str, number: int, name: str) -> dict[str, Any]:
             "type": "MultiLineString",
             "coordinates": [flipped(line(10 * number)), flipped(line(10 * number + 5))],
         },
+        "nested": {"type": "GeometryCollection", "geometries": [collected({"type": "LineString"}, number)]},
+        "hollow": [
+            {"type": "GeometryCollection", "geometries": [{"type": "GeometryCollection", "geometries": []}]},
+            {"type": "MultiPolygon", "coordinates": []},
+            {"type": "MultiLineString", "coordinates": []},
+        ][number % 3],
+        "meaning": {"type": "LineString", "coordinates": flipped(line(10 * number, 3))},
+        "fourth": {"type": "LineString", "coordinates": [[*p, 400, 17] for p in flipped(line(10 * number, 3))]},
     }.get(kind)
-    return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
+    properties = {"name": name} | ({"Speed": 7} if kind == "meaning" else {})
+    feature = {"type": "Feature", "properties": properties, "geometry": geometry}
+    return {"type": "FeatureCollection", "features": [feature]} if kind == "nested" else feature
+
+
+def collected(geometry: dict[str, Any], number: int) -> dict[str, Any]:
+    drawn = geometry | {"coordinates": [[lon, lat] for lat, lon in line(10 * number, 3)]}
+    return {"type": "GeometryCollection", "geometries": [drawn]}
 
 
 def gpx_element(kind: str, number: int, name: str) -> str:
     def points(tag: str, places: list[Place]) -> str:
         return "".join(f'<{tag} lat="{lat}" lon="{lon}"/>' for lat, lon in places)
 
-    if kind == "line":
+    if kind in ("line", "fourth", "nested"):
         return f"<rte><name>{name}</name>{points('rtept', line(10 * number, 3))}</rte>"
     if kind == "empty":
         return f"<rte><name>{name}</name></rte>"
@@ -91,28 +118,36 @@ def gpx_element(kind: str, number: int, name: str) -> str:
     if kind == "pieces":
         segments = (f"<trkseg>{points('trkpt', line(10 * number + n))}</trkseg>" for n in (0, 5))
         return f"<trk><name>{name}</name>{''.join(segments)}</trk>"
+    if kind == "meaning":
+        extra = "<extensions><speed>7</speed></extensions>"
+        return f"<rte><name>{name}</name>{points('rtept', line(10 * number, 3))}{extra}</rte>"
+    if kind == "hollow":
+        return f"<trk><name>{name}</name>{'<trkseg/>' * (number % 3)}</trk>"
     return f"<extensions><{name}>{points(name, line(number))}</{name}></extensions>"
 
 
 def gpx(elements: list[tuple[str, str]]) -> bytes:
     written = [(kind, gpx_element(kind, n, name)) for n, (kind, name) in enumerate(elements, start=1)]
-    order = ("point", "line", "empty", "pieces", "area", "unknown")
-    return f"<gpx>{''.join(one for kind in order for own, one in written if own == kind)}</gpx>".encode()
+    order = ("point", "line", "fourth", "nested", "empty", "meaning", "pieces", "hollow", "area", "unknown")
+    rows = (one for kind in order for own, one in written if own == kind)
+    return "\n".join(["<gpx>", *rows, "</gpx>"]).encode()
 
 
 WRITERS: dict[str, Callable[[list[tuple[str, str]]], bytes]] = {
-    "kml": lambda elements: (
-        "<kml>" + "".join(kml_element(kind, n, name) for n, (kind, name) in enumerate(elements, start=1)) + "</kml>"
+    "kml": lambda elements: "\n".join(
+        ["<kml>", *(kml_element(kind, n, name) for n, (kind, name) in enumerate(elements, start=1)), "</kml>"]
     ).encode(),
-    "geojson": lambda elements: json.dumps(
-        {
-            "type": "FeatureCollection",
-            "features": [json_element(kind, n, name) for n, (kind, name) in enumerate(elements, start=1)],
-        }
+    "geojson": lambda elements: (
+        '{"type": "FeatureCollection", "features": [\n'
+        + ",\n".join(json.dumps(json_element(kind, n, name)) for n, (kind, name) in enumerate(elements, start=1))
+        + "\n]}"
     ).encode(),
     "gpx": gpx,
 }
-KINDS = st.sampled_from(["line", "empty", "area", "point", "pieces", "unknown"])
+KINDS = st.sampled_from(
+    ["line", "empty", "area", "point", "pieces", "unknown", "nested", "hollow", "meaning", "fourth"]
+)
+NAME, LINE = re.compile(r"e[0-9]+x"), re.compile(r", lines? ([0-9]+)")
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
@@ -120,7 +155,8 @@ KINDS = st.sampled_from(["line", "empty", "area", "point", "pieces", "unknown"])
 @given(kinds=st.lists(KINDS, min_size=1, max_size=8))
 def test_every_element_of_a_map_is_found_again(suffix: str, kinds: list[str]) -> None:
     elements = [(kind, f"e{number}x") for number, kind in enumerate(kinds, start=1)]
-    drawing = drawing_in(WRITERS[suffix](elements), f"x.{suffix}")
+    data = WRITERS[suffix](elements)
+    drawing = drawing_in(data, f"x.{suffix}")
     kept = [drawing.line, *(area.label for area in drawing.areas), *(point.name for point in drawing.points)]
     kept += [point.label for point in drawing.points]
     found = " | ".join([*kept, said(drawing)])
@@ -133,6 +169,18 @@ def test_every_element_of_a_map_is_found_again(suffix: str, kinds: list[str]) ->
         if any(p in one for p in pieces) and "begins" in one
     )
     assert said(drawing).count(" m from the end of ") == len(pieces)  # of every line in pieces, one is left out
+    meaning = re.search(r"peed' of ([0-9]+) [a-zA-Z]+: not carried over: a speed", said(drawing))
+    assert (int(meaning[1]) if meaning else 0) == kinds.count("meaning")
+    if suffix == "geojson":
+        assert said(drawing).count("the numbers after its heights") == kinds.count("fourth")
+    rows = data.decode().split("\n")
+    for sentence in sentences(drawing.left_out, drawing.file_lines):  # each speaks of the line of its element
+        own, on = NAME.search(sentence.split(": ")[0]), LINE.search(sentence.split(": ")[0])
+        if own and not sentence.startswith(("data", "property", "element", "<")):
+            assert on and own[0] in rows[int(on[1]) - 1]
+    for label in [drawing.line, *(area.label for area in drawing.areas), *(point.label for point in drawing.points)]:
+        if own := NAME.search(label):
+            assert own[0] in rows[int(drawing.where(label).rpartition(" ")[2]) - 1]
 
 
 COMMANDS = st.sampled_from(

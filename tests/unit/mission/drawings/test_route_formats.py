@@ -11,6 +11,7 @@ import pytest
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Datum, Drawing, LeftOut, sentences
 from gcs.mission.drawings.route_formats import ROUTE_FORMATS, RouteFormat, drawing_in, read_drawing
+from gcs.mission.drawings.to_scenario.route_flight import route_flight
 
 FILES = Path(__file__).parent / "files"
 
@@ -153,12 +154,12 @@ PLAN = (
         ("<kml>" + "<a>" * 100 + "</a>" * 100 + "</kml>", "nested too deeply"),
         (f"<kml>{LINE.format('8.5,x,0')}</kml>", "'8.5,x,0' is not longitude, latitude and height"),
         (f"<kml>{LINE.format('8.5,147,0 8.5,147,1')}</kml>", "latitude 147, longitude 8.5 is not on Earth"),
-        ("<kml><Placemark><Polygon/></Placemark></kml>", "a polygon without an edge"),
         ('<gpx><wpt lat="47" lon="east"/></gpx>', "waypoint 1: lon is not a number: 'east'"),
         ('{"type":"Point","coordinates":[630000,5200000]}', "save the drawing in degrees"),
         ('{"type":"Point","coordinates":[8,null]}', "is not longitude, latitude and height"),
         ('{"type":"Feature","crs":"EPSG:2056","geometry":null}', "another reference system"),
-        ("47.1 8.1\n47.2 8.1\n47.2 8.2\n47.1 8.1\n", "holds a fence, and no route"),
+        ("47.1 8.1\n47.2 8.1\n47.1 8.1\n", "the polygon has 2 corners"),
+        ("47.1 8.1\n47.2 8.1 3\n47.1 8.1\n", "file, line 2: 3 columns instead of 2"),
         ("RALLY 47.1 8.1 30 0 0 0\n", "holds rally points, and no route"),
         (PLAN % (ITEM % (1, "47,8,20")), "item 1 (NAV_WAYPOINT) has frame 1, which is no place on Earth"),
         (PLAN % (ITEM % (3, "null,8,20")), "mission.items.0: the position is missing or not a number"),
@@ -199,3 +200,17 @@ def test_a_row_of_a_program_comes_before_those_of_the_table() -> None:
     with pytest.raises(FileFormatError) as refused:
         drawing_in(b"a letter", "x", (own,))
     assert refused.value.hint == "give a drawing: .own"
+
+
+@pytest.mark.parametrize("is_fence", [False, True])
+def test_a_list_of_points_is_an_area_and_no_route(is_fence: bool) -> None:
+    back = "47.15 8.15\n" * is_fence
+    text = f"#saved by Mission Planner\n{back}47.1 8.1\n47.2 8.1\n47.2 8.2\n47.1 8.1\n"
+    drawing = drawing_in(text.encode(), "field.poly")
+    (area,) = drawing.areas
+    assert area.corners == ((47.1, 8.1), (47.2, 8.1), (47.2, 8.2))
+    assert drawing.where(area.label) == f"field.poly, line {2 + is_fence}"
+    said = sentences(drawing.left_out)
+    assert said == ["line 2: the return point of a fence; not carried over"] * is_fence
+    with pytest.raises(FileFormatError, match="is no route: it has no point to fly to"):
+        route_flight(drawing)

@@ -188,6 +188,7 @@ def test_somebody_elses_index(hop: Plan, tmp_path: Path, text: str) -> None:
     assert (tmp_path / INDEX).read_text() == text
 
 
+@pytest.mark.slow
 def test_a_limit_of_missions_does_not_keep_other_files_from_being_written(
     hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

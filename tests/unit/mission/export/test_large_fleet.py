@@ -40,7 +40,7 @@ def report(figure: Plan) -> Report:
     return Report((check,), 20.0, APART_M, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("firmware", list(Autopilot))
+@pytest.mark.parametrize("firmware", [Autopilot.ARDUPILOT, pytest.param(Autopilot.PX4, marks=pytest.mark.slow)])
 def test_what_cannot_be_missions_is_written_as_setpoints(
     figure: Plan, report: Report, tmp_path: Path, firmware: Autopilot
 ) -> None:

@@ -55,7 +55,7 @@ def test_beyond_enough_separations_no_order_is_better(rear: int) -> None:
     assert near.tolist() == ([1, 0] if rear == 0 else [0, 1])
 
 
-@pytest.mark.parametrize("vehicles", [9, SEARCHED_MAX])
+@pytest.mark.parametrize("vehicles", [9, pytest.param(SEARCHED_MAX, marks=pytest.mark.slow)])
 def test_many_vehicles_far_apart_keep_their_own_order(plan_of: Callable[[str], Plan], vehicles: int) -> None:
     """Beyond `ENOUGH` separations no order is better than another."""
     plan = plan_of("simulation1/scenario.toml")

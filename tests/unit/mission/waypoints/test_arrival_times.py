@@ -50,7 +50,7 @@ def field(plan_of: Plans) -> Plan:
     ("name", "firmware", "late_s"),  # a little more than docs/design.md says
     [
         pytest.param("field", Autopilot.ARDUPILOT, 0.2, marks=pytest.mark.slow),
-        pytest.param("field", Autopilot.PX4, 0.5, marks=pytest.mark.slow),
+        pytest.param("field", Autopilot.PX4, 0.5, marks=pytest.mark.long),
         pytest.param("simulation1", Autopilot.ARDUPILOT, 0.8, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.PX4, 3.2, marks=pytest.mark.long),
         pytest.param("simulation2", Autopilot.ARDUPILOT, 1.6, marks=pytest.mark.long),
@@ -71,6 +71,7 @@ def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot, la
         assert max(speeds) <= min(limit_mps, firmware.traits.missions.speed_mps[1])
 
 
+@pytest.mark.slow
 def test_a_formation_flies_one_set_of_legs(small: Plan) -> None:
     """60 m north in 24 s and 60 m east in 24 s, which the model flies to within a second."""
     legs = corrected_legs(small, Autopilot.ARDUPILOT)

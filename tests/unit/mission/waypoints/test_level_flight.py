@@ -10,18 +10,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymap3d.vincenty import vdist
 from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
-from gcs.frames import Origin, ned_to_geodetic
+from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.mission.drawings.route_formats import drawing_in
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.flight_limits import surroundings_of
+from gcs.mission.formats import qgc_wpl
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_plan import read_mission, write_mission
 from gcs.mission.model import Altitude, Command
 from gcs.mission.predicted.planned_flight import fly
+from gcs.mission.returns.fence_rally import build_safety
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.mission.waypoints.placement import Deviation
 from gcs.mission.waypoints.timed_legs import TimedLegs
@@ -78,6 +81,8 @@ def test_items_are_at_the_drawn_height(plan: Plan, firmware: Autopilot) -> None:
         leader = build_missions(plan, legs, firmware=firmware, altitude=altitude)[plan.leader]
         file = MissionFile("x.plan", firmware, leader.home, leader.items)
         read = read_mission(write_mission(file), "x.plan")
+        table = qgc_wpl.read_mission(qgc_wpl.write_mission(file).encode(), "x.waypoints", firmware)
+        assert [item.alt_m for item in table.items] == [item.alt_m for item in read.items]
         assert read.home is not None
         assert read.home.alt_amsl_m == pytest.approx(SEA_M, abs=NEAR_M)
         *flown, landing = [item for item in read.items if item.lat_degE7]
@@ -99,6 +104,26 @@ def test_setpoints_are_level_above_the_sea(plan: Plan) -> None:
     assert alt_amsl_m == pytest.approx(np.full(crossing.sum(), SEA_M + UP_M), abs=NEAR_M)
     pad_m = plan.pads_ned_m[plan.leader]
     assert pad_m[2] - places_m[:, 2] == pytest.approx(np.full(crossing.sum(), UP_M), abs=NEAR_M)  # as they are sent
+
+
+def test_returns_and_fence_are_where_they_count_from_home(plan: Plan) -> None:
+    """Rally points above home, and a fence whose corners are beside the flight, seen from its ends."""
+    safety = build_safety(plan, (Autopilot.ARDUPILOT,) * len(plan.sysids))
+    origin = local_origin(plan.scenario)
+    places_m = np.concatenate([plan.pads_ned_m, plan.landing_points_ned_m])[:, :2]
+    for (rally,), alt_m in zip(safety.rally, safety.returns.altitudes_m, strict=True):
+        north, east, down = geodetic_to_ned(*rally.place.place_deg, SEA_M + rally.alt_m, origin)
+        assert np.hypot(*(places_m - [north, east]).T).min() < 2.0 * NEAR_M  # degE7 has its own centimetre
+        assert -down == pytest.approx(rally.alt_m, abs=NEAR_M)
+        assert rally.alt_m == pytest.approx(alt_m, abs=NEAR_M)
+    (polygon,) = (one for one in safety.fence.geofence.polygons if one.inclusion)
+    corners = np.array([point.place_deg for point in polygon.points])
+    for lat, lon in (ned_to_geodetic(np.append(place, 0.0), origin)[:2] for place in places_m):
+        away_m, _ = vdist(lat, lon, corners[:, 0], corners[:, 1])
+        ne_m = geodetic_to_ned(corners[:, 0], corners[:, 1], SEA_M, origin)[:, :2]
+        near = away_m < 1000.0  # at 20 km from home, metres of the frame are metres on Earth
+        here_m = geodetic_to_ned(lat, lon, SEA_M, origin)[:2]
+        assert np.hypot(*(ne_m - here_m).T)[near] == pytest.approx(away_m[near], rel=2e-4)
 
 
 def test_pads_of_level_ground_are_level(plan: Plan) -> None:

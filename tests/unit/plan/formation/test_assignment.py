@@ -57,6 +57,7 @@ def test_forbidden_ways_are_not_taken() -> None:
             assert assign(blocked) is None
 
 
+@pytest.mark.slow
 def test_a_thousand_find_the_longest_way_no_shorter_answer_has() -> None:
     random = np.random.default_rng(5)
     here, there = random.uniform(0, 100, size=(2, 1000, 2))

@@ -17,10 +17,12 @@ from gcs.plan.nlp.violations import (
     find_violations,
     jerk_reserve_mps3,
     tightenings,
+    turning_reserve_g,
 )
 from gcs.plan.nlp.violations import complaints as complaints_of
 from gcs.plan.ocp.bounds import leader_control_bounds
 from gcs.plan.ocp.problem import Problem, control_bounds, flight_problem
+from gcs.plan.ocp.stage_functions import functions
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
@@ -439,6 +441,31 @@ def test_reserves_are_a_fifth_more_than_the_largest_that_was_missing() -> None:
     assert accel_reserve_mps2(tuple(many)) == pytest.approx(0.36)
     assert jerk_reserve_mps3(tuple(many)) == pytest.approx(0.6)
     assert accel_reserve_mps2(tuple(many[2:])) == jerk_reserve_mps3(tuple(many[:2])) == 0.0
+
+
+def test_a_turning_limit_that_is_missed_again_and_again_becomes_a_little_tighter(simulation1: Scenario) -> None:
+    def missed(by: float, kind: Kind = Kind.TURNING) -> tuple[Violation, ...]:
+        return (Violation(ConstraintId(kind), "g", 7.0, by, 0.1, 3.0),)
+
+    once_g = turning_reserve_g(simulation1, 0.0, missed(0.003) + missed(0.002))
+    assert once_g == pytest.approx(0.0036)
+    assert turning_reserve_g(simulation1, once_g, missed(0.001)) == pytest.approx(0.0048)
+    assert turning_reserve_g(simulation1, once_g, missed(5.0, Kind.ROLL)) == once_g
+    most_g = 0.2 * simulation1.limits.load_factor_max
+    assert turning_reserve_g(simulation1, once_g, missed(1.0)) == pytest.approx(most_g)
+
+
+def test_the_program_keeps_the_turning_reserve(simulation1: Scenario) -> None:
+    """At 2 m/s, turned by its roll: the row is 1 - (load factor / limit)^2."""
+    problem = flight_problem(simulation1)
+    z = np.array([0.0, 0.0, -20.0, 2.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 15.0, 0.0, 0.0, 0.0])
+
+    def row(reserve_g: float) -> float:
+        path = functions(replace(problem, turning_reserve_g=reserve_g)).path
+        return float(path(z, np.zeros(path.size1_in(1)))[-1])
+
+    most = simulation1.limits.load_factor_max
+    assert (1.0 - row(0.02)) / (1.0 - row(0.0)) == pytest.approx((most / (most - 0.02)) ** 2)
 
 
 def test_of_each_constraint_the_worst_violation_is_told_and_none_that_is_tolerated() -> None:

@@ -34,7 +34,9 @@ def state(plan: Plan, t_s: float) -> np.ndarray:
     return plan.leader_trajectory.state(t_s)
 
 
-@pytest.mark.parametrize("at_s", [2.0, 30.0, 55.0])
+@pytest.mark.parametrize(
+    "at_s", [pytest.param(2.0, marks=pytest.mark.slow), 30.0, pytest.param(55.0, marks=pytest.mark.slow)]
+)
 def test_the_new_plan_faces_its_course_and_is_verified(turning: Plan, at_s: float) -> None:
     new = Replanner(turning).replan(state(turning, at_s), at_s)
     report = verify(new)
@@ -47,6 +49,7 @@ def test_the_new_plan_faces_its_course_and_is_verified(turning: Plan, at_s: floa
     assert f"leader 1 from ({state(turning, at_s)[0]:.1f}" in str(new)  # not where it would have been at T0
 
 
+@pytest.mark.slow
 def test_it_turns_with_the_detour_round_a_new_zone(turning: Plan) -> None:
     ahead = state(turning, 25.0)
     zone = NoFlyZone(north_m=float(ahead[0]), east_m=float(ahead[1]) + 2.0, radius_m=2.0)
@@ -55,6 +58,7 @@ def test_it_turns_with_the_detour_round_a_new_zone(turning: Plan) -> None:
     assert new.zone_distances_m(np.arange(5.0, new.flight_s, 0.2)).min() > 0.0
 
 
+@pytest.mark.slow
 def test_what_leaves_no_time_is_refused_with_a_reason(turning: Plan) -> None:
     off = state(turning, 69.0) + np.eye(12)[1] * 15.0
     with pytest.raises(Infeasible, match=r"no plan.* from t = 69 s in the remaining 6 s"):

@@ -321,7 +321,9 @@ def test_a_gentle_flight_is_changed_gently(simulation1: Scenario) -> None:
     assert min(c.worst for c in report.checks if c.name == "jerk") >= -1e-3 * limits["jerk_max_mps3"]
 
 
-@pytest.mark.parametrize("at_s", [48.0, 72.0, 167.0])
+@pytest.mark.parametrize(
+    "at_s", [pytest.param(48.0, marks=pytest.mark.slow), 72.0, pytest.param(167.0, marks=pytest.mark.slow)]
+)
 def test_beside_a_zone_that_the_plan_touches_it_goes_on_as_planned(plan_of: Callable[[str], Plan], at_s: float) -> None:
     plan = plan_of("field/scenario.toml")
     assert plan.zone_distances_m(np.array([at_s])).min() < 30.0

@@ -105,6 +105,7 @@ def test_what_has_no_plan_in_its_time_has_one_in_the_best(simulation1: Scenario)
         make_plan(hopeless.model_copy(update={"time": late}))
 
 
+@pytest.mark.slow
 def test_energy_alone_takes_all_the_time_it_may(simulation1: Scenario) -> None:
     plan = verified(free(simulation1, 0.0, latest_s=55.0))
     assert plan.flight_s == 55.0

@@ -30,7 +30,7 @@ def edit(*edits: tuple[str, str]) -> Edits:
 
 TAKEOFF, LANDING = (
     ("takeoff_s = 25.0", "takeoff_s = 5"),
-    ("landing_s = 30.0", "landing_s = 5"),
+    ("takeoff_s = 25.0", "takeoff_s = 25.0, landing_s = 5"),
 )
 SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is next
     # Times and places that do not fit.

@@ -105,9 +105,14 @@ def test_a_receiver_half_again_as_noisy_as_its_data_sheet_is_found_out():
     assert found.nis["fix"].mean() > bounds(6, 50)[1]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("grade", GRADES)
+@pytest.mark.parametrize(
+    ("name", "grade"),
+    [
+        pytest.param(name, grade, marks=pytest.mark.slow if (name, grade) == ("field", "gnss") else pytest.mark.long)
+        for name in PRESETS
+        for grade in GRADES
+    ],
+)
 def test_long_flights_stay_consistent(name, grade):
     long = watched(fleet(name, GRADES[grade], FLIGHTS, 15), 100.0)
     low, high = bounds(long.states)

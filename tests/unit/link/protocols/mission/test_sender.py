@@ -24,7 +24,7 @@ from tests.unit.link.protocols.mission.conversation import (
 
 TIMERS = MissionTimers(reply_s=1.5, item_s=0.25, retries=2, give_up_s=9.0, ack_s=2.5, doubt_s=1.2)
 ASKED = "MISSION_REQUEST_INT"
-DOUBTFUL = pytest.mark.parametrize(
+AMBIGUOUS_RESULTS = pytest.mark.parametrize(
     "result", [MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED]
 )
 
@@ -132,7 +132,7 @@ def test_requests_for_ever_end_with_the_time_for_the_whole_mission():
     assert sender.tick(55.0) == [] and isinstance(sender.error, PeerTimeout)
 
 
-@DOUBTFUL
+@AMBIGUOUS_RESULTS
 @pytest.mark.parametrize(("doubt_s", "end_s"), [(1.2, 12.3), (3.0, 13.3)])  # four waits, but doubt_s at least
 def test_a_refusal_that_may_answer_a_late_copy_ends_it_if_nothing_follows(result, doubt_s, end_s):
     timers = MissionTimers(give_up_s=9.0, doubt_s=doubt_s)
@@ -172,7 +172,7 @@ def test_any_other_refusal_ends_it_at_once_with_the_item(trip):
     assert (sender.error.result, sender.error.seq) == (MissionResult.UNSUPPORTED, 1)
 
 
-@DOUBTFUL
+@AMBIGUOUS_RESULTS
 def test_without_an_estimate_every_refusal_is_meant(result):
     sender = started()
     told(sender, "MISSION_ACK", 10.3, type=int(result))

@@ -84,7 +84,7 @@ def test_every_drawing_becomes_a_scenario_whose_lines_a_person_can_read(name: st
     assert scenario.title == f"drawn: three quadrotors in a line along {name}"
     assert len(scenario.route) == len(flight.route.points) - (1 if flight.route.returns else 2)
     text = text_of(flight)
-    assert all(f"#   {sentence}\n" in text for sentence in sentences(flight.left_out))
+    assert all(f"#   {sentence}\n" in text for sentence in sentences(flight.left_out, flight.drawing.file_lines))
     assert all(point.drawn.label in text for point in flight.route.points)
 
 
@@ -97,9 +97,11 @@ def test_points_are_where_they_were_drawn_at_their_own_heights(loaded: Any) -> N
     assert scenario.start.position_m == pytest.approx((0.0, 0.0, 20.0), abs=0.02)
     assert scenario.route[0].position_m == pytest.approx((100.0, 0.0, 40.0), abs=0.02)
     assert scenario.route[1].position_m == pytest.approx((100.0, 150.0, 30.0), abs=0.02)
+    assert [place.height_above_ground_m for place in (scenario.start, *scenario.route)] == [None, None, 30.0]
     assert scenario.end.position_m == pytest.approx((0.0, 150.0, 25.0), abs=0.02)
     assert [str(one) for one in flight.left_out] == [
-        "item 100: the height above the ground counts from the origin, because the file has no terrain"
+        "heights: above the ground count from level ground at the origin's altitude; for the true ground give "
+        "--terrain DEM"
     ]
 
 

@@ -81,7 +81,7 @@ def rest_of(plan: Plan, from_s: float) -> Plan:
     )
 
 
-@pytest.mark.parametrize("flight", ["reshape and turn", "lanes"])
+@pytest.mark.parametrize("flight", [pytest.param("reshape and turn", marks=pytest.mark.slow), "lanes"])
 def test_what_is_left_of_a_plan_passes_before_during_and_after_a_change(planned: Planned, flight: str) -> None:
     """What has flown is in no track any more: not the places before the change, nor where its first legs ended."""
     plan, _ = planned(flight)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.contingency.manoeuvres import MotionReference, PlanReference
-from gcs.flight.execution.setpoint_messages import Grid, Scheduler, Streamed, due_messages, wait_s
+from gcs.flight.execution.setpoint_schedule import Grid, Scheduler, Streamed, due_messages, wait_s
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mission.export.setpoint_stream import build_stream

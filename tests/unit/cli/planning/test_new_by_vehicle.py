@@ -1,0 +1,52 @@
+"""`gcs new` writes times, speeds and phases that its vehicles can fly."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.cli import main
+from gcs.scenario.schema.vehicle_types import preset_file
+from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.values.si import route_points
+
+ROUTE = """QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t46.1\t9.2\t500\t1
+1\t0\t3\t178\t1\t9\t0\t0\t0\t0\t0\t1
+2\t0\t3\t16\t0\t0\t0\t0\t46.1001\t9.2\t20\t1
+3\t0\t3\t16\t0\t0\t0\t0\t46.1011\t9.2\t40\t1
+4\t0\t3\t16\t0\t0\t0\t0\t46.1021\t9.2\t20\t1
+"""
+ROOM = 0.9
+
+
+def vehicle_file(speeds: tuple[float, float]) -> Path:
+    """The usual vehicle with other speeds, horizontal and vertical."""
+    text = preset_file("quad500").read_text(encoding="utf-8")
+    line = f"speed_ned_mps = [{speeds[0]}, {speeds[0]}, {speeds[1]}]"
+    file = Path("own.toml")
+    file.write_text(re.sub(r"^speed_ned_mps = .*$", line, text, flags=re.MULTILINE), encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("speeds", [(1.5, 0.5), (5.0, 1.5), (12.0, 4.0)])
+@pytest.mark.parametrize("line", ["--route r.waypoints --count 1 --shape line", "--count 3", ""])
+def test_a_flight_takes_the_time_that_its_vehicles_need(
+    line: str, speeds: tuple[float, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("r.waypoints").write_text(ROUTE, encoding="utf-8")
+    assert main.run(["new", "own", *line.split(), "--vehicle", str(vehicle_file(speeds))]) == 0
+    scenario = load_scenario("own")
+    assert scenario.limits.speed_ned_mps == (speeds[0], speeds[0], speeds[1])
+    stops = [scenario.start, *route_points(scenario), scenario.end]
+    legs_m = np.abs(np.diff([stop.position_m for stop in stops], axis=0))
+    assert (legs_m / scenario.limits.speed_ned_mps).max(axis=1).sum() <= ROOM * scenario.time.flight_s
+    assert scenario.start.position_m[2] / speeds[1] <= ROOM * scenario.ground_phases.takeoff_s
+    drawn = [point.speed_mps for point in route_points(scenario) if point.speed_mps is not None]
+    assert all(speed <= 0.8 * speeds[0] + 1e-9 for speed in drawn)
+    if "--route" in line:
+        assert scenario.time.flight_s == {1.5: 190.0, 5.0: 65.0, 12.0: 40.0}[speeds[0]]
