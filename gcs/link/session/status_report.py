@@ -20,7 +20,7 @@ from gcs.mavlink_names import sensor_names
 from gcs.mission.model import Home
 
 _ANSWER_S = 1.0
-_EXCHANGES = 5
+_EXCHANGES, _ATTEMPTS = 5, 4  # a busy radio answers late, or not at all
 _EXCHANGE_S = 0.05
 _LOOK_S = 1.0
 REPEATED_S = 35.0  # within which an autopilot repeats its reasons
@@ -156,14 +156,15 @@ async def measure_clock(session: VehicleSession) -> TimeSample | None:
 
     stop = session.subscribe(receive)
     try:
-        for _ in range(_EXCHANGES):
-            session.send(sync.request(loop.time()))
-            await asyncio.sleep(_EXCHANGE_S)
-        try:
-            async with asyncio.timeout(_ANSWER_S):
-                await answered.wait()
-        except TimeoutError:
-            pass
+        for _ in range(_ATTEMPTS):
+            for _ in range(_EXCHANGES):
+                session.send(sync.request(loop.time()))
+                await asyncio.sleep(_EXCHANGE_S)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_ANSWER_S):
+                    await answered.wait()
+            if sync.best is not None:
+                break
     finally:
         stop()
     return sync.best

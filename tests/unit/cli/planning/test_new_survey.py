@@ -63,14 +63,6 @@ def test_holes_that_are_avoided_are_no_fly_zones() -> None:
     assert len(load_scenario(Path("field")).no_fly) == 1
 
 
-@pytest.mark.long
-def test_a_survey_round_a_hole_plans() -> None:
-    small = [[8.545, 47.397], [8.5465, 47.397], [8.5465, 47.3981], [8.545, 47.3981], [8.545, 47.397]]
-    draw([small, [[8.5455, 47.3974], [8.5458, 47.3974], [8.5458, 47.3976], [8.5455, 47.3976], [8.5455, 47.3974]]])
-    assert gcs(f"{LINE} --holes avoid --at 47.3968,8.545,450 --count 1") == 0
-    assert gcs("plan field") == 0
-
-
 def test_the_angle_is_that_of_the_passes() -> None:
     assert gcs(f"{LINE} --angle 30") == 0
     (shape,) = load_scenario(Path("field")).formation.shape

@@ -19,10 +19,10 @@ from gcs.errors import PeerTimeout
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.takeoff_landing import FlightVehicle, lacks, until_ready
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.link.session.status_report import FRESH_S, VehicleReport, newest_message, status_report
+from gcs.link.session.status_report import FRESH_S, VehicleReport, measure_clock, newest_message, status_report
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
-from gcs.link.wire.message import GROUND, Message
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MavCommand, MavResult, MessageId
 from tests.virtual_clock import VirtualLoop
 
@@ -151,6 +151,29 @@ def test_what_is_not_streamed_and_denied_is_streamed_for_a_moment(before_us: int
         MavCommand.SET_MESSAGE_INTERVAL,
     ]
     assert ours[-1][2] == before_us
+
+
+@pytest.mark.parametrize(("lost", "known"), [(0, True), (12, True), (1000, False)])
+def test_a_radio_that_loses_the_first_answers_leaves_the_clock_known(lost: int, known: bool) -> None:
+    class Vehicle:
+        station, asked, hear = Station(1, 1), 0, staticmethod(lambda message: None)
+
+        def subscribe(self, receive: Callable[[Message], None]) -> Callable[[], None]:
+            self.hear = receive  # type: ignore[assignment]
+            return lambda: None
+
+        def send(self, message: Message) -> None:
+            self.asked += 1
+            if self.asked > lost:
+                answer = Message("TIMESYNC", {**message.fields, "tc1": 7}, 1, 1)
+                asyncio.get_running_loop().call_later(0.8, self.hear, answer)
+
+    vehicle: Any = Vehicle()
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        found = runner.run(measure_clock(vehicle))
+    assert (found is not None) is known
+    if found is not None:
+        assert found.round_trip_s == pytest.approx(0.8, abs=0.05)
 
 
 def test_what_a_vehicle_does_not_send_is_not_reported() -> None:
