@@ -201,6 +201,8 @@ class VehicleWatch:
         found = self._silence(unix_s, near=usable)
         obeys = self._signs.mode is None or self._signs.mode in self.obeys
         found += [Incident(IncidentKind.ALARM, self.sysid, unix_s, w) for w in self.alarms.news(unix_s, obeys=obeys)]
+        if not math.isnan(self._no_fix_since_s):
+            place = place._replace(sure_m=math.inf)  # its height is not known: one that lands and disarms has landed
         if self.alarms.falls(place):
             found.append(Incident(IncidentKind.MOTORS_STOPPED, self.sysid, unix_s))
         if self._silent or self._lost or self.alarms.stopped:

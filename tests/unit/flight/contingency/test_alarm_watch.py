@@ -156,6 +156,20 @@ def test_without_a_fall_two_heartbeats_must_say_so_above_ground(place: Place, fe
     assert bool(ours.look(102.1, place=place)) is fell
 
 
+@pytest.mark.parametrize(("place", "fell"), [(ALOFT, True), (LANDS, False)])
+def test_one_that_lands_without_a_fix_and_disarms_has_landed_whatever_height_it_reports(
+    place: Place, fell: bool
+) -> None:
+    ours = watch()
+    beat(ours, 100.0)
+    ours.receive(Message("GPS_RAW_INT", {"fix_type": 1}, 3, 1), 100.1)
+    ours.look(100.2, place=place)
+    for second in (101.0, 102.0):
+        beat(ours, second, armed=False)
+        found = told(ours.look(second + 0.1, place=place))
+    assert ((IncidentKind.MOTORS_STOPPED, "") in found) is fell
+
+
 def test_a_vehicle_that_was_never_armed_did_not_stop() -> None:
     ours = watch()
     for second in range(3):
