@@ -6,6 +6,7 @@ A mistake of the operator and a fault of the vehicle are different classes, so t
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Self
 
 _LONG = re.compile(
@@ -71,11 +72,14 @@ class PlanningError(GcsError):
     """No plan: the solver failed, or the problem has no solution."""
 
     exit_code = 4
+    legs: tuple[int, ...] = ()  # of a drawn route, by index: where it failed, if that is known
 
     @classmethod
-    def because(cls, reason: str, *, hint: str) -> Self:
-        """The failure "no plan: REASON"."""
-        return cls(f"no plan: {reason}", hint=hint, reason=reason)
+    def because(cls, reason: str, *, hint: str, legs: Iterable[int] = ()) -> Self:
+        """The failure "no plan: REASON"; `legs` are those of a drawn route in which it happened, by index."""
+        failure = cls(f"no plan: {reason}", hint=hint, reason=reason)
+        failure.legs = tuple(sorted({leg for leg in legs if leg >= 0}))
+        return failure
 
 
 class Infeasible(PlanningError):

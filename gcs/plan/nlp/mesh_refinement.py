@@ -135,6 +135,7 @@ def optimise(
         f"{MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}"
         + (f", in {leg}" if leg else ""),
         hint="relax this limit a little, or give the flight more time ([time] flight_s)",
+        legs=problem.leg_of(np.array([miss.t_s for miss in missed])).tolist() if problem.points and missed else (),
     )
 
 

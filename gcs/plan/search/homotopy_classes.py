@@ -4,7 +4,8 @@ import math
 import multiprocessing
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
@@ -20,6 +21,7 @@ from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.search.open_lines import open_where_blocked
 from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
+from gcs.plan.trajectory.leg_lines import LegLimits
 from gcs.plan.trajectory.plan import Alternative, MeshRound
 
 # A shortened route on the grid is longer than the shortest one on the same sides, by up to this factor.
@@ -115,11 +117,26 @@ def _optimised(problem: Problem, route: Route, on_round: Callable[[MeshRound], N
     lined = open_where_blocked(timed, guess)
     try:
         return optimise_on_schedule(lined, guess, on_round)
-    except PlanningError:
-        open_lines = tuple(line.opened(beside=True, above=True) for line in lined.lines)
-        if all(a.limits == b.limits for a, b in zip(lined.lines, open_lines, strict=True)):
+    except PlanningError as failure:
+        near = {leg + beside for leg in failure.legs for beside in (-1, 0, 1)}
+        nearby = _without_limits(lined, near)
+        everywhere = _without_limits(lined, range(len(lined.lines)))
+        if _limits(everywhere) == _limits(lined):
             raise
-    return optimise_on_schedule(replace(lined, lines=open_lines), guess, on_round)
+    if _limits(nearby) not in (_limits(lined), _limits(everywhere)):
+        with suppress(PlanningError):
+            return optimise_on_schedule(nearby, guess, on_round)
+    return optimise_on_schedule(everywhere, guess, on_round)
+
+
+def _limits(problem: Problem) -> list[LegLimits]:
+    return [line.limits for line in problem.lines]
+
+
+def _without_limits(problem: Problem, legs: Collection[int]) -> Problem:
+    """The problem in which these legs have no default limits."""
+    lines = enumerate(problem.lines)
+    return replace(problem, lines=tuple(x.opened(beside=True, above=True) if n in legs else x for n, x in lines))
 
 
 def _flight(task: tuple[Problem, Route]) -> Optimum | PlanningError:

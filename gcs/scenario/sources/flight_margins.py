@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
-from gcs.scenario.schema.scenario import Performance
+from gcs.scenario.schema.scenario import MissionOptions, Performance
 from gcs.scenario.schema.vehicle_types import preset_file, presets
 from gcs.scenario.sources.load import load_vehicle
 from gcs.scenario.values.own_landing import landing_duration_s
@@ -38,4 +38,4 @@ def ground_phases_s(limits: Performance, climb_m: float, descent_m: float | None
     down_m = climb_m if descent_m is None else descent_m
     vertical_mps = limits.speed_ned_mps[2]
     takeoff_s = max(_LEAST_TAKEOFF_S, math.ceil(_CLIMB_ROOM * WIND_PEAKS[0] / vertical_mps * climb_m))
-    return float(takeoff_s), landing_duration_s(Autopilot.ARDUPILOT, down_m, vertical_mps)
+    return float(takeoff_s), landing_duration_s(Autopilot.named(MissionOptions().autopilot), down_m, vertical_mps)
