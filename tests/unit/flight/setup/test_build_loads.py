@@ -18,6 +18,7 @@ from gcs.plan.verification.verify import verify
 SHORT = "the setpoint stream is flown without waypoint missions on board: A mission has "
 
 
+@pytest.mark.slow
 def test_a_stream_is_flown_without_missions_that_are_too_long(
     simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

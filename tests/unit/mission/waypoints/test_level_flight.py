@@ -106,6 +106,7 @@ def test_setpoints_are_level_above_the_sea(plan: Plan) -> None:
     assert pad_m[2] - places_m[:, 2] == pytest.approx(np.full(crossing.sum(), UP_M), abs=NEAR_M)  # as they are sent
 
 
+@pytest.mark.slow
 def test_returns_and_fence_are_where_they_count_from_home(plan: Plan) -> None:
     """Rally points above home, and a fence whose corners are beside the flight, seen from its ends."""
     safety = build_safety(plan, (Autopilot.ARDUPILOT,) * len(plan.sysids))
