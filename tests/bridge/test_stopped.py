@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from gcs.flight.execution.fleet_landing import FleetLanding
+from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.progress import ALL_VEHICLES, Step
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
@@ -36,3 +38,14 @@ def test_a_flight_may_be_stopped_at_any_time(hop: Plan, step: Step, later_s: flo
         assert flown.flight.step is Step.LAND
     if step in (Step.READY, Step.UPLOAD):
         assert not flown.world.airframes.truth[:, 2].any()  # no vehicle has left the ground
+
+
+def test_they_land_though_what_is_told_of_it_fails(hop: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(self: FlightSequence, reason: str) -> None:
+        raise RuntimeError(reason)
+
+    monkeypatch.setattr(FlightSequence, "_ends_early", fails)
+    monkeypatch.setattr(FleetLanding, "send_once", lambda self: None)  # lost: the landing itself must follow
+    flown = fly(hop, stop=(Step.FLY, 1.0))
+    assert flown.stopped
+    assert not any(vehicle.autopilot.armed for vehicle in flown.world.vehicles)

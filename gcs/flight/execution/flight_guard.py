@@ -5,6 +5,7 @@ It watches the links beside the flight, which ends when vehicles are silent for 
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
+from contextlib import suppress
 from typing import Any, TypeVar
 
 from gcs.errors import FlightError, GcsError, ProtocolMisuse
@@ -72,7 +73,8 @@ class FlightGuard:
         work.cancel()
         self._landing.send_once()  # before a second Ctrl-C can come in between
         if self._landing.aloft():
-            self._on_early_end(_reason(stopped))
+            with suppress(Exception):  # what is told never keeps a vehicle in the air
+                self._on_early_end(_reason(stopped))
         for attempt in range(_ATTEMPTS):
             try:
                 await insisted(self._end_and_land(watch, work, attempt * _PAUSE_S))
