@@ -88,6 +88,7 @@ Row = tuple[float, int, float, float, float, float, float, float, bool, int, int
 WITHIN = ("horizontal_within_m", "vertical_within_m")
 _STEP_S = 0.1
 _CLOCK_S = 0.02  # a vehicle's clock is corrected in such steps
+_BAROMETER_SHARE = 0.05  # of the height: what air 15 K warmer or colder than a barometer assumes makes of it
 _AXES = ("north", "east", "down")
 _NEEDED = {form.format(axis) for form in ("{}_m", "v_{}_mps") for axis in _AXES} | {
     *("t_s", "sysid", "armed", "mode", "battery_pct")
@@ -136,9 +137,10 @@ def build_record(
     Columns: t_s (plan time), unix_s (the vehicles' common time), sysid, north/east/down_m, v_..._mps, planned_..._m,
     planned_v_..._mps, error_m, armed, mode, battery_pct (-1: not reported), autopilot, formation_error_m (Definition 1
     at that time, of all vehicles; NaN after the last report of one of them), horizontal_within_m and vertical_within_m
-    (how far the true position may be, 3 sigma, by what the vehicle told of its receiver, estimator and clock). Common
-    local NED frame. In the landing the planned columns are the descent that the vehicle's autopilot flies by itself, to
-    the ground. `systems` are the MAVLink systems of vehicles with another system id than in the plan.
+    (how far the true position may be, 3 sigma, by what the vehicle told of its receiver, estimator and clock; in height
+    also 5 % of the reported height, which barometers get wrong in air that is warm or cold). Common local NED frame.
+    In the landing the planned columns are the descent that the vehicle's autopilot flies by itself, to the ground.
+    `systems` are the MAVLink systems of vehicles with another system id than in the plan.
     """
     kept: list[Message] = []  # of all others only a row is kept: a log may have millions
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
@@ -169,6 +171,7 @@ def build_record(
             if unix_s is not None and motion is not None:
                 off_s = abs(clocks[sysid].gnss_off_s) + _CLOCK_S
                 beside_m, above_m = accuracies[sysid].within_m
+                above_m += _BAROMETER_SHARE * abs(motion[2])
                 within_m = beside_m + off_s * math.hypot(*motion[3:5]), above_m + off_s * abs(motion[5])
                 rows.append((unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid], *within_m))
     return _table(ExpectedMotion(plan, reported_profiles(kept, vehicle_of)), plan_time, rows)
