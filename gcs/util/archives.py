@@ -8,7 +8,7 @@ import math
 import os
 import struct
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import IO, Any
 
@@ -22,7 +22,7 @@ _END = struct.Struct("<4s4H2IH")  # the record at the end of an archive
 _END_MARK, _ZIP64_MARK = b"PK\x05\x06", b"PK\x06\x07"
 _ZIP64_BYTES = 20
 _ENTRIES_MAX = 64
-_DIRECTORY_MAX_BYTES = 64 * 1024
+_ENTRY_MAX_BYTES = 1024  # of an entry in the directory, on average
 _ENCRYPTED = 0x1
 _HEADER_MAX_BYTES = 4096  # of an array
 _SUFFIX = ".npy"
@@ -49,12 +49,20 @@ def read_member(file: IO[bytes], name: str, largest_bytes: int) -> bytes:
         found = [info for info in archive.infolist() if info.filename == name]
         if len(found) != 1:
             raise BadArchive(f"{len(found) or 'no'} members are called {name}")
-        _check(found[0], largest_bytes)
-        try:
-            with archive.open(found[0]) as member:
-                return member.read(found[0].file_size) + member.read(1)  # the second read compares the checksum
-        except Exception as problem:  # zipfile, zlib and struct each raise errors of their own for a damaged member
-            raise BadArchive(f"{name} is damaged ({type(problem).__name__})") from problem
+        return _content(archive, found[0], largest_bytes)
+
+
+def read_members(
+    file: IO[bytes], wanted: Callable[[str], bool], *, largest_bytes: int, all_bytes: int, most: int
+) -> dict[str, bytes]:
+    """The wanted members, by name, of an archive with at most so many. Raises `BadArchive`."""
+    with _opened(file, most) as archive:
+        found = [info for info in archive.infolist() if wanted(info.filename)]
+        if len({info.filename for info in found}) < len(found):
+            raise BadArchive("two members have one name")
+        if (total := sum(info.file_size for info in found)) > all_bytes:
+            raise BadArchive(f"its members unpack to {in_mib(total)}; the limit is {in_mib(all_bytes)}")
+        return {info.filename: _content(archive, info, largest_bytes) for info in found}
 
 
 def member_names(file: IO[bytes]) -> list[str]:
@@ -86,7 +94,16 @@ def read_arrays(
         return {name: _array(archive, infos[name + _SUFFIX], name, known[name]) for name in wanted or known}
 
 
-def _opened(file: IO[bytes]) -> zipfile.ZipFile:
+def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, largest_bytes: int) -> bytes:
+    _check(info, largest_bytes)
+    try:
+        with archive.open(info) as member:
+            return member.read(info.file_size) + member.read(1)  # the second read compares the checksum
+    except Exception as problem:  # zipfile, zlib and struct each raise errors of their own for a damaged member
+        raise BadArchive(f"{info.filename} is damaged ({type(problem).__name__})") from problem
+
+
+def _opened(file: IO[bytes], most: int = _ENTRIES_MAX) -> zipfile.ZipFile:
     """The archive, if its directory is small. Many entries alone would fill the memory."""
     size = file.seek(0, os.SEEK_END)
     file.seek(max(size - _END.size - _ZIP64_BYTES, 0))
@@ -94,8 +111,8 @@ def _opened(file: IO[bytes]) -> zipfile.ZipFile:
     if len(tail) < _END.size or tail[-_END.size :][: len(_END_MARK)] != _END_MARK:
         raise BadArchive("its content is no archive")
     _, _, _, _, entries, directory_bytes, _, _ = _END.unpack(tail[-_END.size :])
-    if entries > _ENTRIES_MAX or directory_bytes > _DIRECTORY_MAX_BYTES or tail.startswith(_ZIP64_MARK):
-        raise BadArchive(f"the archive announces {entries} members; the limit is {_ENTRIES_MAX}")
+    if entries > most or directory_bytes > most * _ENTRY_MAX_BYTES or tail.startswith(_ZIP64_MARK):
+        raise BadArchive(f"the archive announces {entries} members; the limit is {most}")
     try:
         return zipfile.ZipFile(file)
     except Exception as problem:  # a damaged directory fails in ways of its own

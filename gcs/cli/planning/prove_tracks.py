@@ -23,7 +23,8 @@ def prove(
     files: Annotated[
         list[Path],
         argument(
-            "Trajectories: CSV of timed samples, CSV of polynomial pieces (uav_trajectories, Crazyswarm), .setpoints.",
+            "Trajectories: CSV of timed samples, CSV of polynomial pieces (uav_trajectories, Crazyswarm), .setpoints, "
+            "shows (.skyc), missions (.plan, .waypoints).",
             "FILE...",
         ),
     ],
@@ -75,10 +76,10 @@ def prove(
     frame: Annotated[
         str | None,
         option(
-            "Frame of columns x, y, z: enu (east, north, up) or ned (north, east, down).",
-            shown="that of the columns' names; enu for polynomial pieces",
+            "Frame of x, y, z: enu (east, north, up), ned (north, east, down) or nwu (north, west, up).",
+            shown="that of the columns' names; enu for polynomial pieces, nwu for shows",
             metavar="FRAME",
-            words=("enu", "ned"),
+            words=("enu", "ned", "nwu"),
         ),
     ] = None,
     json: JsonOption = False,
@@ -103,10 +104,10 @@ def prove(
     from gcs.scenario.sources.load import load_scenario
 
     limits = TrackLimits(separation, vertical_scale, speed, acceleration, height, clearance)
-    read = read_tracks(files, frame=frame)
     place = None
     if scenario is not None:
         place = read_plan(scenario)[0].scenario if is_plan_file(scenario) else load_scenario(scenario)
+    read = read_tracks(files, frame=frame, scenario=place)
     report = proved(read.tracks, limits, place)
     for line in read.account:
         screen.say(line)

@@ -1,4 +1,4 @@
 """Trajectories of any planner: read from files, and proved at every instant as plans are.
 
-It may import mission.formats.tables, plan and scenario.
+It may import mission.formats, mission.formats.tables, mission.predicted, scenario, plan and mission.
 """

@@ -1,4 +1,4 @@
-"""Rows of numbers of a CSV file, with their lines: the reader below the formats of tracks."""
+"""A file with trajectories, and the rows of numbers of one that is a table, with their lines."""
 
 from __future__ import annotations
 
@@ -6,27 +6,52 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
 
 from gcs.errors import FileFormatError, UsageError
 from gcs.types import Array
+from gcs.util.bounded_file import as_utf8
 
 ROWS_MAX = 2_000_000
 _COLUMNS_MAX = 200
-FRAMES = ("ned", "enu")
+_NED_AXES = {"ned": ((0, 1, 2), (1, 1, 1)), "enu": ((1, 0, 2), (1, 1, -1)), "nwu": ((0, 1, 2), (1, -1, -1))}
+FRAMES = tuple(_NED_AXES)
 
 
 @dataclass(frozen=True)
-class TrackText:
-    """The text of a file, its name in errors, and the frame of its x, y, z where the caller states one."""
+class TrackFile:
+    """The bytes of a file, its name in errors, and the frame of its x, y, z where the caller states one."""
 
-    text: str
+    data: bytes
     source: str
     stem: str
     frame: str | None = None
 
     def __post_init__(self) -> None:
         if self.frame not in (None, *FRAMES):
-            raise UsageError(f"the frame {self.frame} is not known", hint=f"give {' or '.join(FRAMES)}")
+            raise UsageError(f"the frame {self.frame} is not known", hint=f"give {', '.join(FRAMES)}")
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the bytes are a text in UTF-8 (or UTF-16 with a mark)."""
+        return self._text is not None
+
+    @property
+    def text(self) -> str:
+        """The text of the file. Raises `FileFormatError` where it is none."""
+        if self._text is None:
+            hint = "give CSV, .setpoints, .skyc or mission files; text is saved as UTF-8"
+            raise FileFormatError(f"{self.source}: not a text.", hint=hint)
+        return self._text
+
+    @cached_property
+    def _text(self) -> str | None:
+        try:
+            return as_utf8(self.data).decode("utf-8-sig")
+        except ValueError:
+            return None
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Lines that hold something, with their numbers: cells without blanks. A first line may begin with a hash."""
@@ -70,5 +95,6 @@ def is_number(cell: str) -> bool:
 
 
 def in_ned(xyz: Array, frame: str) -> Array:
-    """Vectors (..., 3) in NED of vectors in a frame."""
-    return xyz if frame == "ned" else xyz[..., [1, 0, 2]] * [1.0, 1.0, -1.0]
+    """Vectors (..., 3) in NED of vectors in a frame of `FRAMES`."""
+    axes, signs = _NED_AXES[frame]
+    return xyz[..., list(axes)] * np.array(signs, dtype=np.float64)

@@ -10,20 +10,20 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError
-from gcs.mission.proving.csv_rows import TrackText, in_ned, is_number
+from gcs.mission.proving.csv_rows import TrackFile, in_ned, is_number
 from gcs.mission.proving.track import PolynomialTrack
 
 _COEFFICIENTS = 8
 _COLUMNS = 1 + 4 * _COEFFICIENTS
 
 
-def are_pieces(file: TrackText) -> bool:
+def are_pieces(file: TrackFile) -> bool:
     """Whether the first row names a duration, or holds as many numbers as a piece."""
     _, cells = next(file.rows(), (0, [""]))
     return cells[0].lower().startswith("duration") or (len(cells) == _COLUMNS and all(map(is_number, cells)))
 
 
-def read_pieces(file: TrackText) -> tuple[list[PolynomialTrack], list[str]]:
+def read_pieces(file: TrackFile) -> tuple[list[PolynomialTrack], list[str]]:
     """The one track of a file, and what was left out. Raises `FileFormatError` with file and line."""
     rows = []
     for order, (line, cells) in enumerate(file.rows()):

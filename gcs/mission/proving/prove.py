@@ -163,6 +163,11 @@ def _refuse(tracks: Sequence[PolynomialTrack], limits: TrackLimits, scenario: Sc
             f"track {plain[0]} is straight between samples: how it accelerates is not known",
             hint="add its velocities, or leave out the limit of the acceleration",
         )
+    if limits.speed_mps is not None and (bent := [each.name for each in tracks if each.off_m]):
+        raise UsageError(
+            f"track {bent[0]} is the flight of a mission, near straight pieces that do not bound its speed",
+            hint="leave out the limit of the speed; `gcs check` judges the speeds of missions",
+        )
 
 
 @dataclass(frozen=True)

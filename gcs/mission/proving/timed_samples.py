@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError
-from gcs.mission.proving.csv_rows import TrackText, in_ned
+from gcs.mission.proving.csv_rows import TrackFile, in_ned
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.types import Array
 
@@ -48,12 +48,12 @@ class _Samples:
     values: list[list[float]] = field(default_factory=list)
 
 
-def are_samples(file: TrackText) -> bool:
+def are_samples(file: TrackFile) -> bool:
     """Whether the first row names the columns of samples: any table that no other format claims."""
     return True
 
 
-def read_samples(file: TrackText) -> tuple[list[PolynomialTrack], list[str]]:
+def read_samples(file: TrackFile) -> tuple[list[PolynomialTrack], list[str]]:
     """The tracks of a file, and what was left out. Raises `FileFormatError` with file and line."""
     rows = file.rows()
     line, names = next(rows, (1, [""]))
@@ -75,7 +75,7 @@ def read_samples(file: TrackText) -> tuple[list[PolynomialTrack], list[str]]:
     return tracks, left_out
 
 
-def _column(file: TrackText, line: int, name: str) -> _Column | None:
+def _column(file: TrackFile, line: int, name: str) -> _Column | None:
     """What a column holds; None of one that is left out."""
     found = _HEAD.fullmatch(name.lower())
     assert found
@@ -98,7 +98,7 @@ def _column(file: TrackText, line: int, name: str) -> _Column | None:
     return _Column(quantity, axis, sign * _UNITS[quantity][unit], base[-1:] in "xyz" and quantity != "time")
 
 
-def _wanted(file: TrackText, line: int, columns: list[_Column | None]) -> list[int]:
+def _wanted(file: TrackFile, line: int, columns: list[_Column | None]) -> list[int]:
     """Where time, the places of three axes and, if they are there, the velocities stand."""
     found: dict[tuple[str, int], int] = {}
     for index, column in enumerate(columns):
@@ -125,7 +125,7 @@ def _wanted(file: TrackText, line: int, columns: list[_Column | None]) -> list[i
     return wanted
 
 
-def _interpolated(file: TrackText, name: str, samples: _Samples, columns: list[_Column]) -> PPoly:
+def _interpolated(file: TrackFile, name: str, samples: _Samples, columns: list[_Column]) -> PPoly:
     """Lines through the samples of one vehicle, or cubics through places and velocities."""
     values = np.array(samples.values) * [column.factor for column in columns]
     t_s, vectors = values[:, 0], values[:, 1:].reshape(len(values), -1, 3)

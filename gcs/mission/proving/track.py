@@ -29,6 +29,7 @@ class PolynomialTrack:
 
     name: str
     position_ned_m: PPoly  # c (degree + 1, pieces, 3), x (pieces + 1,) in s
+    off_m: float = 0.0  # how far the vehicle may be from it at the same instant
 
     def __post_init__(self) -> None:
         c, x = self.position_ned_m.c, self.position_ned_m.x
@@ -67,6 +68,7 @@ class FleetMotion:
     edges_s: Array  # (N + 1,)
     c: Array  # (D+1, V, N, 3) in NED metres, the lowest power first, of time from the middle in half lengths
     moves: Array  # (V, N), 1 where the vehicle has a polynomial, 0 where it stands before or after it
+    off_m: Array  # (V,), how far each vehicle may be from its polynomials
 
     @classmethod
     def of(cls, tracks: Sequence[PolynomialTrack], more_s: Array) -> FleetMotion:
@@ -92,7 +94,7 @@ class FleetMotion:
             starts, ends = both_ends(scaled)
             c[0, row, :first], c[0, row, last:] = starts[0], ends[-1]
             moves[row, first:last] = 1.0
-        return cls(edges_s, c, moves)
+        return cls(edges_s, c, moves, np.array([each.off_m for each in tracks]))
 
     @cached_property
     def half_s(self) -> Array:
@@ -119,7 +121,8 @@ class FleetMotion:
         c = shifted(c, ((middle_s - self.middle_s[number]) / half)[:, None])
         share = 0.5 * (end_s - start_s) / half
         c *= (share ** np.arange(len(c))[:, None] / half**derivative)[..., None]
-        return modelled(np.moveaxis(c, 2, 1), ORDER)
+        found = modelled(np.moveaxis(c, 2, 1), ORDER)
+        return found if derivative else Taylor(found.c, found.remainder + self.off_m[row])
 
     def places(self, row: Rows, t_s: Array) -> Array:
         """Places (M, 3) of vehicles (M,) at instants (M,)."""

@@ -92,7 +92,8 @@ class TrackSeparation:
         ends = np.minimum(begins + (1 << level), len(self.motion.half_s))
         jumped = sum(self.motion.jumps_m[row, ends - 1] - self.motion.jumps_m[row, begins] for row in (a, b))
         distance = self._distance(cells)
-        return np.maximum(boxes, distance - moved - jumped - _ROUNDING_M), distance
+        off = (self.motion.off_m[a] + self.motion.off_m[b]) * max(1.0, 1.0 / self.vertical_scale)
+        return np.maximum(boxes, distance - moved - jumped - off - _ROUNDING_M), distance
 
     def _distance(self, cells: Cells) -> Array:
         """The distance (M,) in the middle."""

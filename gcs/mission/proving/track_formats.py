@@ -8,21 +8,29 @@ from pathlib import Path
 
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
-from gcs.mission.proving.csv_rows import TrackText
+from gcs.mission.proving.csv_rows import TrackFile
+from gcs.mission.proving.mission_tracks import is_mission, read_missions
 from gcs.mission.proving.polynomial_pieces import are_pieces, read_pieces
+from gcs.mission.proving.skyc_show import is_show, read_show
 from gcs.mission.proving.timed_samples import are_samples, read_samples, through
 from gcs.mission.proving.track import PolynomialTrack
-from gcs.util.bounded_file import TRACK_FILE, as_utf8, read_file
+from gcs.scenario.schema.scenario import Scenario
+from gcs.util.bounded_file import TRACK_FILE, read_file
+
+_Read = tuple[list[PolynomialTrack], list[str]]  # the tracks of a file, and what was left out
 
 
 @dataclass(frozen=True)
 class TrackFormat:
-    """One format: what it holds, whether a file is of it, and its tracks with the names of what was left out."""
+    """One format: what it holds, whether a file is of it, and the tracks of its files with what was left out.
+
+    Files of one format are read at once, with the scenario that says where they are, if there is one.
+    """
 
     name: str
     purpose: str
-    is_it: Callable[[TrackText], bool]
-    read: Callable[[TrackText], tuple[list[PolynomialTrack], list[str]]]
+    is_it: Callable[[TrackFile], bool]
+    read: Callable[[Sequence[TrackFile], Scenario | None], list[_Read]]
 
 
 @dataclass(frozen=True)
@@ -33,11 +41,15 @@ class ReadTracks:
     account: tuple[str, ...]
 
 
-def _are_setpoints(file: TrackText) -> bool:
+def _one_by_one(read: Callable[[TrackFile], _Read]) -> Callable[[Sequence[TrackFile], Scenario | None], list[_Read]]:
+    return lambda files, _: [read(file) for file in files]
+
+
+def _are_setpoints(file: TrackFile) -> bool:
     return file.text.startswith("# Skein setpoints") or file.text.startswith("t_s,sysid,north_m,")
 
 
-def _read_setpoints(file: TrackText) -> tuple[list[PolynomialTrack], list[str]]:
+def _read_setpoints(file: TrackFile) -> _Read:
     stream = read_setpoints(file.text, file.source).stream
     if len(stream.t_s) < 2:
         raise FileFormatError(f"{file.source}: one instant only.", hint="give two or more")
@@ -51,37 +63,46 @@ def _read_setpoints(file: TrackText) -> tuple[list[PolynomialTrack], list[str]]:
     return [PolynomialTrack(str(sysid), through(stream.t_s, *motion)) for sysid, *motion in each], ["yaw"]
 
 
+_MISSIONS = "waypoint missions (.plan, .waypoints), as the models of their autopilots fly them"
 TRACK_FORMATS = (
-    TrackFormat("setpoints", "Skein's setpoints; quintics through them", _are_setpoints, _read_setpoints),
-    TrackFormat("pieces", "polynomial pieces of uav_trajectories and Crazyswarm (CSV)", are_pieces, read_pieces),
-    TrackFormat("samples", "timed samples (CSV); lines, or cubics where velocities are", are_samples, read_samples),
+    TrackFormat("skyc", "shows of Skybrush (.skyc)", is_show, _one_by_one(read_show)),
+    TrackFormat("mission", _MISSIONS, is_mission, read_missions),
+    TrackFormat("setpoints", "Skein's setpoints; quintics through them", _are_setpoints, _one_by_one(_read_setpoints)),
+    TrackFormat(
+        "pieces", "polynomial pieces of uav_trajectories and Crazyswarm (CSV)", are_pieces, _one_by_one(read_pieces)
+    ),
+    TrackFormat(
+        "samples", "timed samples (CSV); lines, or cubics where velocities are", are_samples, _one_by_one(read_samples)
+    ),
 )
 
 
-def read_tracks(paths: Sequence[Path | str], *, frame: str | None = None) -> ReadTracks:
-    """The tracks in files of any of the formats. `frame`, "ned" or "enu", is that of columns x, y and z.
+def read_tracks(
+    paths: Sequence[Path | str], *, frame: str | None = None, scenario: Scenario | None = None
+) -> ReadTracks:
+    """The tracks in files of any of the formats. `frame`, "ned", "enu" or "nwu", is that of columns x, y and z.
 
-    Raises `FileFormatError` with file and line, and `UsageError` for a frame that is not known.
+    Missions count from the origin of the scenario, else from the first home. Raises `FileFormatError` with file and
+    line, and `UsageError` for a frame that is not known.
     """
-    tracks: list[PolynomialTrack] = []
-    account = []
     if not paths:
         raise UsageError("no files are named", hint="give files with trajectories")
-    for path in map(Path, paths):
-        data = read_file(path, TRACK_FILE)
-        try:
-            text = as_utf8(data).decode("utf-8-sig")
-        except ValueError:
-            raise FileFormatError(f"{path}: not a text.", hint="give CSV or .setpoints files, saved as UTF-8") from None
-        file = TrackText(text, str(path), path.stem, frame)
-        row = next(each for each in TRACK_FORMATS if each.is_it(file))
-        found, left_out = row.read(file)
+    files = [TrackFile(read_file(path, TRACK_FILE), str(path), path.stem, frame) for path in map(Path, paths)]
+    rows = [next(row for row in TRACK_FORMATS if row.is_it(file)) for file in files]
+    found: dict[int, _Read] = {}
+    for row in TRACK_FORMATS:
+        mine = [n for n, of in enumerate(rows) if of is row]
+        found |= dict(zip(mine, row.read([files[n] for n in mine], scenario) if mine else [], strict=True))
+    tracks: list[PolynomialTrack] = []
+    account = []
+    for number, (file, row) in enumerate(zip(files, rows, strict=True)):
+        its, left_out = found[number]
         known = {each.name for each in tracks}
-        if twice := [each.name for each in found if each.name in known]:
+        if twice := [each.name for each in its if each.name in known]:
             hint = "name each vehicle once: rename the file, or its vehicle column"
-            raise FileFormatError(f"{path}: there is another track {twice[0]}.", hint=hint)
-        tracks += found
-        names = ", ".join(each.name for each in found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+            raise FileFormatError(f"{file.source}: there is another track {twice[0]}.", hint=hint)
+        tracks += its
+        names = ", ".join(each.name for each in its[:5]) + (f" and {len(its) - 5} more" if len(its) > 5 else "")
         without = f"; left out: {', '.join(left_out)}" if left_out else ""
-        account.append(f"{path}: {row.name}, {names}{without}")
+        account.append(f"{file.source}: {row.name}, {names}{without}")
     return ReadTracks(tuple(tracks), tuple(account))
