@@ -56,6 +56,25 @@ def prove(
         float | None,
         option("Largest acceleration.", metavar="M/S2", shown="not checked", limits=(1e-3, 1e5, "m/s²")),
     ] = None,
+    jerk: Annotated[
+        float | None, option("Largest jerk.", metavar="M/S3", shown="not checked", limits=(1e-3, 1e6, "m/s³"))
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        option(
+            "Vehicle whose thrust and tilt to check, in the scenario's wind: quad500, f150, or a vehicle file.",
+            metavar="TYPE",
+            shown="neither is checked",
+        ),
+    ] = None,
+    thrust: Annotated[
+        tuple[float, float] | None,
+        option("Least and largest thrust of the rotors together.", metavar="LOW HIGH", shown="the vehicle's, N"),
+    ] = None,
+    tilt: Annotated[
+        float | None,
+        option("Largest tilt.", metavar="DEG", shown="the vehicle's", limits=(1e-3, 180.0, "degrees")),
+    ] = None,
     height: Annotated[
         tuple[float, float] | None,
         option(
@@ -85,7 +104,7 @@ def prove(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Prove trajectories of any planner at every instant: separation, speed, heights, ground, zones, continuity.
+    """Prove trajectories of any planner at every instant: separation, motion, thrust, heights, ground, zones.
 
     Exit status 0 when every check is proved, 5 when one is violated or undecided, 6 when a file cannot be read.
 
@@ -103,12 +122,12 @@ def prove(
     from gcs.plan.plan_file import is_plan_file, read_plan
     from gcs.scenario.sources.load import load_scenario
 
-    limits = TrackLimits(separation, vertical_scale, speed, acceleration, height, clearance)
+    limits = TrackLimits(separation, vertical_scale, speed, acceleration, height, clearance, jerk, thrust, tilt)
     place = None
     if scenario is not None:
         place = read_plan(scenario)[0].scenario if is_plan_file(scenario) else load_scenario(scenario)
     read = read_tracks(files, frame=frame, scenario=place)
-    report = proved(read.tracks, limits, place)
+    report = proved(read.tracks, limits, place, vehicle)
     for line in read.account:
         screen.say(line)
     table = Table("criterion", "value", "limit", "verdict", "nearest at")

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from gcs.errors import UsageError, VerificationError, counted
 from gcs.mission.proving.track import FleetMotion, PolynomialTrack
-from gcs.mission.proving.track_criteria import TrackCriterion, TrackMotion, TrackPlaces, TrackSeparation
+from gcs.mission.proving.track_criteria import (
+    NamedRanges,
+    TrackCriterion,
+    TrackEffort,
+    TrackMotion,
+    TrackPlaces,
+    TrackSeparation,
+)
+from gcs.physics.quadrotor import Quadrotor
+from gcs.physics.wind import STILL
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Family, Looks, Proof, Rows, settle
 from gcs.plan.verification.proof.taylor import Taylor
@@ -23,11 +33,15 @@ from gcs.plan.verification.proof.verdict import (
 )
 from gcs.scenario.environment.no_fly import zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import LimitsTable, Scenario
+from gcs.scenario.schema.vehicle_types import VehicleFile
+from gcs.scenario.sources.load import vehicle_type
+from gcs.scenario.values.si import steady_wind
 from gcs.types import Array
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
+_STEP_MPS2 = 0.01  # of the acceleration at a joint: setpoints are written in micrometres
 _TAKEOFF, _AIRBORNE, _LANDING = range(3)  # phases of the ground's proof
 
 
@@ -45,17 +59,21 @@ class TrackLimits:
     acceleration_mps2: float | None = None
     height_m: tuple[float, float] | None = None  # above height 0, at all times
     clearance_m: float | None = None  # to the ground in any direction, from take-off to landing; needs a scenario
+    jerk_mps3: float | None = None
+    thrust_N: tuple[float, float] | None = None  # of the rotors together; needs a vehicle, whose limit it replaces
+    tilt_deg: float | None = None  # of that force against the vertical, as `thrust_N`
 
     def __post_init__(self) -> None:
-        for name in ("separation_m", "speed_mps", "acceleration_mps2", "clearance_m"):
+        for name in ("separation_m", "speed_mps", "acceleration_mps2", "jerk_mps3", "tilt_deg", "clearance_m"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise UsageError(f"limit {name} is {value}", hint="give a number above 0, or leave it out")
         if not (np.isfinite(self.vertical_scale) and self.vertical_scale > 0.0):
             raise UsageError(f"vertical_scale is {self.vertical_scale}", hint="give a number above 0; 1 is a sphere")
-        if self.height_m is not None and not self.height_m[0] < self.height_m[1]:
-            low, high = self.height_m
-            raise UsageError(f"heights from {low} m to {high} m are none", hint="give the lower one first")
+        for name in ("height_m", "thrust_N"):
+            limits = getattr(self, name)
+            if limits is not None and not limits[0] < limits[1]:
+                raise UsageError(f"limits {name} from {limits[0]} to {limits[1]} are none", hint="give the lower first")
 
 
 @dataclass(frozen=True)
@@ -135,20 +153,26 @@ class TrackReport:
 
 
 def prove(
-    tracks: Sequence[PolynomialTrack], limits: TrackLimits | None = None, scenario: Scenario | None = None
+    tracks: Sequence[PolynomialTrack],
+    limits: TrackLimits | None = None,
+    scenario: Scenario | None = None,
+    vehicle: str | Path | None = None,
 ) -> TrackReport:
-    """Prove tracks of any planner on intervals of time: separation, speeds, heights, ground, zones, continuity.
+    """Prove tracks of any planner on intervals of time: separation, motion, effort, heights, ground, zones, continuity.
 
-    Time 0 and place (0, 0, 0) are those of the scenario. Raises `UsageError` for tracks or limits that leave nothing to
-    prove.
+    Time 0 and place (0, 0, 0) are those of the scenario. With a `vehicle`, a preset's name or a vehicle file, thrust
+    and tilt are proved in the scenario's wind. Raises `UsageError` for tracks or limits that leave nothing to prove.
     """
     limits = limits or TrackLimits()
-    _refuse(tracks, limits, scenario)
+    flown = None if vehicle is None else vehicle_type(vehicle)
+    _refuse(tracks, limits, scenario, flown)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
-        return _Proofs(tuple(tracks), limits, scenario).report()
+        return _Proofs(tuple(tracks), limits, scenario, flown).report()
 
 
-def _refuse(tracks: Sequence[PolynomialTrack], limits: TrackLimits, scenario: Scenario | None) -> None:
+def _refuse(
+    tracks: Sequence[PolynomialTrack], limits: TrackLimits, scenario: Scenario | None, vehicle: VehicleFile | None
+) -> None:
     if not tracks:
         raise UsageError("there are no tracks", hint="give at least one")
     names = [each.name for each in tracks]
@@ -158,10 +182,13 @@ def _refuse(tracks: Sequence[PolynomialTrack], limits: TrackLimits, scenario: Sc
         raise UsageError("a clearance above the ground needs the ground", hint="give the scenario with the terrain")
     if len(tracks) > 1 and limits.separation_m is None and scenario is None:
         raise UsageError("no separation is stated", hint="give a separation in metres, or a scenario with its limits")
-    if limits.acceleration_mps2 is not None and (plain := [each.name for each in tracks if not each.accelerates]):
+    if vehicle is None and (limits.thrust_N is not None or limits.tilt_deg is not None):
+        raise UsageError("thrust and tilt depend on mass and drag", hint="give the vehicle: a preset, or a file")
+    accelerates = limits.acceleration_mps2 is not None or limits.jerk_mps3 is not None or vehicle is not None
+    if accelerates and (plain := [each.name for each in tracks if not each.accelerates]):
         raise UsageError(
             f"track {plain[0]} is straight between samples: how it accelerates is not known",
-            hint="add its velocities, or leave out the limit of the acceleration",
+            hint="add its velocities, or leave out the vehicle and the limits of acceleration and jerk",
         )
     if limits.speed_mps is not None and (bent := [each.name for each in tracks if each.off_m]):
         raise UsageError(
@@ -175,6 +202,7 @@ class _Proofs:
     tracks: tuple[PolynomialTrack, ...]
     limits: TrackLimits
     scenario: Scenario | None
+    vehicle: VehicleFile | None
 
     def report(self) -> TrackReport:
         """All checks."""
@@ -193,9 +221,10 @@ class _Proofs:
             family = TrackSeparation(motion, separation_m, self.limits.vertical_scale)
             checks += self._checks(family, family.criteria, family.cells())
         checks += self._motion(motion, unchecked)
+        checks += self._effort(motion, unchecked)
         places = TrackPlaces(
             motion,
-            height_m,
+            (("northing", None), ("easting", None), ("height", height_m)) if own is None else self._box(own, height_m),
             () if self.scenario is None else tuple(zip(zone_names(self.scenario), avoided, strict=True)),
             0.0 if own is None else own.zone_margin_m or 0.0,
         )
@@ -205,20 +234,32 @@ class _Proofs:
         if self.scenario is None:
             unchecked += ["ground", "no-fly zones"]
         else:
-            unchecked += ["the scenario's box", "its least height", "its speeds"]
+            unchecked += ["the scenario's least height"]
             checks += self._ground(self.scenario, motion)
         names = tuple(each.name for each in self.tracks)
         ends_s = float(motion.edges_s[0]), float(motion.edges_s[-1])
         return TrackReport(tuple(checks), tuple(unchecked), names, *ends_s)
 
+    def _box(self, limits: LimitsTable, height_m: tuple[float, float] | None) -> NamedRanges:
+        """The scenario's box, so wide that the pads and the landing points are in it."""
+        ends = np.array([each.position_ned_m(each.position_ned_m.x[[0, -1]]) for each in self.tracks])
+        north, east = (
+            (min(low, float(ends[..., axis].min())), max(high, float(ends[..., axis].max())))
+            for axis, (low, high) in enumerate((limits.north_m, limits.east_m))
+        )
+        return ("northing", north), ("easting", east), ("height", height_m)
+
     def _continuity(self) -> list[TrackCheck]:
-        """Steps at joints: of the place, and of the velocity where the acceleration is limited."""
+        """Steps at joints: of the place, of the velocity where the acceleration counts, of that where the jerk does."""
         found = []
-        for derivative, name, unit, allowed in (
-            (0, "step of the place at a joint", "m", LENGTH_TOLERANCE_M),
-            (1, "step of the velocity at a joint", "m/s", SPEED_TOLERANCE_MPS),
+        jerk = self.limits.jerk_mps3 is not None
+        accelerates = jerk or self.limits.acceleration_mps2 is not None or self.vehicle is not None
+        for derivative, name, unit, allowed, counts in (
+            (0, "step of the place at a joint", "m", LENGTH_TOLERANCE_M, True),
+            (1, "step of the velocity at a joint", "m/s", SPEED_TOLERANCE_MPS, accelerates),
+            (2, "step of the acceleration at a joint", "m/s²", _STEP_MPS2, jerk),
         ):
-            if derivative and self.limits.acceleration_mps2 is None:
+            if not counts:
                 continue
             most, who, t_s = 0.0, self.tracks[0].name, float(self.tracks[0].position_ned_m.x[0])
             for each in self.tracks:
@@ -230,14 +271,42 @@ class _Proofs:
         return found
 
     def _motion(self, motion: FleetMotion, unchecked: list[str]) -> list[TrackCheck]:
-        """Speed and acceleration, while a vehicle's own polynomial says where it is."""
-        asked = ((1, "speed", "m/s", self.limits.speed_mps), (2, "acceleration", "m/s²", self.limits.acceleration_mps2))
+        """Speed, acceleration and jerk, while a vehicle's own polynomial says where it is."""
+        limits = self.limits
+        asked = (
+            (1, "speed", "m/s", limits.speed_mps),
+            (2, "acceleration", "m/s²", limits.acceleration_mps2),
+            (3, "jerk", "m/s³", limits.jerk_mps3),
+        )
         stated = tuple(
             (order, TrackCriterion(name, unit, most, most=True)) for order, name, unit, most in asked if most
         )
         unchecked += [name for _, name, _, most in asked if not most]
-        family = TrackMotion(motion, stated)
-        return self._checks(family, family.criteria, _every(motion, moving=True)) if stated else []
+        axes: tuple[TrackCriterion, ...] = ()
+        if self.scenario is not None:
+            if any(each.off_m for each in self.tracks):
+                unchecked.append("the scenario's speeds")
+            else:
+                named = zip(("north", "east", "the vertical"), self.scenario.limits.speed_ned_mps, strict=True)
+                axes = tuple(TrackCriterion(f"speed along {axis}", "m/s", most, most=True) for axis, most in named)
+        family = TrackMotion(motion, stated, axes)
+        return self._checks(family, family.criteria, _every(motion, moving=True)) if family.criteria else []
+
+    def _effort(self, motion: FleetMotion, unchecked: list[str]) -> list[TrackCheck]:
+        """Thrust and tilt, in the scenario's wind."""
+        if self.vehicle is None:
+            unchecked += ["thrust", "tilt"]
+            return []
+        body, own = self.vehicle.vehicle, self.vehicle.limits
+        wind = STILL if self.scenario is None else steady_wind(self.scenario)
+        tilt_deg = self.limits.tilt_deg or min(own.roll_pitch_yaw_deg[:2])
+        family = TrackEffort(
+            motion,
+            Quadrotor(**body.model_dump(exclude={"name", "power"}), wind=wind),
+            self.limits.thrust_N or own.thrust_N,
+            np.radians(tilt_deg).item(),
+        )
+        return self._checks(family, family.criteria, _every(motion, moving=True))
 
     def _ground(self, scenario: Scenario, motion: FleetMotion) -> list[TrackCheck]:
         """The distance to the ground from take-off to landing; before and after, what is beside the place below."""

@@ -1,4 +1,4 @@
-"""Separation, speed, acceleration, heights and zones of tracks, each bounded over intervals of time."""
+"""Separation, motion, effort, places and zones of tracks, each bounded over intervals of time."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -6,14 +6,17 @@ from functools import cached_property
 import numpy as np
 
 from gcs.mission.proving.track import FleetMotion
+from gcs.physics.quadrotor import Quadrotor
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M, outside_zone
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
-from gcs.plan.verification.proof.taylor import Taylor
+from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE
 from gcs.scenario.environment.no_fly import Zone, ZoneName
 from gcs.types import Array
 
 _ROUNDING_M = 1e-9
+_DOWN = 2
+NamedRanges = tuple[tuple[str, tuple[float, float] | None], ...]  # of north, east and height: its name, its limits
 LENGTH = Constraint(LENGTH_TOLERANCE_M, RESOLUTION_M)
 
 
@@ -131,30 +134,89 @@ class _OfVehicles:
 
 @dataclass(frozen=True, eq=False)
 class TrackMotion(_OfVehicles):
-    """Speed and acceleration."""
+    """Speed, acceleration and jerk, and the speed along single axes."""
 
     motion: FleetMotion
-    limits: tuple[tuple[int, TrackCriterion], ...]  # the derivative, and its most
+    sizes: tuple[tuple[int, TrackCriterion], ...]  # the derivative, and its most
+    along: tuple[TrackCriterion, ...] = ()  # the most of the speed along north, east and the vertical
 
     @property
     def criteria(self) -> tuple[TrackCriterion, ...]:
         """In the order of the margins."""
-        return tuple(criterion for _, criterion in self.limits)
+        return (*(criterion for _, criterion in self.sizes), *self.along)
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         """In the order of the margins."""
-        sizes = [LIMIT_TOLERANCE * criterion.limit for criterion in self.criteria]
-        return tuple(Constraint(size, size / 4.0) for size in sizes)
+        return tuple(map(_relative, self.criteria))
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         """See `Family`."""
         low, seen = [], []
-        for derivative, criterion in self.limits:
+        for derivative, criterion in self.sizes:
             vector = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s, derivative)
             low.append(criterion.limit - np.sqrt(np.maximum(_squared(vector).range()[1], 0.0)))
             seen.append(criterion.limit - np.linalg.norm(vector.middle, axis=0))
+        if self.along:
+            velocity = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s, 1)
+            most, now = velocity.size(), np.abs(velocity.middle)
+            low += [criterion.limit - most[axis] for axis, criterion in enumerate(self.along)]
+            seen += [criterion.limit - now[axis] for axis, criterion in enumerate(self.along)]
         return np.stack(low), np.stack(seen)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackEffort(_OfVehicles):
+    """Thrust and tilt of one type of vehicle: Eq. 1 solved for the force of the rotors, with its drag and the wind.
+
+    The tilt is the angle between that force and the vertical: |roll| and |pitch| are at most as large.
+    """
+
+    motion: FleetMotion
+    vehicle: Quadrotor
+    thrust_N: tuple[float, float]
+    tilt_rad: float
+
+    @property
+    def criteria(self) -> tuple[TrackCriterion, ...]:
+        """In the order of the margins."""
+        low_N, high_N = self.thrust_N
+        thrust = TrackCriterion("least thrust", "N", low_N), TrackCriterion("greatest thrust", "N", high_N, most=True)
+        return (*thrust, TrackCriterion("tilt", "deg", np.degrees(self.tilt_rad).item(), most=True))
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of the margins."""
+        return tuple(map(_relative, self.criteria))
+
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`."""
+        q = self.vehicle
+        place, velocity, acceleration = (
+            self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s, derivative) for derivative in (0, 1, 2)
+        )
+        wind = q.wind.at(-place[2], FUNCTIONS)
+        gravity = (0.0, 0.0, q.gravity_mps2)
+        force = [
+            q.mass_kg * (gravity[axis] - acceleration[axis]) - q.drag_Nspm[axis] * (velocity[axis] - wind[axis])
+            for axis in range(3)
+        ]
+        beside, up = force[0].square() + force[1].square(), force[2]
+        least, most = (beside + up.square()).range()
+        aside_N = np.sqrt(np.maximum(beside.range()[1], 0.0))
+        tilted = np.degrees(np.arctan2(aside_N, up.low()))
+        now = np.stack([part.middle for part in force])
+        thrust = np.linalg.norm(now, axis=0)
+        tilt = np.degrees(np.arctan2(np.hypot(now[0], now[1]), now[2]))
+        (low_N, high_N), limit_deg = self.thrust_N, np.degrees(self.tilt_rad)
+        low = [np.sqrt(np.maximum(least, 0.0)) - low_N, high_N - np.sqrt(most), limit_deg - tilted]
+        return np.stack(low), np.stack([thrust - low_N, high_N - thrust, limit_deg - tilt])
+
+
+def _relative(criterion: TrackCriterion) -> Constraint:
+    """What is allowed beyond a limit by rounding, as a share of it."""
+    size = LIMIT_TOLERANCE * abs(criterion.limit)
+    return Constraint(size, size / 4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,17 +224,20 @@ class TrackPlaces(_OfVehicles):
     """Heights above 0 and zones, at the times at which the zones are there."""
 
     motion: FleetMotion
-    height_m: tuple[float, float] | None
+    ranges_m: NamedRanges
     zones: tuple[tuple[ZoneName, Zone], ...]
     zone_margin_m: float
 
     @property
     def criteria(self) -> tuple[TrackCriterion, ...]:
         """In the order of the margins."""
-        low, high = self.height_m or (0.0, 0.0)
-        heights = (TrackCriterion("least height", "m", low), TrackCriterion("greatest height", "m", high, most=True))
+        found = []
+        for what, limits_m in self.ranges_m:
+            if limits_m is not None:
+                found.append(TrackCriterion(f"least {what}", "m", limits_m[0]))
+                found.append(TrackCriterion(f"greatest {what}", "m", limits_m[1], most=True))
         named = (TrackCriterion(f"distance to {name.edge}", "m", self.zone_margin_m) for name, _ in self.zones)
-        return (*(heights if self.height_m else ()), *named)
+        return (*found, *named)
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -183,11 +248,12 @@ class TrackPlaces(_OfVehicles):
         """See `Family`."""
         place = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s)
         found: list[tuple[Array, Array]] = []
-        if self.height_m:
-            least, most = (-place[2]).range()
-            height = -self.motion.places(cells.who[:, 0], cells.middle_s)[:, 2]
-            found += [(least - self.height_m[0], height - self.height_m[0])]
-            found += [(self.height_m[1] - most, self.height_m[1] - height)]
+        now = self.motion.places(cells.who[:, 0], cells.middle_s)
+        for axis, (_, limits_m) in enumerate(self.ranges_m):
+            if limits_m is not None:
+                sign = -1.0 if axis == _DOWN else 1.0
+                (least, most), at = (sign * place[axis]).range(), sign * now[:, axis]
+                found += [(least - limits_m[0], at - limits_m[0]), (limits_m[1] - most, limits_m[1] - at)]
         for _, zone in self.zones:
             low, seen = outside_zone(zone, place, cells)
             found.append((low - self.zone_margin_m, seen - self.zone_margin_m))

@@ -1,13 +1,10 @@
 """Speeds and times of a new flight by the limits of its vehicle type, with the room that a planner needs."""
 
 import math
-from functools import cache
-from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
 from gcs.scenario.schema.scenario import MissionOptions, Performance
-from gcs.scenario.schema.vehicle_types import preset_file, presets
-from gcs.scenario.sources.load import load_vehicle
+from gcs.scenario.sources.load import vehicle_type
 from gcs.scenario.values.own_landing import landing_duration_s
 from gcs.scenario.values.si import WIND_PEAKS
 
@@ -20,12 +17,7 @@ _LEAST_TAKEOFF_S = 20.0
 
 def type_limits(vehicle: str = VEHICLE_TYPE) -> Performance:
     """The limits of a vehicle type, a preset or a vehicle file. Raises ScenarioError for a file with mistakes."""
-    return _preset_limits(vehicle) if vehicle in presets() else load_vehicle(Path(vehicle)).limits
-
-
-@cache
-def _preset_limits(name: str) -> Performance:
-    return load_vehicle(preset_file(name)).limits
+    return vehicle_type(vehicle).limits
 
 
 def fastest_mps(limits: Performance) -> float:

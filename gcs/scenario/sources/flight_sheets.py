@@ -15,9 +15,8 @@ import numpy as np
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
 from gcs.scenario.schema.formation_table import START_SHAPE
-from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.flight_margins import VEHICLE_TYPE
-from gcs.scenario.sources.load import load_vehicle
+from gcs.scenario.sources.load import vehicle_type
 from gcs.scenario.validation.spacing import close_pairs, nearest_pair
 from gcs.scenario.values.navigation_error import vehicle_size_m
 from gcs.types import Array
@@ -219,7 +218,7 @@ def read_flight_sheets(
     out, that is twice the size of a vehicle.
     """
     if least_m is None:
-        least_m = math.floor(20.0 * vehicle_size_m(load_vehicle(preset_file(VEHICLE_TYPE)).vehicle)) / 10.0
+        least_m = math.floor(20.0 * vehicle_size_m(vehicle_type(VEHICLE_TYPE).vehicle)) / 10.0
     rows = read_sheet(positions)
     if origin is None and LATITUDE in rows[0].cells:
         origin = Origin(*_place(rows[0]), 0.0)

@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,16 @@ def with_keys(scenario: Scenario, **tables: Any) -> Scenario:
     return with_changes_of_route(changed)
 
 
+def vehicle_type(vehicle: str | Path) -> VehicleFile:
+    """A preset by its name, else the type of a vehicle file. Raises ScenarioError for a file with mistakes."""
+    return _preset(str(vehicle)) if str(vehicle) in presets() else load_vehicle(Path(vehicle))
+
+
+@cache
+def _preset(name: str) -> VehicleFile:
+    return load_vehicle(preset_file(name))
+
+
 def load_vehicle(file: Path) -> VehicleFile:
     """The vehicle type of a file, checked by the rules of physics. Raises ScenarioError like `load_scenario`."""
     text = _read(file)
@@ -160,7 +171,7 @@ def _is_file(file: Path) -> bool:
 
 def _stand_ins() -> list[VehicleFile | None]:
     """The types with which a scenario is checked whose own type is unknown."""
-    return [load_vehicle(preset_file(name)) for name in presets()]
+    return [vehicle_type(name) for name in presets()]
 
 
 def _judged(data: Table, folder: Path, certain: set[Key]) -> tuple[Scenario | None, list[Mistake]]:
