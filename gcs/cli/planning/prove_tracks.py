@@ -101,6 +101,9 @@ def prove(
             words=("enu", "ned", "nwu"),
         ),
     ] = None,
+    picture: Annotated[
+        Path | None, option("Draw the tracks and their nearest calls.", "--picture", "-p", metavar="FILE")
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -122,6 +125,10 @@ def prove(
     from gcs.plan.plan_file import is_plan_file, read_plan
     from gcs.scenario.sources.load import load_scenario
 
+    if picture is not None:
+        from gcs.flight.plots.figure_file import refuse_kind
+
+        refuse_kind(picture)
     limits = TrackLimits(separation, vertical_scale, speed, acceleration, height, clearance, jerk, thrust, tilt)
     place = None
     if scenario is not None:
@@ -151,6 +158,11 @@ def prove(
             "unchecked": list(report.unchecked),
         }
     )
+    if picture is not None:
+        from gcs.flight.plots.proof_plot import save_proof
+
+        save_proof(read.tracks, report, place, picture)
+        screen.say(f"picture: {picture}")
     return screen.ended(report.refusal())
 
 

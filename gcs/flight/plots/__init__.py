@@ -1,4 +1,4 @@
 """The pictures of plans, flights and replays.
 
-It may import flight.monitoring, flight.recording, flight.scene, scenario and plan.
+It may import flight.monitoring, flight.recording, flight.scene, scenario, plan and mission.
 """

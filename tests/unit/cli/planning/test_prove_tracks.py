@@ -22,7 +22,7 @@ def test_a_proof_ends_with_0(crossing: list[str], capsys: pytest.CaptureFixture[
     assert main.run([*crossing, "--separation", "0.45", "--height", "5", "12"]) == 0
     out = capsys.readouterr().out
     assert "≥ 0.4528 m" in out
-    assert "not checked, because no limit is stated: speed, acceleration, ground, no-fly zones" in out
+    assert "no limit is stated: speed, acceleration, jerk, thrust, tilt, ground, no-fly zones" in out
     assert "proved: yes, 2 vehicles from 0 s to 10 s" in out
 
 
