@@ -101,6 +101,14 @@ def prove(
             words=("enu", "ned", "nwu"),
         ),
     ] = None,
+    start: Annotated[
+        float,
+        option(
+            "Time of the scenario at which the files' time is 0; where zones move, it matters.",
+            metavar="SECONDS",
+            limits=(-1e6, 1e6, "s"),
+        ),
+    ] = 0.0,
     picture: Annotated[
         Path | None, option("Draw the tracks and their nearest calls.", "--picture", "-p", metavar="FILE")
     ] = None,
@@ -133,7 +141,7 @@ def prove(
     place = None
     if scenario is not None:
         place = read_plan(scenario)[0].scenario if is_plan_file(scenario) else load_scenario(scenario)
-    read = read_tracks(files, frame=frame, scenario=place)
+    read = read_tracks(files, frame=frame, scenario=place, start_s=start)
     report = proved(read.tracks, limits, place, vehicle)
     for line in read.account:
         screen.say(line)

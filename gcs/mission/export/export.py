@@ -16,8 +16,10 @@ from gcs.mission.export.atomic_folder import refuse_foreign, replaced
 from gcs.mission.export.bspline_smoothing import SmoothPath, smoothed
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
 from gcs.mission.export.mission_files import MadeMissions, MissionOrder, make_missions
+from gcs.mission.export.plan_curves import plan_curves
 from gcs.mission.export.separations import Separation, separations
 from gcs.mission.export.setpoint_stream import build_stream, of_vehicle
+from gcs.mission.formats.curves import ShowFile
 from gcs.mission.formats.maps.tracks import build_map
 from gcs.mission.formats.param import ParameterFile
 from gcs.mission.formats.registry import DEFAULT, FLEET, Content, Format, select_formats, vehicle_name
@@ -199,6 +201,14 @@ def _histories(material: _Material) -> _Values:
             yield vehicle_name(history.sysid), history
 
 
+def _show(material: _Material) -> _Values:
+    plan = material.plan
+    yield (
+        FLEET,
+        ShowFile(plan.scenario.title or plan.scenario.name, plan.hash, tuple(plan_curves(plan, quintics=False))),
+    )
+
+
 def _batches(vehicles: int) -> Iterator[slice]:
     return (slice(first, first + _BATCH) for first in range(0, vehicles, _BATCH))
 
@@ -211,4 +221,6 @@ _VALUES: dict[Content, Callable[[_Material], _Values]] = {
     Content.SETPOINTS: _setpoints,
     Content.HISTORY: _histories,
     Content.MAP: lambda m: iter([(FLEET, build_map(m.plan, m.safety.fence.geofence))]),
+    Content.PIECES: lambda m: ((vehicle_name(each.sysid), each) for each in plan_curves(m.plan, quintics=True)),
+    Content.SHOW: _show,
 }

@@ -27,11 +27,13 @@ class Content(StrEnum):
     SETPOINTS = "gcs.mission.formats.tables.setpoint_table.StreamFile"
     HISTORY = "gcs.mission.formats.tables.history_csv.History"
     MAP = "gcs.mission.formats.maps.tracks.MapFile"
+    PIECES = "gcs.mission.formats.curves.Curve"
+    SHOW = "gcs.mission.formats.curves.ShowFile"
 
     @property
     def per_vehicle(self) -> bool:
         """Whether each vehicle has a file; else one file holds the formation."""
-        return self is not Content.MAP
+        return self not in (Content.MAP, Content.SHOW)
 
     @property
     def per_autopilot(self) -> bool:
@@ -80,7 +82,7 @@ def _row(
     """A row of the table; `functions` is "module:value": `write_value`, and `read_value` of what flies."""
     module, value = functions.split(":")
     writer, reader = (f"gcs.mission.formats.{module}:{does}_{value}" for does in ("write", "read"))
-    read_back = content not in (Content.HISTORY, Content.MAP)
+    read_back = content not in (Content.HISTORY, Content.MAP, Content.PIECES, Content.SHOW)
     return Format(name, suffix or f".{name}", content, purpose, writer, reader if read_back else None, **more)
 
 
@@ -92,6 +94,8 @@ _HISTORY = "State and control of Eq. 1 over the whole plan, as CSV, for plots an
 _PARAM = "Return (RTL) and fence parameters: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl"
 _GEOJSON = "Tracks, plan times, route points and the geofence, for GIS programs (QGIS) and web maps"
 _KML = "Tracks in time, route points and the geofence, for Google Earth"
+_PIECES = "Polynomials from take-off to landing, as uav_trajectories and Crazyswarm have them, within 1 mm of the plan"
+_SKYC = "Show for Skybrush, without lights, within 1 mm of the plan"
 _PARAMETER_FILES = {known: str(known.traits.parameter_file) for known in Autopilot}
 FORMATS = (
     _row("plan", "qgc_plan:mission", Content.MISSION, _PLAN, default=True, fenced=True),
@@ -105,6 +109,8 @@ FORMATS = (
     _row("kml", "maps.kml:kml", Content.MAP, _KML),
     _row("kmz", "maps.kml:kmz", Content.MAP, "The same map, compressed"),
     _row("geojson", "maps.geojson:geojson", Content.MAP, _GEOJSON),
+    _row("pieces", "pieces_csv:pieces", Content.PIECES, _PIECES, ".pieces.csv"),
+    _row("skyc", "skyc:show", Content.SHOW, _SKYC),
 )
 DEFAULT = tuple(row for row in FORMATS if row.default)
 

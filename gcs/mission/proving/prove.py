@@ -31,12 +31,12 @@ from gcs.plan.verification.proof.verdict import (
     Verdict,
     verdict_of,
 )
+from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import zone_names, zones
-from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import LimitsTable, Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
-from gcs.scenario.values.si import steady_wind
+from gcs.scenario.values.si import NED_FROM_UP, steady_wind
 from gcs.types import Array
 
 _CELLS_MAX = 20_000_000
@@ -316,10 +316,10 @@ class _Proofs:
         for row in range(len(self.tracks)):
             of_row = np.full(len(motion.edges_s), row, dtype=np.intp)
             places = motion.places(of_row, motion.edges_s)
-            above_m = -places[:, 2] - ground_height_m(scenario.terrain, places[:, 0], places[:, 1])
-            high = np.flatnonzero(above_m >= limit_m)
+            north_m, east_m, up_m = (places * NED_FROM_UP).T
+            high = np.flatnonzero(ground_distance_m(scenario.terrain, north_m, east_m, up_m, 2.0 * limit_m) >= limit_m)
             # One that is never high enough does not only take off and land.
-            first, last = (high[0], high[-1]) if len(high) else (0, len(above_m))
+            first, last = (high[0], high[-1]) if len(high) else (0, len(places))
             phase[row, :first], phase[row, last:] = _TAKEOFF, _LANDING
             pads[_TAKEOFF, row], pads[_LANDING, row] = places[0, 2], places[-1, 2]
         cells = Cells(cells.who, cells.start_s, cells.end_s, phase.ravel(), cells.patch)

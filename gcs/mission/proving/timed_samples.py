@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError
+from gcs.mission.formats.curves import cubic, quintic
 from gcs.mission.proving.csv_rows import TrackFile, in_ned
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.types import Array
@@ -141,15 +142,11 @@ def _interpolated(file: TrackFile, name: str, samples: _Samples, columns: list[_
 
 def through(t_s: Array, place: Array, velocity: Array | None = None, acceleration: Array | None = None) -> PPoly:
     """The polynomials of degree 1, 3 or 5 through places (N, 3) at times (N,), and velocities and accelerations."""
-    h = np.diff(t_s)[:, None]
-    step = np.diff(place, axis=0) / h
+    length_s = np.diff(t_s)
     if velocity is None:
-        return PPoly(np.stack([step, place[:-1]]), t_s)
-    v0, v1 = velocity[:-1], velocity[1:]
-    if acceleration is None:
-        return PPoly(np.stack([(v0 + v1 - 2.0 * step) / h**2, (3.0 * step - 2.0 * v0 - v1) / h, v0, place[:-1]]), t_s)
-    a0, a1 = acceleration[:-1], acceleration[1:]
-    fifth = (6.0 * step - 3.0 * (v0 + v1)) / h**4 - (a0 - a1) / (2.0 * h**3)
-    fourth = (-15.0 * step + 8.0 * v0 + 7.0 * v1) / h**3 + (3.0 * a0 - 2.0 * a1) / (2.0 * h**2)
-    third = (10.0 * step - 6.0 * v0 - 4.0 * v1) / h**2 - (3.0 * a0 - a1) / (2.0 * h)
-    return PPoly(np.stack([fifth, fourth, third, 0.5 * a0, v0, place[:-1]]), t_s)
+        c = np.stack([place[:-1], np.diff(place, axis=0) / length_s[:, None]])
+    elif acceleration is None:
+        c = cubic(length_s, place, velocity)
+    else:
+        c = quintic(length_s, place, velocity, acceleration)
+    return PPoly(c[::-1].copy(), t_s)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
@@ -78,16 +80,20 @@ TRACK_FORMATS = (
 
 
 def read_tracks(
-    paths: Sequence[Path | str], *, frame: str | None = None, scenario: Scenario | None = None
+    paths: Sequence[Path | str], *, frame: str | None = None, scenario: Scenario | None = None, start_s: float = 0.0
 ) -> ReadTracks:
     """The tracks in files of any of the formats. `frame`, "ned", "enu" or "nwu", is that of columns x, y and z.
 
-    Missions count from the origin of the scenario, else from the first home. Raises `FileFormatError` with file and
+    Missions count from the origin of the scenario, else from the first home. `start_s` is the scenario's time at which
+    the files' time is 0. Raises `FileFormatError` with file and
     line, and `UsageError` for a frame that is not known.
     """
     if not paths:
         raise UsageError("no files are named", hint="give files with trajectories")
-    files = [TrackFile(read_file(path, TRACK_FILE), str(path), path.stem, frame) for path in map(Path, paths)]
+    files = [
+        TrackFile(read_file(path, TRACK_FILE), str(path), path.stem.removesuffix(".pieces"), frame)
+        for path in map(Path, paths)
+    ]
     rows = [next(row for row in TRACK_FORMATS if row.is_it(file)) for file in files]
     found: dict[int, _Read] = {}
     for row in TRACK_FORMATS:
@@ -105,4 +111,7 @@ def read_tracks(
         names = ", ".join(each.name for each in its[:5]) + (f" and {len(its) - 5} more" if len(its) > 5 else "")
         without = f"; left out: {', '.join(left_out)}" if left_out else ""
         account.append(f"{file.source}: {row.name}, {names}{without}")
+    if start_s:
+        later = [PPoly(each.position_ned_m.c, each.position_ned_m.x + start_s) for each in tracks]
+        tracks = [replace(each, position_ned_m=moved) for each, moved in zip(tracks, later, strict=True)]
     return ReadTracks(tuple(tracks), tuple(account))

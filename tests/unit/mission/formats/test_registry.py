@@ -32,8 +32,8 @@ def test_formats_by_name() -> None:
     assert names(select_formats(["kml", "plan", "kml"])) == ["plan", "kml"]
     assert select_formats(["all"]) == select_formats(FORMATS) == FORMATS
     assert names(select_formats([OWN, "kml", OWN])) == ["kml", "own"]
-    with pytest.raises(UsageError, match="no format 'skyc'"):
-        select_formats(["plan", "skyc"])
+    with pytest.raises(UsageError, match="no format 'dxf'"):
+        select_formats(["plan", "dxf"])
 
 
 def test_two_formats_do_not_write_one_file() -> None:
