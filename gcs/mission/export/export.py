@@ -19,12 +19,12 @@ from gcs.mission.export.mission_files import MadeMissions, MissionOrder, make_mi
 from gcs.mission.export.plan_curves import plan_curves
 from gcs.mission.export.separations import Separation, separations
 from gcs.mission.export.setpoint_stream import build_stream, of_vehicle
-from gcs.mission.formats.curves import ShowFile
 from gcs.mission.formats.maps.tracks import build_map
 from gcs.mission.formats.param import ParameterFile
 from gcs.mission.formats.registry import DEFAULT, FLEET, Content, Format, select_formats, vehicle_name
 from gcs.mission.formats.tables.history_csv import build_histories
 from gcs.mission.formats.tables.setpoint_table import StreamFile
+from gcs.mission.formats.vehicle_curve import ShowFile
 from gcs.mission.model import Altitude
 from gcs.mission.returns.fence_rally import Safety, build_safety
 from gcs.mission.waypoints.placement import Deviation

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gcs.mission.formats.curves import Curve, cubic, quintic
+from gcs.mission.formats.vehicle_curve import VehicleCurve, cubic, quintic
 from gcs.physics.quadrotor import derivative
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
@@ -19,7 +19,7 @@ _YAW, _YAW_RATE = 8, 11
 _BATCH = 20  # vehicles sampled at once
 
 
-def plan_curves(plan: Plan, *, quintics: bool) -> Iterator[Curve]:
+def plan_curves(plan: Plan, *, quintics: bool) -> Iterator[VehicleCurve]:
     """The curves of all vehicles on common instants, for quintics through accelerations, or else for cubics."""
     t_s = _instants(plan, quintics=quintics)
     for first in range(0, len(plan.sysids), _BATCH):
@@ -27,7 +27,7 @@ def plan_curves(plan: Plan, *, quintics: bool) -> Iterator[Curve]:
         states, controls = plan.motion(t_s, rows)
         acceleration = derivative(states, controls, plan.quadrotor)[..., VELOCITY]
         for row, sysid in enumerate(plan.sysids[rows]):
-            yield Curve(
+            yield VehicleCurve(
                 sysid,
                 t_s - t_s[0],
                 states[row][:, POSITION],

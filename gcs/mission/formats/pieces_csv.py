@@ -5,14 +5,14 @@ The axes are x east, y north, z up and yaw from east to north; the lowest power 
 
 import numpy as np
 
-from gcs.mission.formats.curves import Curve, cubic, quintic
+from gcs.mission.formats.vehicle_curve import VehicleCurve, cubic, quintic
 
 _POWERS = 8
 _HEADER = ",".join(["duration", *(f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in range(_POWERS))])
 _DIGITS = ".12g"
 
 
-def write_pieces(curve: Curve) -> str:
+def write_pieces(curve: VehicleCurve) -> str:
     """The text of a file."""
     length_s = np.diff(curve.t_s)
     motion = (curve.position_ned_m, curve.velocity_ned_mps, curve.acceleration_ned_mps2)

@@ -27,8 +27,8 @@ class Content(StrEnum):
     SETPOINTS = "gcs.mission.formats.tables.setpoint_table.StreamFile"
     HISTORY = "gcs.mission.formats.tables.history_csv.History"
     MAP = "gcs.mission.formats.maps.tracks.MapFile"
-    PIECES = "gcs.mission.formats.curves.Curve"
-    SHOW = "gcs.mission.formats.curves.ShowFile"
+    PIECES = "gcs.mission.formats.vehicle_curve.VehicleCurve"
+    SHOW = "gcs.mission.formats.vehicle_curve.ShowFile"
 
     @property
     def per_vehicle(self) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gcs.mission.formats.curves import Curve, ShowFile
+from gcs.mission.formats.vehicle_curve import ShowFile, VehicleCurve
 from gcs.types import Array
 
 _NWU = np.array([1.0, -1.0, -1.0])
@@ -48,7 +48,7 @@ def _add(archive: zipfile.ZipFile, path: str, value: Mapping[str, object]) -> No
     archive.writestr(info, json.dumps(value, separators=(",", ":")))
 
 
-def _trajectory(curve: Curve) -> dict[str, object]:
+def _trajectory(curve: VehicleCurve) -> dict[str, object]:
     """Each point with the two control points of the curve that ends there: a third of the way along both velocities."""
     t_s = np.round(curve.t_s, _DECIMALS)
     third = np.diff(t_s)[:, None] / 3.0

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError
-from gcs.mission.formats.curves import cubic, quintic
+from gcs.mission.formats.vehicle_curve import cubic, quintic
 from gcs.mission.proving.csv_rows import TrackFile, in_ned
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.types import Array

@@ -8,7 +8,7 @@ from gcs.types import Array
 
 
 @dataclass(frozen=True)
-class Curve:
+class VehicleCurve:
     """One vehicle's motion in the common local NED frame at the ends of the pieces, from its pad to its landing.
 
     The time counts from the start of the take-off.
@@ -29,7 +29,7 @@ class ShowFile:
 
     title: str
     plan_hash: str
-    curves: tuple[Curve, ...]
+    curves: tuple[VehicleCurve, ...]
 
 
 def cubic(length_s: Array, value: Array, rate: Array) -> Array:
