@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -95,6 +95,11 @@ class FleetMotion:
             c[0, row, :first], c[0, row, last:] = starts[0], ends[-1]
             moves[row, first:last] = 1.0
         return cls(edges_s, c, moves, np.array([each.off_m for each in tracks]))
+
+    @cached_property
+    def relative(self) -> FleetMotion:
+        """The motion beside the mean of all vehicles: of a formation it is small, and differences are the same."""
+        return replace(self, c=self.c - self.c.mean(axis=1, keepdims=True))
 
     @cached_property
     def half_s(self) -> Array:

@@ -55,7 +55,7 @@ class TrackSeparation:
     def cells(self) -> Cells:
         """Every pair on the one window that holds all of the flight."""
         pairs = np.stack(np.triu_indices(self.motion.c.shape[1], 1), axis=1)
-        level, edges_s = len(self.motion.windows) - 1, self.motion.edges_s
+        level, edges_s = len(self.motion.relative.windows) - 1, self.motion.edges_s
         patch = np.tile([float(level), 0.0], (len(pairs), 1))
         start_s, end_s = np.full(len(pairs), edges_s[0]), np.full(len(pairs), edges_s[-1])
         return Cells(pairs, start_s, end_s, np.zeros(len(pairs), dtype=np.intp), patch)
@@ -85,7 +85,8 @@ class TrackSeparation:
     def _of_windows(self, cells: Cells, level: int) -> tuple[Array, Array]:
         """Distances, bounded by the gap of the boxes, and by the distance in the middle and the relative velocity."""
         number = cells.patch[:, 1].astype(np.intp)
-        low, high, slow, fast = self.motion.windows[level]
+        beside = self.motion.relative
+        low, high, slow, fast = beside.windows[level]
         a, b = cells.who.T
         gap = np.maximum(low[a, number] - high[b, number], low[b, number] - high[a, number])
         boxes = np.linalg.norm(np.maximum(gap, 0.0) * self._scale, axis=1)
@@ -93,7 +94,7 @@ class TrackSeparation:
         moved = 0.5 * (cells.end_s - cells.start_s) * np.linalg.norm(relative * self._scale, axis=1)
         begins = number << level
         ends = np.minimum(begins + (1 << level), len(self.motion.half_s))
-        jumped = sum(self.motion.jumps_m[row, ends - 1] - self.motion.jumps_m[row, begins] for row in (a, b))
+        jumped = sum(beside.jumps_m[row, ends - 1] - beside.jumps_m[row, begins] for row in (a, b))
         distance = self._distance(cells)
         off = (self.motion.off_m[a] + self.motion.off_m[b]) * max(1.0, 1.0 / self.vertical_scale)
         return np.maximum(boxes, distance - moved - jumped - off - _ROUNDING_M), distance
