@@ -1,7 +1,7 @@
 """Skein, the ground station for formations of quadrotors: the public Python API.
 
     import gcs
-    plan = gcs.make_plan(gcs.load_scenario("missions/simulation1"))
+    plan = gcs.make_plan(gcs.load_scenario("simulation1"))
     gcs.export(plan, "out")
     flown = gcs.fly(plan)
 

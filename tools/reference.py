@@ -9,9 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from gcs.cli.main import PANELS, app
+from gcs.cli.command_app import command_of
+from gcs.cli.command_table import PANELS
 from gcs.flight.contingency.detection import DETECTED
 from gcs.flight.contingency.policy import ALL, MEANING, Row, State
 from gcs.flight.contingency.policy_rows import KEEPS, POLICY
@@ -150,7 +149,7 @@ EVERYWHERE = ("debug", "json", "help")  # options of every command
 
 def commands_reference() -> str:
     """Every command, by panel."""
-    group: Any = typer.main.get_command(app)
+    group: Any = command_of()
     parts: list[str] = []
     for panel in PANELS.values():
         commands = [command for command in group.commands.values() if command.rich_help_panel == panel]

@@ -112,13 +112,13 @@ def fly(
     Exit status 0 when the flight violated no criterion of the scenario's table `judge` as far as is known, 10 when it
     did, 9 when it was aborted.
 
-    Examples: gcs fly missions/simulation1 --sim
+    Examples: gcs fly simulation1 --sim
 
-    gcs fly missions/simulation1 --sim --mode mission --speedup max
+    gcs fly simulation1 --sim --mode mission --speedup max
 
-    gcs fly missions/simulation1 --sim --speedup 1 --also-to udpout:127.0.0.1:14550
+    gcs fly simulation1 --sim --speedup 1 --also-to udpout:127.0.0.1:14550
 
-    gcs fly missions/simulation1 --sim --page
+    gcs fly simulation1 --sim --page
     """
     screen = Screen(json=json)
     share = None if reserve is None else shared.as_share(reserve)
@@ -183,7 +183,7 @@ def _check(keeping: TimeKeeping, speedup: str, *, on_link: bool, follow: bool) -
     if keeping.emulated is on_link:
         raise UsageError(
             "give --sim for emulated vehicles, or --link for vehicles on a link, and not both",
-            hint="for example `gcs fly missions/simulation1 --sim`",
+            hint="for example `gcs fly simulation1 --sim`",
         )
     shared.as_rate("--speedup", speedup)
     if follow and keeping.mode is not FlightMode.STREAM:

@@ -71,7 +71,7 @@ def check(
 
     Exit status 0 without findings, 11 with findings, 6 when a file cannot be read.
 
-    Examples: gcs check out/*.plan --terrain missions/simulation1
+    Examples: gcs check out/*.plan --terrain simulation1
 
     gcs check a.waypoints b.waypoints --autopilot px4 --separation 5
     """

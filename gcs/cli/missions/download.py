@@ -63,7 +63,7 @@ def diff(
 
     Exit status 0 when every vehicle has what the plan requires, 11 when there are differences.
 
-    Examples: gcs diff missions/field --link udpin:127.0.0.1:14550
+    Examples: gcs diff field --link udpin:127.0.0.1:14550
     """
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.util.aio import Stoppable

@@ -91,11 +91,11 @@ def export(
     Exit status 13 when requested missions are not fit to fly; the other files are written. Missions are requested by
     default, but not with --untimed or --format setpoints.
 
-    Examples: gcs export missions/simulation1 --to out
+    Examples: gcs export simulation1 --to out
 
-    gcs export missions/field --to out --format plan --format kml
+    gcs export field --to out --format plan --format kml
 
-    gcs export missions/field --to out --gates 3 --start 10:30:00
+    gcs export field --to out --gates 3 --start 10:30:00
     """
     screen = Screen(json=json)
     start_s = None if start is None else _seconds_of_day(start)

@@ -47,7 +47,7 @@ def upload(
     All vehicles or none: if one upload fails, everything uploaded is cleared again. The error then names the state of
     each vehicle.
 
-    Examples: gcs upload missions/field --link udpin:127.0.0.1:14550
+    Examples: gcs upload field --link udpin:127.0.0.1:14550
 
     gcs upload plans/field.skein --link tcp:10.0.0.5:5760 --map 1=7,2=8 --dry-run
     """

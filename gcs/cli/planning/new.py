@@ -209,8 +209,8 @@ def new(
         "end_deg": end_deg,
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
+    from gcs.scenario.sources.bundled_missions import FILE_NAME
     from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
-    from gcs.scenario.sources.load import FILE_NAME
     from gcs.scenario.sources.template import FirstFlight, flown_by, scenario_text, straight_to
     from gcs.util.atomic_write import atomic_write
 

@@ -34,7 +34,7 @@ def plan(
     A plan that failed verification is written too, for inspection; every later command refuses it. Exit status 0 when
     the plan is verified, 5 when it failed verification.
 
-    Example: gcs plan missions/simulation1
+    Example: gcs plan simulation1
     """
     screen = Screen(json=json)
     from gcs.cli.planning.plan_tables import say_battery, say_coverage

@@ -121,7 +121,7 @@ def prove(
 
     Examples: gcs prove cf1.csv cf2.csv --separation 0.3 --vertical-scale 2
 
-    gcs prove out/*.setpoints --scenario missions/simulation1
+    gcs prove out/*.setpoints --scenario simulation1
     """
     screen = Screen(json=json)
     from rich.markup import escape

@@ -72,6 +72,8 @@ def plan_for(
         watch.lap("load and verify")
     else:
         scenario = load_scenario(mission)
+        if not mission.exists():
+            screen.say(f"mission {mission}: the one that comes with Skein")
         if refuse is not None:
             refuse(scenario)
         for question in doubts(scenario):

@@ -39,8 +39,11 @@ def one_of(*words: str) -> Completion:
 
 
 def missions(incomplete: str) -> list[str]:
-    """Mission folders, and scenario and plan files that stand outside them."""
-    return _Search(SCENARIO, (PLAN, ".toml")).found(incomplete)
+    """Mission folders, and scenario and plan files that stand outside them, else the bundled missions."""
+    from gcs.scenario.sources.bundled_missions import bundled_names
+
+    found = _Search(SCENARIO, (PLAN, ".toml")).found(incomplete)
+    return found or [name for name in bundled_names() if name.startswith(incomplete)]
 
 
 def plans(incomplete: str) -> list[str]:
@@ -143,7 +146,9 @@ def argument(text: str, metavar: str, completion: Completion | None = None) -> A
     return typer.Argument(metavar=metavar, help=text, show_default=False, autocompletion=completion)
 
 
-MissionArgument = Annotated[Path, argument("Mission folder, scenario file or plan file.", "MISSION", missions)]
+MissionArgument = Annotated[
+    Path, argument("Mission folder, scenario file, plan file, or name of a bundled mission.", "MISSION", missions)
+]
 PlanArgument = Annotated[Path, argument("Plan file of `gcs plan`.", "PLAN", plans)]
 FlightArgument = Annotated[Path, argument("Folder of the flight.", "FOLDER", flights)]
 JsonOption = Annotated[bool, option("Print one JSON object on stdout; stderr then has warnings only.", "--json")]

@@ -18,6 +18,7 @@ from gcs.scenario.schema.mistake import Mistake, dotted, nearest, value_at
 from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
+from gcs.scenario.sources.bundled_missions import FILE_NAME, bundled_mission, bundled_names
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.ground_heights import (
     above_ground,
@@ -33,7 +34,6 @@ from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.values.si import ground_needed, local_origin, with_changes_of_route
 from gcs.util.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file, read_json
 
-FILE_NAME = "scenario.toml"
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_PARTS_MAX}}}""")
 _SLIPS_MAX = 20  # corrected in one file
@@ -64,7 +64,9 @@ _WORDS = {  # what tomllib says, as this program says it
 
 
 def load_scenario(path: Path | str) -> Scenario:
-    """The scenario in a mission folder or scenario file.
+    """The scenario in a mission folder or scenario file, or of a bundled mission by its bare name (`simulation1`).
+
+    A folder or file of that name in the working directory comes first.
 
     Raises ScenarioError with one line for each mistake: file, line, key, value and what is allowed.
     """
@@ -285,7 +287,7 @@ def _from_toml(text: str) -> Table:
 
 
 def scenario_file(path: Path) -> Path:
-    """The scenario file of a folder or path. Raises ScenarioError, with the missions found nearby."""
+    """The scenario file of a folder, path or bundled mission. Raises ScenarioError, with the missions found nearby."""
     try:
         is_folder, is_there = path.is_dir(), path.exists()
     except (OSError, ValueError):  # a name that is too long; a NUL byte
@@ -296,14 +298,17 @@ def scenario_file(path: Path) -> Path:
         raise ScenarioError(f"{path} has no {FILE_NAME}", hint=_missions_near(path))
     if is_there:
         return path
+    if bundled := bundled_mission(path):
+        return bundled
     raise ScenarioError(f"there is no mission at {path}", hint=_missions_near(path))
 
 
 def _missions_near(path: Path) -> str:
     places = (path, path.parent, Path("missions"))
     found = dict.fromkeys(file.parent for place in places for file in sorted(place.glob(f"*/{FILE_NAME}")))
+    bundled = f"one that comes with Skein: {', '.join(bundled_names())}"
     if not found:
-        return f"name a folder with a {FILE_NAME}, or a scenario file"
+        return f"name a folder with a {FILE_NAME}, a scenario file, or {bundled}"
     return f"missions nearby: {', '.join(str(folder) for folder in found)}"
 
 

@@ -20,8 +20,9 @@ from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.mistake import degrees
 from gcs.scenario.schema.scenario import OriginTable, Performance, Scenario
 from gcs.scenario.schema.vehicle_types import KEY, presets
+from gcs.scenario.sources.bundled_missions import FILE_NAME
 from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s, type_limits
-from gcs.scenario.sources.load import FILE_NAME, load_scenario, load_vehicle
+from gcs.scenario.sources.load import load_scenario, load_vehicle
 from gcs.scenario.validation.to_metres import question
 from gcs.scenario.values.battery_estimate import BatteryEstimate, battery_estimate
 from gcs.scenario.values.formations import places_up_m, turned

@@ -1,6 +1,6 @@
 """What the documents tell people to type is typed here.
 
-Blocks ```sh and ```python of README.md, docs/*.md and missions/*/README.md run from top to bottom in a copy of the
+Blocks ```sh and ```python of README.md, docs/**/*.md and missions/*/README.md run from top to bottom in a copy of the
 tree (with -m slow), each document in a copy of its own. An HTML comment on the line before a
 block says when not to: `<!-- run: in tests/x.py -->` names the test that does it instead (which must exist), `<!--
 run: no, because ... -->` gives a reason. In an sh block a line may begin with `$ `; then the lines without it are what
@@ -55,7 +55,7 @@ def blocks_of(text: str, document: str) -> list[Block]:
 
 
 def documents() -> list[Path]:
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("missions/*/README.md"))]
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(ROOT.glob("missions/*/README.md"))]
 
 
 def name_of(file: Path) -> str:
@@ -104,8 +104,18 @@ def test_long_commands_are_left_to_the_end_to_end_test() -> None:
     """A flight takes most of a minute: one test flies it, and the block names that test. The tutorial flies its own."""
     for block in ALL:
         quick = block.document == "docs/tutorial.md" and "--sim --speedup max" in block.commands
+        quick = quick or block.document.startswith("docs/examples/")
         heavy = not quick and re.search(r"\bgcs fly\b|\bpytest\b|\bsim-bridge\b", block.commands)
         assert not heavy or block.note, f"{block.document}:{block.line}: put `<!-- run: in tests/... -->` before it"
+
+
+def test_examples_are_short_and_stand_in_their_index() -> None:
+    index = (ROOT / "docs" / "examples" / "index.md").read_text(encoding="utf-8")
+    pages = [name for name in BLOCKS if name.startswith("docs/examples/") and not name.endswith("index.md")]
+    assert len(pages) == 6
+    for name in pages:
+        assert f"({Path(name).name})" in index
+        assert BLOCKS[name] and all(len(block.code.splitlines()) < 40 and not block.note for block in BLOCKS[name])
 
 
 def test_links_inside_the_repository_lead_somewhere() -> None:
@@ -135,7 +145,7 @@ def test_the_tutorial_shows_the_scenario_that_gcs_new_writes(tmp_path: Path) -> 
 
 
 def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 150
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 120
 
 
 def test_the_harness_reads_blocks_notes_and_prompts() -> None:

@@ -7,10 +7,8 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-import typer
-
 import gcs
-from gcs.cli.main import app
+from gcs.cli.command_app import command_of
 from gcs.scenario.schema.scenario import Scenario
 from tools.api_reference import CHAPTERS
 from tools.reference import MAKERS, page, scenario_reference, split_help
@@ -23,7 +21,7 @@ def test_the_pages_are_up_to_date(repo_root: Path) -> None:
 
 
 def test_every_command_has_a_sentence_and_examples_that_its_options_take() -> None:
-    group: Any = typer.main.get_command(app)
+    group: Any = command_of()
     for name, command in group.commands.items():
         text, examples = split_help(inspect.cleandoc(command.help))
         first = text.split("\n\n")[0]

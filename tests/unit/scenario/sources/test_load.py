@@ -135,7 +135,7 @@ def test_syntax_errors_name_file_and_line(tmp_path: Path, text: bytes, message: 
 
 def test_a_missing_mission_comes_with_those_nearby(repo_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(repo_root)
-    for wrong in ("missions/simulaton1", "missions", "simulation1", "missions/simulation1/nope.toml"):
+    for wrong in ("missions/simulaton1", "missions", "simulaton1", "missions/simulation1/nope.toml"):
         with pytest.raises(ScenarioError) as caught:
             load_scenario(Path(wrong))
         assert wrong in caught.value.message
@@ -146,7 +146,32 @@ def test_a_missing_mission_far_from_any(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ScenarioError) as caught:
         load_scenario(tmp_path / "a" / "b")
-    assert caught.value.hint == "name a folder with a scenario.toml, or a scenario file"
+    assert caught.value.hint == (
+        "name a folder with a scenario.toml, a scenario file, or one that comes with Skein: changes, circuit, field, "
+        "gap, ridge, simulation1, simulation2, survey, terminal_weighting"
+    )
+
+
+def test_a_bare_name_means_the_bundled_mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("simulation1").title.startswith("Simulation 1")
+    assert load_scenario("ridge").terrain.relief is not None  # the elevation model beside it is found too
+    with pytest.raises(ScenarioError, match="there is no mission at"):
+        load_scenario("missions/simulation1")  # a path
+
+
+def test_a_folder_of_that_name_in_the_working_directory_comes_first(
+    tmp_path: Path, repo_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "simulation1").mkdir()
+    with pytest.raises(ScenarioError, match=r"simulation1 has no scenario\.toml"):
+        load_scenario("simulation1")
+    text = (repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8")
+    (tmp_path / "simulation1" / "scenario.toml").write_text(
+        text.replace('"Simulation 1', '"My own', 1), encoding="utf-8"
+    )
+    assert load_scenario("simulation1").title.startswith("My own")
 
 
 def test_an_elevation_model_is_read_from_beside_the_scenario_or_missed(tmp_path: Path, repo_root: Path) -> None:
