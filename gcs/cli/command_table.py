@@ -91,7 +91,7 @@ COMMANDS = {
         CommandRow(
             "prove",
             "gcs.cli.planning.prove_tracks",
-            "Prove trajectories of any planner at every instant: separation, speed, heights, ground, zones, "
+            "Prove trajectories of any planner at every instant: separation, motion, thrust, heights, ground, zones.",
             "continuity.",
         ),
         CommandRow(
