@@ -92,7 +92,6 @@ COMMANDS = {
             "prove",
             "gcs.cli.planning.prove_tracks",
             "Prove trajectories of any planner at every instant: separation, motion, thrust, heights, ground, zones.",
-            "continuity.",
         ),
         CommandRow(
             "schema",
