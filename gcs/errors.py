@@ -103,6 +103,9 @@ class FileFormatError(GcsError):
 
     exit_code = 6
 
+    def __init__(self, message: str, *, hint: str = "", reason: str = "") -> None:
+        super().__init__(message, hint=hint or "correct the file there, or save it again", reason=reason)
+
 
 class LinkError(GcsError):
     """The connection itself failed: a port in use, an unreachable host."""

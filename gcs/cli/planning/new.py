@@ -95,7 +95,8 @@ def new(
     terrain: Annotated[
         Path | None,
         option(
-            "With --route: elevation model (GeoTIFF, .hgt) from which drawn heights above the ground count.",
+            "With --route: elevation model (GeoTIFF, .hgt) from which drawn heights above the ground count. With "
+            "--survey: --height counts from its ground.",
             metavar="DEM",
             shown="level ground at the origin",
         ),
@@ -190,8 +191,10 @@ def new(
         raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
     surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
     flights = {"--positions": positions, "--course": course, "--distance": distance, "--end": end, "--full": full}
-    if terrain is not None and route is None:
-        raise UsageError("--terrain needs --route.", hint="write [terrain.dem] in other scenarios: docs/scenario.md")
+    if terrain is not None and route is None and survey is None:
+        raise UsageError(
+            "--terrain needs --route or --survey.", hint="write [terrain.dem] in other scenarios: docs/scenario.md"
+        )
     if route is not None:
         _exclude("--route", {**flights, "--survey": survey})
     if survey is not None:
@@ -234,7 +237,7 @@ def new(
         from gcs.cli.planning.new_flights import text_of_survey
 
         text, left_out["left_out"], flight = text_of_survey(
-            folder, survey, surveyed, drawn_at, count, height, screen, vehicle=vehicle
+            folder, survey, surveyed, drawn_at, count, height, screen, vehicle=vehicle, terrain=terrain
         )
     elif route is not None:
         from gcs.cli.planning.new_flights import text_of_drawing

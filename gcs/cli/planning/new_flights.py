@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 
 from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
 from gcs.cli.shared.console import Screen
 from gcs.errors import Infeasible, UsageError, counted
-from gcs.frames import Origin
+from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.drawings.drawing import sentences
 from gcs.mission.drawings.route_formats import read_drawing
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables
+from gcs.mission.drawings.to_scenario.drawn_ground import ground_of
 from gcs.mission.drawings.to_scenario.route_flight import route_flight, route_text
 from gcs.mission.drawings.to_scenario.survey_area import survey_area
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
@@ -145,16 +148,25 @@ def text_of_survey(
     screen: Screen,
     *,
     vehicle: str | None = None,
+    terrain: Path | None = None,
 ) -> tuple[str, list[str], Flight]:
     """The text of the scenario, the sentences about what is not carried over, and the flight.
 
-    The speed is one that `vehicle` can fly: a preset or a vehicle file. Raises UsageError for what cannot be flown, and
-    FileFormatError for a file that is no drawing.
+    The speed is one that `vehicle` can fly: a preset or a vehicle file. With the elevation model `terrain` the height
+    is that above the ground, and the altitude of an origin that has none is the ground's. Raises UsageError for what
+    cannot be flown, and FileFormatError for a file that is no drawing.
     """
     from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
-    from gcs.scenario.sources.survey_flight import COUNTS, SurveyOrder, survey_flight
+    from gcs.scenario.sources.survey_flight import COUNTS, SurveyGround, SurveyOrder, survey_flight
 
-    drawn = survey_area(read_drawing(file), at, avoid_holes=options.holes == "avoid")
+    drawing, avoids = read_drawing(file), options.holes == "avoid"
+    drawn = survey_area(drawing, at, avoid_holes=avoids)
+    altitude_is = drawn.altitude_is
+    if terrain is not None and not altitude_is:
+        start = drawn.origin.lat_deg, drawn.origin.lon_deg
+        under_m = ground_of(terrain, [start, *drawn.field.corners]).alt_amsl_m(start)
+        altitude_is = "--terrain"
+        drawn = survey_area(drawing, (*start, round(under_m or 0.0, 1)), avoid_holes=avoids)
     away_m = float(drawn.surveyed.distance(shapely.Point(0.0, 0.0)))
     if away_m > _FARTHEST_M:
         text = f"{file} is {away_m:,.0f} m from --at; a survey begins at most {_FARTHEST_M:,.0f} m away."
@@ -174,6 +186,11 @@ def text_of_survey(
         limits=type_limits(vehicle or VEHICLE_TYPE),
     )
     flight = survey_flight(order)
+    if terrain is not None:
+        lat, lon, _ = ned_to_geodetic(np.column_stack([flight.flown_m, np.zeros(len(flight.flown_m))]), drawn.origin)
+        ground = ground_of(terrain, [(float(a), float(b)) for a, b in zip(lat, lon, strict=True)])
+        order = replace(order, ground=SurveyGround(terrain, partial(ground.under_m, origin=drawn.origin)))
+        flight = replace(flight, order=order)
     areas = drawn.tables([("the start", flight.start_m), *flight.points()])
     flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
     for sentence in _sentences(flight, areas):
@@ -181,12 +198,13 @@ def text_of_survey(
     left_out = sentences((*drawn.left_out, *areas.left_out), drawn.drawing.file_lines)
     for sentence in left_out:
         screen.say(f"  {sentence}")
-    place = drawn.origin
+    place, which = drawn.origin, "ground" if terrain is not None else "origin"
+    screen.say(f"flown {order.height_m:g} m above the {which} (--height)")
     if at is None:
         screen.say(f"the origin is the first corner of {file}")
-    if drawn.altitude_is == "the planned home":
-        screen.say(f"its altitude is that of the planned home: {place.alt_amsl_m:g} m above the sea")
-    elif not drawn.altitude_is:
+    if altitude_is in ("the planned home", "--terrain"):
+        screen.say(f"its altitude is that of {altitude_is}: {place.alt_amsl_m:g} m above the sea")
+    elif not altitude_is:
         screen.say(ALTITUDE_UNKNOWN)
     try:
         at_place = place.lat_deg, place.lon_deg, place.alt_amsl_m

@@ -13,6 +13,7 @@ from gcs.mission.model import Home
 
 NAME_MAX = 100
 AREA_HEIGHTS = "not carried over: an area has none"
+INSIDE_UNSAID = "whether vehicles stay inside is read from where the route is"
 _SHOWN_MAX = 60  # of a name in a sentence
 _REASON_MAX = 300
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
@@ -70,6 +71,12 @@ class LeftOut:
         return f"{self.label}: {self.text}"
 
 
+class FileLines(dict[str, int]):
+    """Where things are in a file, by their labels: lines, or columns where the whole file is one line."""
+
+    unit = "line"
+
+
 @dataclass(frozen=True)
 class Drawing:
     """The contents of a drawn file. `speed_mps` counts where a point has none of its own."""
@@ -84,17 +91,18 @@ class Drawing:
     left_out: tuple[LeftOut, ...] = ()
     line: str = ""  # the label of the line whose points are the route; empty where they are points or items
     surveys: tuple[DrawnArea, ...] = ()  # areas that the file itself means to be surveyed
-    file_lines: Mapping[str, int] = field(default_factory=dict, compare=False)  # by the label of what is on them
+    lost_surveys: tuple[str, ...] = ()  # the labels of those whose area was not read
+    file_lines: FileLines = field(default_factory=FileLines, compare=False)
 
     def where(self, label: str) -> str:
         """The file, and the line of what has this label: "valley.kml, line 12"."""
         line = line_of_label(label, self.file_lines)
-        return self.source if line is None else f"{self.source}, line {line}"
+        return self.source if line is None else f"{self.source}, {self.file_lines.unit} {line}"
 
     def named(self, label: str) -> str:
         """The label with its line: "item 4 (NAV_WAYPOINT), line 9"."""
         line = line_of_label(label, self.file_lines)
-        return label if line is None else f"{label}, line {line}"
+        return label if line is None else f"{label}, {self.file_lines.unit} {line}"
 
 
 def line_of_label(label: str, file_lines: Mapping[str, int]) -> int | None:
@@ -125,18 +133,18 @@ def meaning_of(key: str) -> str:
 
 
 @contextlib.contextmanager
-def on_line(line: int) -> Iterator[None]:
-    """Names a line in a ValueError."""
+def on_line(line: int, unit: str = "line") -> Iterator[None]:
+    """Names a line, or a column, in a ValueError."""
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"line {line}: {error}") from error
+        raise ValueError(f"{unit} {line}: {error}") from error
 
 
 def refusal(source: str, error: Exception, kind: str) -> FileFormatError:
     """The error for a file of this kind, "KML", whose reader has raised another one."""
     reason = str(error)[:_REASON_MAX]
-    at = ", " if reason.startswith("line ") else ": "
+    at = ", " if reason.startswith(("line ", "column ")) else ": "
     return FileFormatError(f"{source}{at}{reason}.", hint=f"correct it there, or save the drawing again as {kind}")
 
 
@@ -174,7 +182,7 @@ def ring(corners: Sequence[Place], label: str) -> tuple[Place, ...]:
     return tuple(open_ring)
 
 
-def sentences(left_out: Iterable[LeftOut], file_lines: Mapping[str, int] | None = None) -> list[str]:
+def sentences(left_out: Iterable[LeftOut], file_lines: FileLines | None = None) -> list[str]:
     """The sentences with their lines, equal ones joined: "items 3, 4 and 7 (DO_SET_ROI), lines 6, 7 and 10: ..."."""
     joined: dict[tuple[str, str, str], list[str]] = {}
     of: dict[tuple[str, str, str], list[int | None]] = {}
@@ -185,11 +193,11 @@ def sentences(left_out: Iterable[LeftOut], file_lines: Mapping[str, int] | None 
         if number not in numbers:
             numbers.append(number)
         of.setdefault(key, []).append(line_of_label(one.label, file_lines or {}))
-    found = []
+    found, unit = [], FileLines.unit if file_lines is None else file_lines.unit
     for (what, rest, text), numbers in joined.items():
         many, number = ("", numbers[0]) if len(numbers) == 1 else ("s", _listed(numbers))
         lines = sorted({line for line in of[what, rest, text] if line is not None})
-        on = f", line{'s' * (len(lines) > 1)} {_listed(list(map(str, lines)))}" if lines else ""
+        on = f", {unit}{'s' * (len(lines) > 1)} {_listed(list(map(str, lines)))}" if lines else ""
         found.append(f"{what}{many}{' ' * bool(number)}{number}{rest}{on}: {text}")
     return found
 

@@ -8,6 +8,7 @@ from typing import Any, TypeGuard
 
 from gcs.mission.drawings.drawing import (
     AREA_HEIGHTS,
+    INSIDE_UNSAID,
     KML_DATUMS,
     Datum,
     Drawing,
@@ -23,7 +24,7 @@ from gcs.mission.drawings.drawing import (
 )
 from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
-from gcs.mission.formats.mission_file import Key, lines_of
+from gcs.mission.formats.mission_file import Key, lines_at, offsets_of
 from gcs.mission.formats.vendor_quirks import MARK, decoded
 from gcs.util.bounded_file import read_json
 
@@ -57,14 +58,18 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
             raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
         aside: Counter[str] = Counter()  # properties that say something of a flight
         features = [*_features(document)]
-        lines = lines_of(text, {path for path, _, _ in features})
+        places = offsets_of(text, {path for path, _, _ in features})
+        if "\n" in text.strip():
+            places = lines_at(text, places)
+        else:
+            found.file_lines.unit, places = "column", {path: at + 1 for path, at in places.items()}
         for number, (path, geometry, properties) in enumerate(features, start=1):
             read = _READ_KEYS if "radius_m" in properties or "altitude_amsl_m" in properties else ()
             aside.update(key for key, value in properties.items() if meaning_of(key) and value and key not in read)
             name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
             label = labelled("feature", number, name)
-            found.file_lines[label] = lines.get(path, 1)
-            with on_line(lines.get(path, 1)):
+            found.file_lines[label] = places.get(path, 1)
+            with on_line(places.get(path, 1), found.file_lines.unit):
                 _feature(_Feature(label, name, properties), geometry, found)
     except (ValueError, RecursionError) as error:
         raise refusal(source, error, "GeoJSON") from error
@@ -223,6 +228,8 @@ def _add_area(feature: _Feature, label: str, rings: list[Any], found: Sketch) ->
         found.leave_out(label, f"its heights are {AREA_HEIGHTS}")
     edges = [[point.place for point in edge] for edge in drawn]
     inside = feature.properties.get("inclusion")
+    if inside is not None and not isinstance(inside, bool):
+        found.leave_out(label, f"its inclusion '{tidy(str(inside))[:40]}' is neither true nor false; {INSIDE_UNSAID}")
     found.add_area(label, edges[0], edges[1:], inside if isinstance(inside, bool) else None)
 
 

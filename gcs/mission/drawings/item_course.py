@@ -125,14 +125,18 @@ class ItemCourse:
         item = one.item
         if item.frame not in _DATUMS:
             raise self.sketch.refused(
-                f"{one.label} has frame {item.frame}, which is no place on Earth", "draw its points on a map"
+                one.label, f"has frame {item.frame}, which is no place on Earth", "draw its points on a map"
             )
         place, height_m = item.place_deg, item.alt_m
         if any(place):
             return place, height_m
         if not self.sketch.points:
             if self.home is None:
-                raise self.sketch.refused(f"{one.label} has no position, and there is none before it")
+                raise self.sketch.refused(
+                    one.label,
+                    "has no position, and there is none before it",
+                    "give it one, or draw its points on a map",
+                )
             self._leave(one, "without a position: above home")
             return (self.home.lat_deg, self.home.lon_deg), height_m
         before = self.sketch.points[-1]
@@ -143,7 +147,7 @@ class ItemCourse:
         """The height of a point; where 0 stands for the height before, that one."""
         datum = _DATUMS[one.item.frame]
         if not math.isfinite(height_m):
-            raise self.sketch.refused(f"{one.label} has no height")
+            raise self.sketch.refused(one.label, "has no height", "give it one")
         keeps_height = self.firmware is not None and self.firmware.traits.missions.height_0_is_height_before
         if height_m or datum is not Datum.HOME or not keeps_height:
             return height_m, datum

@@ -87,6 +87,9 @@ def _joined(
     if gap_m > _SAME_M:
         text.append(f"joined to {beside} over a gap of {gap_m:.1f} m that nobody drew")
     near, other = (points[0], chain.points[-1]) if at else (points[-1], chain.points[0])
+    climb_m = abs(near.height_m - other.height_m) if near.datum is other.datum else 0.0
+    if climb_m > _SAME_M:
+        text.append(f"joined to {beside} over {climb_m:.1f} m of height that nobody drew")
     if gap_m <= _SAME_M and (near.datum, near.height_m) == (other.datum, other.height_m) and len(points) > 1:
         points = points[1:] if at else points[:-1]
     chain.points[:] = [*chain.points, *points] if at else [*points, *chain.points]

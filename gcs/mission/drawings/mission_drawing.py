@@ -1,6 +1,7 @@
 """Routes in mission files: QGroundControl's `.plan` with its patterns, and the tables and JSON of any program."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -11,20 +12,21 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mavlink import FenceCommand
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, refusal, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, on_line, refusal, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
 from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import Key, lines_of
 from gcs.mission.formats.plan_items import ITEMS_MAX, ComplexItem, PlanItem, PlanPart, PlanText, Point
-from gcs.mission.formats.point_lists import begins_rally, numbered_points
+from gcs.mission.formats.point_lists import begins_rally, numbered_points, read_fence_list
 from gcs.mission.formats.qgc_plan import PlanDocument, fence_in_plan, rally_in_plan
 from gcs.mission.formats.vendor_quirks import Quirk, QuirkKind, first_line
 from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.model import Home
 
 _NOWHERE_DEG = 1e-6  # a home at 0 N 0 E is one that was not set
-_PATTERNS = {"survey": "survey", "CorridorScan": "corridor", "StructureScan": "structure"}
+_STRUCTURE = "StructureScan"
+_PATTERNS = {"survey": "survey", "CorridorScan": "corridor", _STRUCTURE: "structure"}
 _CHANGING = frozenset(  # quirks with which something else is flown than some other program would fly
     (
         *(QuirkKind.ALTITUDE, QuirkKind.EMPTY, QuirkKind.SEQ, QuirkKind.YAW, QuirkKind.HOME),
@@ -86,15 +88,19 @@ def draw_point_list(data: bytes, source: str) -> Drawing:
     Raises `FileFormatError`.
     """
     sketch, label = Sketch(source), "the polygon"
+    if Path(source).suffix.lower() == ".fen":
+        read_fence_list(data, source)  # refuses a fence that other programs would read otherwise
     rows = numbered_points(data, source)
     if len(rows) > 2 and rows[-1][1] == rows[1][1] != rows[0][1]:
         line, _ = rows.pop(0)
         sketch.leave_out(f"line {line}", "the return point of a fence; not carried over")
-    sketch.file_lines[label] = rows[0][0]
     try:
-        sketch.add_area(label, [point.place_deg for _, point in rows])
+        with on_line(rows[0][0] if rows else 1):
+            sketch.add_area(label, [point.place_deg for _, point in rows])
     except ValueError as error:
         raise refusal(source, error, "a polygon") from error
+    if rows:
+        sketch.file_lines[label] = rows[0][0]
     return sketch.drawing()
 
 
@@ -159,14 +165,20 @@ def _items(
 def _area_of_pattern(item: ComplexItem, label: str, sketch: Sketch) -> None:
     """Add the area that a pattern is to survey; one that cannot be read is left out with a sentence."""
     try:
+        if item.complexItemType == _STRUCTURE and item.polygon is not None:
+            sketch.leave_out(label, "its outline is that of a building, and no area to survey")
+            return
         if item.polygon is not None:
             edge: Sequence[Place] = _POLYGON.validate_python(item.polygon)
         elif item.polyline is not None:
             edge = _corridor(_POLYGON.validate_python(item.polyline), _WIDTH_M.validate_python(item.CorridorWidth))
         else:
             return
+        if not edge:
+            sketch.lost_surveys.append(label)
         sketch.add_area(label, edge, survey=True)
     except ValueError as error:  # also of pydantic, whose sentences have many lines
+        sketch.lost_surveys.append(label)
         reason = "it is no list of places" if isinstance(error, ValidationError) else str(error)
         sketch.leave_out(label, f"its area is not read: {reason}")
 

@@ -16,8 +16,10 @@ from gcs.mission.drawings.drawing import (
     Drawing,
     DrawnArea,
     DrawnPoint,
+    FileLines,
     LeftOut,
     Place,
+    line_of_label,
     meaning_of,
     ring,
     tidy,
@@ -47,8 +49,9 @@ class Sketch:
     lines: list[DrawnLine] = field(default_factory=list)
     areas: list[DrawnArea] = field(default_factory=list)
     surveys: list[DrawnArea] = field(default_factory=list)
+    lost_surveys: list[str] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
-    file_lines: dict[str, int] = field(default_factory=dict)  # by label
+    file_lines: FileLines = field(default_factory=FileLines)
 
     def add_line(self, label: str, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
         """Add a line that a file has in pieces, each with its own label; those that touch are one.
@@ -127,7 +130,8 @@ class Sketch:
             left_out=tuple(self.left_out),
             line="" if flown is None else flown.label,
             surveys=tuple(self.surveys),
-            file_lines=self.file_lines if any(line > 1 for line in self.file_lines.values()) else {},
+            lost_surveys=tuple(self.lost_surveys),
+            file_lines=self.file_lines if any(line > 1 for line in self.file_lines.values()) else FileLines(),
             **more,
         )
 
@@ -159,6 +163,8 @@ class Sketch:
         for key, count in counts.items():
             self.leave_out(f"{what} '{tidy(key)}' of {counted(count, of)}", f"not carried over: {meaning_of(key)}")
 
-    def refused(self, text: str, hint: str = "") -> FileFormatError:
-        """The error for the whole file."""
-        return FileFormatError(f"{self.source}: {text}.", hint=hint)
+    def refused(self, label: str, text: str, hint: str) -> FileFormatError:
+        """The error for one thing, with its line."""
+        line = line_of_label(label, self.file_lines)
+        where = self.source if line is None else f"{self.source}, {self.file_lines.unit} {line}"
+        return FileFormatError(f"{where}: {label} {text}.", hint=hint)

@@ -15,6 +15,7 @@ from xml.etree.ElementTree import Element
 from gcs.errors import FileFormatError, counted
 from gcs.mission.drawings.drawing import (
     AREA_HEIGHTS,
+    INSIDE_UNSAID,
     KML_DATUMS,
     Datum,
     Drawing,
@@ -55,7 +56,7 @@ _ELSEWHERE = {
     "Update": "not carried over: a change of another file",
 }
 _SAYING = ("Data", "SimpleData")  # elements of ExtendedData with a name and a value
-_INSIDE = {"1": True, "0": False}
+_INSIDE = {"1": True, "true": True, "0": False, "false": False}
 
 
 def draw_kmz(data: bytes, source: str) -> Drawing:
@@ -133,7 +134,11 @@ class _KmlReader:
                 own = part_of(label, kind.lower(), part, len(parts))
                 self.found.file_lines.setdefault(own, line_of(shape))
                 if kind == "Polygon":
-                    self._polygon(shape, own, _INSIDE.get(marks.get("inclusion", "")))
+                    inside = marks.get("inclusion", "").lower()
+                    if inside and inside not in _INSIDE:
+                        text = f"its inclusion '{tidy(inside)[:40]}' is neither true nor false; {INSIDE_UNSAID}"
+                        self.found.leave_out(own, text)
+                    self._polygon(shape, own, _INSIDE.get(inside))
                 elif kind == "Point":
                     points = [*self._points(shape, own, name)]
                     self.found.points += points

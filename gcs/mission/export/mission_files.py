@@ -18,7 +18,7 @@ from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing, predicted
 from gcs.mission.returns.fence_rally import Safety
 from gcs.mission.waypoints.arrival_times import climb_s, corrected_legs
-from gcs.mission.waypoints.mission_items import TooManyItems, build_missions, starting_at, timed_legs
+from gcs.mission.waypoints.mission_items import ImpossibleMission, build_missions, starting_at, timed_legs
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import judged_separation_m
@@ -188,10 +188,10 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
         else:
             legs = dict.fromkeys(autopilots, timed_legs(plan))
         missions = build_missions(plan, legs, firmware=autopilots, altitude=altitude)
-    except (VerificationError, TooManyItems) as reason:
+    except (VerificationError, ImpossibleMission) as reason:
         # What cannot be a mission may still be flown as a stream.
         refusal = NotWritten(reason.message, hint=reason.hint) if formats else None
-        return MadeMissions(legs or dict.fromkeys(autopilots, timed_legs(plan)), (), {}, None, None, refusal)
+        return MadeMissions({}, (), {}, None, None, refusal)
     if plan.begin_state is not None:
         return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if formats else None)
     if order.start_s is not None:

@@ -63,11 +63,25 @@ def line_of(text: str, path: Sequence[Key]) -> int:
 
 def lines_of(text: str, paths: Iterable[tuple[Key, ...]]) -> dict[tuple[Key, ...], int]:
     """The lines, from 1, on which the values at `paths` begin: of those that exist."""
+    return lines_at(text, offsets_of(text, paths))
+
+
+def lines_at(text: str, offsets: Mapping[tuple[Key, ...], int]) -> dict[tuple[Key, ...], int]:
+    """The lines, from 1, of places in a text, which are in their order."""
+    found: dict[tuple[Key, ...], int] = {}
+    line, counted_to = 1, 0
+    for path, at in offsets.items():
+        line, counted_to = line + text.count("\n", counted_to, at), at
+        found[path] = line
+    return found
+
+
+def offsets_of(text: str, paths: Iterable[tuple[Key, ...]]) -> dict[tuple[Key, ...], int]:
+    """Where the values at `paths` begin in a text, in their order: of those that exist."""
     wanted = set(paths)
     deepest = max(map(len, wanted), default=-1)
     here: list[Key | None] = []  # key or index inside each open bracket; None if an object's key comes next
     found: dict[tuple[Key, ...], int] = {}
-    line, counted_to = 1, 0
     for token in _TOKEN.finditer(text):
         word = token.group()
         if word in "}]":
@@ -81,8 +95,7 @@ def lines_of(text: str, paths: Iterable[tuple[Key, ...]]) -> dict[tuple[Key, ...
         else:
             at = tuple(here) if len(here) <= deepest else None
             if at in wanted and at not in found:
-                line, counted_to = line + text.count("\n", counted_to, token.start()), token.start()
-                found[at] = line  # type: ignore[index]
+                found[at] = token.start()  # type: ignore[index]
                 if len(found) == len(wanted):
                     break
             if word in "{[":

@@ -20,7 +20,7 @@ from gcs.autopilots.waypoint_models.predict import Prediction, predict
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.flight_limits import limits_of
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
-from gcs.mission.waypoints.mission_items import TooManyItems, refuse_too_many
+from gcs.mission.waypoints.mission_items import ImpossibleMission, refuse_too_many
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, short_of_m
 from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correct, leg_profile
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
@@ -127,8 +127,8 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
     """Waypoints, speeds and gates with which the autopilot keeps the plan's times as well as it can.
 
     Raises `VerificationError` for too many vehicles with legs of their own, or if the model does not complete the
-    mission. Raises `ScenarioError` for more gates than fit the flight, `TooManyItems` where all placements need more
-    items than the autopilot stores.
+    mission. Raises `ScenarioError` for more gates than fit the flight, `ImpossibleMission` where all placements need
+    more items than the autopilot stores.
     """
     key = plan.hash, firmware, gates
     if key in _CACHE:
@@ -143,12 +143,12 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
     sampled = _Samples.of(plan, rows)
     stops = _gate_samples(sampled.t_s, gates, [(each.arrives_s, each.leaves_s) for each in plan.passages])
     best: _Attempt | None = None
-    refusal: TooManyItems | None = None
+    refusal: ImpossibleMission | None = None
     for tolerances, share in _PLACEMENTS:
         placed = _placed(plan, firmware, sampled, stops, (tolerances, share))
         try:
             refuse_too_many(_items_least(plan, firmware, sampled, placed), firmware, plan.scenario.mission.tolerance_m)
-        except TooManyItems as reason:
+        except ImpossibleMission as reason:
             refusal = refusal or reason
             continue  # its speeds would take minutes to find
         attempt = _attempt(plan, firmware, sampled, stops, placed)

@@ -45,21 +45,22 @@ _SURE_DECIMALS = 6  # m: heights in metres and millimetres stay on the same side
 _DAY_S = 86400
 
 
-class TooManyItems(ScenarioError):
-    """An autopilot cannot store a mission."""
+class ImpossibleMission(ScenarioError):
+    """A mission that an autopilot cannot store, or whose rounded waypoints are too far from the plan."""
 
 
 def timed_legs(plan: Plan) -> TimedLegs:
     """The times of the waypoints of all vehicles, for an autopilot that keeps the commanded speeds exactly.
 
     The start of the run-up, T0, the route points and the arrival are always among them. Every leg keeps the clearance
-    of `limits_of(scenario)` over the ground. Raises `ScenarioError` for a tolerance that rounding alone would violate.
+    of `limits_of(scenario)` over the ground. Raises `ImpossibleMission` for a tolerance that rounding alone would
+    violate.
     """
     tolerance_m = plan.scenario.mission.tolerance_m
     path_m = tolerance_m - ROUNDING_M
     if path_m <= 0:
         text = f"mission.tolerance_m is {tolerance_m} m, and waypoints are rounded by up to {ROUNDING_M} m."
-        raise ScenarioError(text, hint="set mission.tolerance_m to 0.02 or more")
+        raise ImpossibleMission(text, hint="set mission.tolerance_m to 0.02 or more")
     rows = rows_with_own_legs(plan)
     kept: list[Array] = []
     errors: list[Deviation] = []
@@ -88,8 +89,8 @@ def build_missions(
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
     Missions are for `firmware`, or else for the scenario's autopilots. `legs` may differ between autopilots. Relative
-    altitudes count from the vehicle's own home, the ground under its pad. Raises `TooManyItems` for more items than an
-    autopilot stores, and `ScenarioError` for altitudes that it refuses.
+    altitudes count from the vehicle's own home, the ground under its pad. Raises `ImpossibleMission` for more items
+    than an autopilot stores, and `ScenarioError` for altitudes that it refuses.
     """
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     for known in set(autopilots):
@@ -116,11 +117,11 @@ def _home(pad: Array) -> Home:
 
 
 def refuse_too_many(count: int, firmware: Autopilot, tolerance_m: float) -> None:
-    """Raise `TooManyItems` for a mission of so many items, home not counted."""
+    """Raise `ImpossibleMission` for a mission of so many items, home not counted."""
     count, most = firmware.home_is_item_0 + count, firmware.traits.missions.items_max
     if count > most:
         text = f"A mission has {count} items; {firmware.title} stores at most {most}."
-        raise TooManyItems(text, hint=f"raise mission.tolerance_m, now {tolerance_m} m")
+        raise ImpossibleMission(text, hint=f"raise mission.tolerance_m, now {tolerance_m} m")
 
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:

@@ -286,7 +286,7 @@ class MissionOptions(Part):
         default="ardupilot", description="autopilot that missions are written and timed for, and that --sim emulates"
     )
     tolerance_m: Number = Field(
-        default=0.5, ge=0.001, le=1000, description="largest distance of the waypoint polyline to the plan, m"
+        default=0.5, ge=0, le=1000, description="largest distance of the waypoint polyline to the plan, m"
     )
     setpoint_rate_hz: Number = Field(default=10.0, ge=2, le=100, description="setpoints per second to each vehicle")
 

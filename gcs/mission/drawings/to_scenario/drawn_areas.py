@@ -62,9 +62,11 @@ def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Sp
         area = area_in_metres(drawing, drawn, origin)
         if drawn.inside is False:
             no_fly.append(area)
+            if drawn.holes:
+                said.append(LeftOut(drawn.label, "its holes are no-fly zone too: a zone of a scenario has none"))
         elif drawn.inside or shapely.covers(area[1], points).all():
             keep_in.append(area)
-            inner = (DrawnArea(hole, f"{drawn.label}, hole {n}") for n, hole in enumerate(drawn.holes, start=1))
+            inner = (DrawnArea(hole, f"hole {n} of {drawn.label}") for n, hole in enumerate(drawn.holes, start=1))
             holes += [area_in_metres(drawing, hole, origin) for hole in inner]
         else:
             text = "not round the whole route, and not carried over; if it is a no-fly zone, write it as [[no_fly]]"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import UsageError
-from gcs.frames import Origin, place_up_m
+from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mission.drawings.drawing import Place
 from gcs.scenario.schema.heightmap import Region, Relief
 from gcs.types import Array
@@ -40,6 +40,14 @@ class Ground:
         """The height of the ground at a place above an origin."""
         under_m = self.alt_amsl_m(place)
         return 0.0 if under_m is None else under_m - origin.alt_amsl_m
+
+    def under_m(self, points_m: Array, origin: Origin) -> Array:
+        """The ground (N,) above an origin, under points (N, 2), north and east of it, m."""
+        lat, lon, _ = ned_to_geodetic(np.column_stack([points_m, np.zeros(len(points_m))]), origin)
+        if self.relief is None:
+            return np.zeros(len(points_m))
+        north_m, east_m, _ = place_up_m(lat, lon, 0.0, self.at).T
+        return self.relief.height_m(north_m, east_m) - origin.alt_amsl_m
 
     def along(self, places: Sequence[Place], origin: Origin) -> list[Array]:
         """The ground on each line between places: (M, 2), from the line's begin, and above an origin, m."""

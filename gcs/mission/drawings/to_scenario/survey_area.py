@@ -44,6 +44,9 @@ class SurveyArea:
         """What is not carried over of the drawing, or is changed, besides its areas."""
         said = [*self.drawing.left_out]
         text = "not flown: the passes of the survey are the route"
+        if self.field in self.drawing.surveys:
+            text_of_own = "its heights, camera and angle are not carried over; give --height, --swath and --angle"
+            said.append(LeftOut(self.field.label, text_of_own))
         if self.drawing.line:
             said.append(LeftOut(self.drawing.line, text))
         else:
@@ -86,7 +89,7 @@ def _field(drawing: Drawing) -> DrawnArea:
     polygons = [area for area in drawing.areas if area.radius_m is None]
     meant = [[*drawing.surveys]] + [[area for area in polygons if area.inside is kind] for kind in (None, True)]
     found = next((areas for areas in meant if areas), [])
-    if not found:
+    if not found or (drawing.lost_surveys and not drawing.surveys):  # not a fence in place of what was meant
         said = "; ".join(sentences(drawing.left_out, drawing.file_lines)[:_NAMED])
         text = f"{drawing.source} has no polygon to survey{f' ({said})' if said else ''}."
         raise UsageError(text, hint="draw the area as a polygon")

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 
 from gcs.cli import main
-from gcs.frames import Origin, place_up_m
+from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.scenario.schema.vehicle_types import preset_file
 from gcs.scenario.sources.load import load_scenario
 
 OUTLINE = [[8.545, 47.397], [8.5476, 47.3972], [8.5474, 47.3988], [8.5452, 47.3986], [8.545, 47.397]]
 POND = [[8.5460, 47.3978], [8.5463, 47.3979], [8.5462, 47.3982], [8.5460, 47.3978]]
+RIDGE = Path(__file__).parents[4] / "missions" / "ridge" / "ridge.tif"
 LINE = "new field --survey area.geojson --swath 12"
 
 
@@ -183,3 +185,33 @@ def test_a_fence_too_near_for_the_turns_is_named(capsys: pytest.CaptureFixture[s
     assert gcs("new field --survey drawn.plan --swath 12") != 0
     error = capsys.readouterr().err
     assert "drawn.plan" in error and "fence polygon 1" in error and "keep_in" not in error
+
+
+def test_over_an_elevation_model_the_height_is_that_above_the_ground(capsys: pytest.CaptureFixture[str]) -> None:
+    """A field of 100 m by 80 m at the foot of a ridge."""
+    at = Origin(-33.42, -70.58, 740.0)
+    corners_m = np.array([[60.0, -40.0, 0.0], [160.0, -40.0, 0.0], [160.0, 40.0, 0.0], [60.0, 40.0, 0.0]])
+    lat, lon, _ = ned_to_geodetic(corners_m, at)
+    edge = [[float(a), float(b)] for a, b in zip(lon, lat, strict=True)]
+    draw([[*edge, edge[0]]])
+    assert gcs(f"{LINE} --height 30 --terrain {RIDGE}") == 0
+    scenario = load_scenario(Path("field"))
+    ground = scenario.terrain.relief
+    assert ground is not None and scenario.survey is not None and scenario.survey.height_above_ground_m == 30.0
+    for place in (scenario.start, *scenario.route):
+        north_m, east_m, up_m = place.position_m
+        assert place.height_above_ground_m == 30.0
+        assert up_m - float(ground.height_m(np.array(north_m), np.array(east_m))) == pytest.approx(30.0, abs=0.01)
+    told = capsys.readouterr().out
+    assert "flown 30 m above the ground" in told and f"that of --terrain: {scenario.origin.alt_amsl_m:g} m" in told
+
+
+def test_a_fence_is_not_surveyed_in_place_of_a_pattern_without_corners(capsys: pytest.CaptureFixture[str]) -> None:
+    item = {"type": "ComplexItem", "complexItemType": "survey", "version": 5, "polygon": []}
+    mission = {"version": 2, "firmwareType": 3, "plannedHomePosition": [47.397, 8.545, 410], "items": [item]}
+    polygon = {"version": 1, "inclusion": True, "polygon": [corner[::-1] for corner in OUTLINE[:-1]]}
+    fence = {"version": 2, "polygons": [polygon], "circles": []}
+    text = json.dumps({"fileType": "Plan", "version": 1, "mission": mission, "geoFence": fence})
+    Path("area.plan").write_text(text, encoding="utf-8")
+    assert gcs("new field --survey area.plan --swath 12") == 2
+    assert "item 1 (survey): has no corner" in capsys.readouterr().err

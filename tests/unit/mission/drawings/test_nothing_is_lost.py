@@ -378,3 +378,70 @@ def test_speeds_are_judged_by_the_rules_of_check(kind: float, speed: float, text
     drawing = drawing_in("\n".join(rows).encode(), "x.waypoints")
     assert f"item 1 (DO_CHANGE_SPEED): {text}" in said(drawing)
     assert [point.speed_mps for point in drawing.points] == [40.0 if speed == 40.0 else None]
+
+
+def test_a_climb_between_pieces_is_said() -> None:
+    a, b, c = line(0, 3)
+    pieces = [[[*a[::-1], 520.0], [*b[::-1], 520.0]], [[*b[::-1], 580.0], [*c[::-1], 580.0]]]
+    drawing = drawing_in(json.dumps({"type": "MultiLineString", "coordinates": pieces}).encode(), "x.geojson")
+    assert len(drawing.points) == 4
+    assert "joined to line 1 of feature 1 over 60.0 m of height that nobody drew" in said(drawing)
+
+
+@pytest.mark.parametrize("suffix", ["geojson", "kml"])
+def test_an_inclusion_that_says_neither_is_said(suffix: str) -> None:
+    if suffix == "kml":
+        data = '<ExtendedData><Data name="inclusion"><value>yes</value></Data></ExtendedData>'
+        drawing = kml(f"<Placemark>{data}{kml_element('area', 1, '').split('</name>')[1]}")
+    else:
+        edge = [place[::-1] for place in square(1)]
+        feature = {"type": "Feature", "properties": {"inclusion": "yes"}}
+        feature["geometry"] = {"type": "Polygon", "coordinates": [edge]}
+        drawing = drawing_in(json.dumps(feature).encode(), "x.geojson")
+    assert [area.inside for area in drawing.areas] == [None]
+    assert "its inclusion 'yes' is neither true nor false" in said(drawing)
+
+
+def test_the_place_in_a_file_of_one_line_is_its_column() -> None:
+    texts = [
+        '{"type":"Feature","geometry":{"type":"LineString","coordinates":[[9.2,46.1],[9.2,46.101]]}}',
+        '{"type":"Feature","geometry":null}',
+        '{"type":"Feature","geometry":{"type":"Point","coordinates":[9.2,"x"]}}',
+    ]
+    before = '{"type":"FeatureCollection","features":['
+    text = f"{before}{','.join(texts[:2])}]}}"
+    drawing = drawing_in(text.encode(), "x.geojson")
+    column = text.index(texts[1]) + 1
+    assert sentences(drawing.left_out, drawing.file_lines)[0].startswith(f"feature 2, column {column}: has no place")
+    assert drawing.where("point 2 of feature 1") == f"x.geojson, column {len(before) + 1}"
+    with pytest.raises(FileFormatError, match=rf"^x\.geojson, column {len(before) + 1}: feature 1 is not longitude"):
+        drawing_in(f"{before}{texts[2]}]}}".encode(), "x.geojson")
+
+
+def test_a_building_is_no_area_to_survey() -> None:
+    item = {"type": "ComplexItem", "complexItemType": "StructureScan", "version": 3}
+    item["polygon"] = [[46.1, 9.2], [46.1003, 9.2], [46.1003, 9.2004]]
+    mission = {"version": 2, "firmwareType": 3, "plannedHomePosition": [46.1, 9.2, 500], "items": [item]}
+    drawing = drawing_in(json.dumps({"fileType": "Plan", "version": 1, "mission": mission}).encode(), "x.plan")
+    assert drawing.surveys == ()
+    assert "item 1 (structure): its outline is that of a building" in said(drawing)
+
+
+@pytest.mark.parametrize(
+    ("cell", "text"), [("99\t16", "has frame 99, which is no place"), ("3\t16", "expected|must be a number")]
+)
+def test_a_refused_item_has_its_line_and_what_to_do(cell: str, text: str) -> None:
+    height = "20" if "99" in cell else "20m"
+    row = f"1\t0\t{cell}\t0\t0\t0\t0\t46.1\t9.2\t{height}\t1"
+    with pytest.raises(FileFormatError, match=rf"^x\.waypoints, line 3: .*({text})") as refused:
+        drawing_in(f"QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t46.1\t9.2\t500\t1\n{row}\n".encode(), "x.waypoints")
+    assert refused.value.hint
+
+
+def test_a_fence_in_a_list_is_read_by_the_rules_of_check() -> None:
+    """Without its first vertex at its end, its return point would be a corner."""
+    rows = "46.1005 9.2006\n46.1 9.2\n46.101 9.2\n46.101 9.2012\n46.1 9.2012\n"
+    with pytest.raises(FileFormatError, match="line 5: the last point does not repeat the first vertex, line 2"):
+        drawing_in(rows.encode(), "x.fen")
+    assert len(drawing_in(f"{rows}46.1 9.2\n".encode(), "x.fen").areas[0].corners) == 4
+    assert len(drawing_in(rows.encode(), "x.poly").areas[0].corners) == 5

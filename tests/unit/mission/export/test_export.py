@@ -188,6 +188,13 @@ def test_somebody_elses_index(hop: Plan, tmp_path: Path, text: str) -> None:
     assert (tmp_path / INDEX).read_text() == text
 
 
+def test_a_tolerance_that_no_mission_keeps_is_a_limit_of_missions_only(hop: Plan, tmp_path: Path) -> None:
+    mission = hop.scenario.mission.model_copy(update={"tolerance_m": 0.0005})
+    fine = replace(hop, scenario=hop.scenario.model_copy(update={"mission": mission}))
+    export(fine, tmp_path / "stream", formats=["setpoints"], setpoint_rate_hz=2)
+    assert len(contents(tmp_path / "stream")) >= 2
+
+
 @pytest.mark.slow
 def test_a_limit_of_missions_does_not_keep_other_files_from_being_written(
     hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -29,7 +29,7 @@ from gcs.mission.waypoints.arrival_times import (
     corrected_legs,
     navigator_of,
 )
-from gcs.mission.waypoints.mission_items import TooManyItems
+from gcs.mission.waypoints.mission_items import ImpossibleMission
 from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
@@ -264,7 +264,7 @@ def test_too_many_items_are_refused_before_their_speeds_are_found(field: Plan, m
     monkeypatch.setattr("gcs.mission.waypoints.arrival_times._attempt", lambda *_: pytest.fail("speeds were found"))
     monkeypatch.setattr("gcs.mission.waypoints.arrival_times._CACHE", {})
     monkeypatch.setitem(TRAITS, Autopilot.ARDUPILOT, replace(row, missions=replace(row.missions, items_max=6)))
-    with pytest.raises(TooManyItems, match="ArduCopter stores at most 6") as caught:
+    with pytest.raises(ImpossibleMission, match="ArduCopter stores at most 6") as caught:
         corrected_legs(field, Autopilot.ARDUPILOT)
     assert "mission.tolerance_m" in caught.value.hint
 
