@@ -244,10 +244,10 @@ def _positions(
     return [(margin, LENGTH_TOLERANCE_M) for margin in _of_places(problem, places, times)]
 
 
-def _of_places(problem: Problem, places: Array, times: Array) -> list[Margin]:
-    """The margins of places (V, N, 3) at times (N,): ground, zones, heights and box."""
+def _of_places(problem: Problem, places: Array, times: Array, within_m: float = margins.NEAR_M) -> list[Margin]:
+    """The margins of places (V, N, 3) at times (N,): ground (up to `within_m`), zones, heights and box."""
     scenario = problem.scenario
-    found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places, times)]
+    found = [margins.clearance(scenario, places, within_m), *margins.no_fly(scenario, places, times)]
     return [*found, margins.height(scenario, places), *(margins.box(scenario, places) if problem.has_box else [])]
 
 
@@ -261,7 +261,7 @@ def _near_a_limit(problem: Problem, trajectory: Trajectory, shape: Shape, start_
     near = np.zeros(problem.vehicles, dtype=bool)
     # Between two coarse instants a vehicle comes closer to anything by at most half the distance that it flies.
     reach = 0.5 * np.linalg.norm(np.diff(places, axis=1), axis=2).max(axis=1)
-    for margin in _of_places(problem, places, times):
+    for margin in _of_places(problem, places, times, _FAR_M + float(reach.max())):
         near |= margin.value.min(axis=1) < _FAR_M + reach
     return np.flatnonzero(near)
 

@@ -12,7 +12,6 @@ from gcs.physics.states import ATTITUDE, RATES, VELOCITY
 from gcs.plan.trajectory.constraint_id import CONTROLS, STATES, ConstraintId, Kind
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import outside_m, zone_names, zones
-from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import quadrotor, torque_limits
 from gcs.types import Array
@@ -21,7 +20,7 @@ from gcs.types import Array
 REST_SPEED_MPS = 0.1
 # A formation that turns with its course must face where it flies above this speed.
 COURSE_SPEED_MPS = 1.0
-_NEAR_M = 1.0  # a vehicle that is farther from its least clearance needs no exact distance
+NEAR_M = 1.0  # more than a vehicle flies within a step of the check
 
 
 @dataclass(frozen=True)
@@ -39,15 +38,15 @@ class Margin:
         return str(self.constraint)
 
 
-def clearance(scenario: Scenario, states: Array) -> Margin:
+def clearance(scenario: Scenario, states: Array, within_m: float = NEAR_M) -> Margin:
     """Distance to the exact ground (Eqs. 20, 23, 52, 53) minus h_min; states or positions (V, N, 3 or more).
 
-    The distance is that in any direction. Margins that cannot be the least one and are above 1 m count as 1 m or more.
+    The distance is that in any direction. Larger margins than `within_m` count as that: from far away exact distances
+    take long, and nobody needs them.
     """
     north, east, up = states[..., 0], states[..., 1], -states[..., 2]
     least = scenario.limits.clearance_min_m
-    lowest = float((up - ground_height_m(scenario.terrain, north, east)).min())
-    away = ground_distance_m(scenario.terrain, north, east, up, max(least + _NEAR_M, lowest))
+    away = ground_distance_m(scenario.terrain, north, east, up, least + within_m)
     return Margin(ConstraintId(Kind.CLEARANCE), "m", away - least, least)
 
 
