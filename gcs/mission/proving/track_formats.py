@@ -14,6 +14,8 @@ from gcs.mission.proving.timed_samples import are_samples, read_samples, through
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.util.bounded_file import TRACK_FILE, as_utf8, read_file
 
+_TEXTS_ONLY = "give CSV or .setpoints files, saved as UTF-8; a plan is proved by `gcs verify`"
+
 
 @dataclass(frozen=True)
 class TrackFormat:
@@ -72,7 +74,7 @@ def read_tracks(paths: Sequence[Path | str], *, frame: str | None = None) -> Rea
         try:
             text = as_utf8(data).decode("utf-8-sig")
         except ValueError:
-            raise FileFormatError(f"{path}: not a text.", hint="give CSV or .setpoints files, saved as UTF-8") from None
+            raise FileFormatError(f"{path}: not a text.", hint=_TEXTS_ONLY) from None
         file = TrackText(text, str(path), path.stem, frame)
         row = next(each for each in TRACK_FORMATS if each.is_it(file))
         found, left_out = row.read(file)
