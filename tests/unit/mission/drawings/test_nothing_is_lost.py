@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Datum, Drawing, sentences
 from gcs.mission.drawings.route_formats import drawing_in
+from gcs.mission.drawings.to_scenario.route_flight import route_flight
 
 Place = tuple[float, float]
 
@@ -445,3 +446,17 @@ def test_a_fence_in_a_list_is_read_by_the_rules_of_check() -> None:
         drawing_in(rows.encode(), "x.fen")
     assert len(drawing_in(f"{rows}46.1 9.2\n".encode(), "x.fen").areas[0].corners) == 4
     assert len(drawing_in(rows.encode(), "x.poly").areas[0].corners) == 5
+
+
+def test_holes_of_a_no_fly_zone_are_said() -> None:
+    edge, hole = (
+        [[9.3, 46.1], [9.302, 46.1], [9.302, 46.102]],
+        [[9.3015, 46.1005], [9.3018, 46.1005], [9.3018, 46.101]],
+    )
+    zone = {"type": "Feature", "properties": {"inclusion": False, "name": "wood"}}
+    zone["geometry"] = {"type": "Polygon", "coordinates": [[*ring, ring[0]] for ring in (edge, hole)]}
+    route = {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[9.2, 46.1], [9.2, 46.101]]}}
+    drawing = drawing_in(json.dumps({"type": "FeatureCollection", "features": [route, zone]}).encode(), "x.geojson")
+    flight = route_flight(drawing)
+    assert len(flight.areas.no_fly) == 1
+    assert 'feature 2 ("wood"): its holes are no-fly zone too' in " | ".join(map(str, flight.left_out))
