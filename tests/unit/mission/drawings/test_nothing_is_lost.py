@@ -460,3 +460,22 @@ def test_holes_of_a_no_fly_zone_are_said() -> None:
     flight = route_flight(drawing)
     assert len(flight.areas.no_fly) == 1
     assert 'feature 2 ("wood"): its holes are no-fly zone too' in " | ".join(map(str, flight.left_out))
+
+
+def test_a_fence_polygon_without_corners_is_left_out_with_its_line() -> None:
+    items = [
+        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, 0, 46.1 + n / 1000.0, 9.2, 20]}
+        for n in range(2)
+    ]
+    mission = {"version": 2, "firmwareType": 3, "plannedHomePosition": [46.1, 9.2, 500], "items": items}
+    drawn = [[46.09, 9.19], [46.12, 9.19], [46.12, 9.21], [46.09, 9.21]]
+    polygons = [{"version": 1, "inclusion": True, "polygon": polygon} for polygon in ([], drawn)]
+    plan = {"fileType": "Plan", "version": 1, "mission": mission, "geoFence": {"version": 2, "polygons": polygons}}
+    text = json.dumps(plan, indent=1)
+    drawing = drawing_in(text.encode(), "x.plan")
+    assert [area.label for area in drawing.areas] == ["fence polygon 2"]
+    line_number = next(n for n, row in enumerate(text.split("\n"), start=1) if '"polygons"' in row) + 1
+    assert f"line {line_number}: geoFence.polygons.0: has no corner; skipped" in said(drawing)
+    polygons[0]["polygon"] = drawn[:2]
+    with pytest.raises(FileFormatError, match="3 corners or more, got 2"):
+        drawing_in(json.dumps(plan).encode(), "x.plan")
