@@ -30,7 +30,7 @@ _PATTERNS = {"survey": "survey", "CorridorScan": "corridor", _STRUCTURE: "struct
 _CHANGING = frozenset(  # quirks with which something else is flown than some other program would fly
     (
         *(QuirkKind.ALTITUDE, QuirkKind.EMPTY, QuirkKind.SEQ, QuirkKind.YAW, QuirkKind.HOME),
-        *(QuirkKind.FENCE_1, QuirkKind.RALLY_1),
+        *(QuirkKind.FENCE_1, QuirkKind.FENCE_EMPTY, QuirkKind.RALLY_1),
     )
 )
 _LANDINGS = ("fwLandingPattern", "vtolLandingPattern")
@@ -56,7 +56,8 @@ def draw_plan(data: bytes, source: str) -> Drawing:
     course = ItemCourse(sketch, home, Autopilot(named) if named in tuple(Autopilot) else None)
     lines = _plan_lines(plan.text, document)
     course.follow(_items(document.mission.items, plan, sketch, lines))
-    _fence(fence_in_plan(document.geoFence, plan), sketch, lines)
+    rows = [row for row, one in enumerate(document.geoFence.polygons) if one.polygon]
+    _fence(fence_in_plan(document.geoFence, plan), rows, sketch, lines)
     _rally(rally_in_plan(document.rallyPoints, plan), sketch, lines)
     _quirks(plan.quirks.found(), sketch)
     speed_mps = document.mission.hoverSpeed
@@ -200,8 +201,9 @@ def _home(home: Home) -> Home | None:
     return home if max(abs(home.lat_deg), abs(home.lon_deg)) > _NOWHERE_DEG else None
 
 
-def _fence(fence: Geofence, sketch: Sketch, lines: Mapping[tuple[Key, ...], int]) -> None:
-    for row, polygon in enumerate(fence.polygons):
+def _fence(fence: Geofence, rows: Sequence[int], sketch: Sketch, lines: Mapping[tuple[Key, ...], int]) -> None:
+    """Add the areas of a fence, whose polygons are those at `rows` of the file."""
+    for row, polygon in zip(rows, fence.polygons, strict=True):
         corners, label = tuple(place.place_deg for place in polygon.points), f"fence polygon {row + 1}"
         sketch.file_lines[label] = lines["geoFence", "polygons", row]
         sketch.areas.append(DrawnArea(corners, label, polygon.inclusion))

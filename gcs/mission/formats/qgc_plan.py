@@ -9,7 +9,7 @@ import math
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.formats.item_place import place_in_file
@@ -48,9 +48,15 @@ class PlannedMission(PlanPart):
     items: Annotated[list[AnyItem], Field(max_length=ITEMS_MAX)]
 
 
+def _enough(corners: list[Point]) -> list[Point]:
+    if 0 < len(corners) < LEAST_VERTICES:
+        raise ValueError(f"a polygon has {LEAST_VERTICES} corners or more, got {len(corners)}")
+    return corners
+
+
 class _Polygon(PlanPart):
     inclusion: bool = True
-    polygon: Annotated[list[Point], Field(min_length=LEAST_VERTICES)]
+    polygon: Annotated[list[Point], AfterValidator(_enough)]
 
 
 class _Disk(PlanPart):
@@ -184,8 +190,12 @@ def fence_in_plan(fence: _Fence, plan: PlanText) -> Geofence:
         if fence.polygon or fence.polygons or fence.circles or fence.breachReturn:
             raise plan.refused(path, f"Input should be 2, got {fence.version}; QGroundControl drops older fences")
         plan.note(QuirkKind.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
+    for row, one in enumerate(fence.polygons):
+        if not one.polygon:
+            plan.note(QuirkKind.FENCE_EMPTY, ("geoFence", "polygons", row), "has no corner; skipped")
+    drawn = [one for one in fence.polygons if one.polygon]
     return Geofence(
-        tuple(FencePolygon(tuple(GeoPoint.at(*point) for point in p.polygon), p.inclusion) for p in fence.polygons),
+        tuple(FencePolygon(tuple(GeoPoint.at(*point) for point in p.polygon), p.inclusion) for p in drawn),
         tuple(FenceCircle(GeoPoint.at(*c.circle.center), c.circle.radius, c.inclusion) for c in fence.circles),
         None if fence.breachReturn is None else _read_point(fence.breachReturn),
     )

@@ -35,6 +35,7 @@ class QuirkKind(StrEnum):
     RETURN = "The return point of a list of fence points has no altitude: 0 m above home."
     RALLY = "Break altitude, landing direction and flags of rally points are ignored."
     FENCE_1 = "An empty fence of version 1 in a `.plan` is none."
+    FENCE_EMPTY = "Fence polygons without a corner in a `.plan` are skipped."
     RALLY_1 = "Rally points of version 1 in a `.plan` are read as those of version 2."
 
 

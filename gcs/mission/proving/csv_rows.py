@@ -42,7 +42,7 @@ class TrackFile:
     def text(self) -> str:
         """The text of the file. Raises `FileFormatError` where it is none."""
         if self._text is None:
-            hint = "give CSV, .setpoints, .skyc or mission files; text is saved as UTF-8"
+            hint = "give CSV, .setpoints, .skyc or mission files, text as UTF-8; a plan is proved by `gcs verify`"
             raise FileFormatError(f"{self.source}: not a text.", hint=hint)
         return self._text
 

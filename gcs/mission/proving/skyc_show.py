@@ -49,7 +49,10 @@ def read_show(file: TrackFile) -> tuple[list[PolynomialTrack], list[str]]:
     except BadArchive as problem:
         raise FileFormatError(f"{file.source}: {problem}.", hint=_HINT) from problem
     if SHOW not in members:
-        raise FileFormatError(f"{file.source}: the archive holds no {SHOW}.", hint="give a .skyc file of Skybrush")
+        raise FileFormatError(
+            f"{file.source}: the archive holds no {SHOW}.",
+            hint="give a .skyc file of Skybrush; a plan is proved by `gcs verify`",
+        )
     drones = _at(_json(members[SHOW], f"{file.source}, {SHOW}"), ("swarm", "drones"))
     if not isinstance(drones, list) or not drones:
         raise FileFormatError(f"{file.source}, {SHOW}: it has no list swarm.drones.", hint=_HINT)

@@ -215,3 +215,15 @@ def test_a_fence_is_not_surveyed_in_place_of_a_pattern_without_corners(capsys: p
     Path("area.plan").write_text(text, encoding="utf-8")
     assert gcs("new field --survey area.plan --swath 12") == 2
     assert "item 1 (survey): has no corner" in capsys.readouterr().err
+
+
+def test_what_a_pattern_says_beside_its_area_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    polygon = [corner[::-1] for corner in OUTLINE[:-1]]
+    item = {"type": "ComplexItem", "complexItemType": "survey", "version": 5, "polygon": polygon}
+    mission = {"version": 2, "firmwareType": 3, "plannedHomePosition": [47.397, 8.545, 410], "items": [item]}
+    text = json.dumps({"fileType": "Plan", "version": 1, "mission": mission})
+    Path("area.plan").write_text(text, encoding="utf-8")
+    assert gcs("new field --survey area.plan --swath 12") == 0
+    told = capsys.readouterr().out
+    assert "item 1 (survey): its heights, camera and angle are not carried over; give --height" in told
+    assert "flown 15 m above the origin (--height)" in told

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Datum, Drawing, sentences
 from gcs.mission.drawings.route_formats import drawing_in
+from gcs.mission.drawings.to_scenario.route_flight import route_flight
 
 Place = tuple[float, float]
 
@@ -445,3 +446,36 @@ def test_a_fence_in_a_list_is_read_by_the_rules_of_check() -> None:
         drawing_in(rows.encode(), "x.fen")
     assert len(drawing_in(f"{rows}46.1 9.2\n".encode(), "x.fen").areas[0].corners) == 4
     assert len(drawing_in(rows.encode(), "x.poly").areas[0].corners) == 5
+
+
+def test_holes_of_a_no_fly_zone_are_said() -> None:
+    edge, hole = (
+        [[9.3, 46.1], [9.302, 46.1], [9.302, 46.102]],
+        [[9.3015, 46.1005], [9.3018, 46.1005], [9.3018, 46.101]],
+    )
+    zone = {"type": "Feature", "properties": {"inclusion": False, "name": "wood"}}
+    zone["geometry"] = {"type": "Polygon", "coordinates": [[*ring, ring[0]] for ring in (edge, hole)]}
+    route = {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[9.2, 46.1], [9.2, 46.101]]}}
+    drawing = drawing_in(json.dumps({"type": "FeatureCollection", "features": [route, zone]}).encode(), "x.geojson")
+    flight = route_flight(drawing)
+    assert len(flight.areas.no_fly) == 1
+    assert 'feature 2 ("wood"): its holes are no-fly zone too' in " | ".join(map(str, flight.left_out))
+
+
+def test_a_fence_polygon_without_corners_is_left_out_with_its_line() -> None:
+    items = [
+        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, 0, 46.1 + n / 1000.0, 9.2, 20]}
+        for n in range(2)
+    ]
+    mission = {"version": 2, "firmwareType": 3, "plannedHomePosition": [46.1, 9.2, 500], "items": items}
+    drawn = [[46.09, 9.19], [46.12, 9.19], [46.12, 9.21], [46.09, 9.21]]
+    polygons = [{"version": 1, "inclusion": True, "polygon": polygon} for polygon in ([], drawn)]
+    plan = {"fileType": "Plan", "version": 1, "mission": mission, "geoFence": {"version": 2, "polygons": polygons}}
+    text = json.dumps(plan, indent=1)
+    drawing = drawing_in(text.encode(), "x.plan")
+    assert [area.label for area in drawing.areas] == ["fence polygon 2"]
+    line_number = next(n for n, row in enumerate(text.split("\n"), start=1) if '"polygons"' in row) + 1
+    assert f"line {line_number}: geoFence.polygons.0: has no corner; skipped" in said(drawing)
+    polygons[0]["polygon"] = drawn[:2]
+    with pytest.raises(FileFormatError, match="3 corners or more, got 2"):
+        drawing_in(json.dumps(plan).encode(), "x.plan")
