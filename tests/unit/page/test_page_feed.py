@@ -6,10 +6,13 @@ import io
 import json
 import os
 import signal
+import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from http.client import HTTPConnection
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -155,6 +158,33 @@ def test_the_page_is_served_to_whom_has_the_token(feed: PageFeed) -> None:
     ):
         with pytest.raises(InvalidStatus, match="403"):
             connect(address, origin=wrong_origin, additional_headers=headers)  # type: ignore[arg-type]
+
+
+def test_an_order_of_the_page_reaches_the_flight_and_its_answer_the_page(feed: PageFeed) -> None:
+    where = urlsplit(feed.url)
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    opener.open(feed.url).read()
+    origin = {"Origin": f"http://{where.netloc}"}
+
+    def post(body: bytes) -> Any:
+        request = urllib.request.Request(f"http://{where.netloc}/orders", body, origin)
+        return json.loads(opener.open(request, timeout=20).read())
+
+    def answer() -> None:
+        end_s = time.monotonic() + 20.0
+        while not (asks := feed.asks()) and time.monotonic() < end_s:
+            time.sleep(0.02)
+        for one in asks:
+            feed.answer(one.number, f"{one.order} {one.vehicles}", may=True)
+
+    flight = threading.Thread(target=answer)
+    flight.start()
+    assert post(b'{"order":"return","vehicles":[2,3]}')["text"] == "return (2, 3)"
+    flight.join()
+    for body, status in ((b'{"order":"disarm"}', 400), (b" " * 10_000, 413)):
+        with pytest.raises(urllib.error.HTTPError, match=str(status)):
+            post(body)
+    assert feed.asks() == []
 
 
 def test_a_frozen_page_delays_nobody_and_gets_the_newest_picture_and_every_event_later(feed: PageFeed) -> None:
