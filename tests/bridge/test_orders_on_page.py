@@ -15,19 +15,21 @@ from tests.kept import GCS
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason=WHY_NOT)]
 ADDRESS = re.compile(r"page: (http://127\.0\.0\.1:\d+/\?token=[\w-]+)")
+RESULT = "document.querySelector('.orders output').textContent"
 SPEEDS = "skein.scene.newest.vehicles.map((one) => one.speed_mps)"
 
 
 def order(page: Browser, word: str) -> str:
     """Order by keyboard alone: the button, what would happen, and the confirmation; return what was said."""
-    page.value(f"document.querySelector('[data-order={word}]').focus()")
+    page.value(f"{RESULT} = '', document.querySelector('[data-order={word}]').focus()")
     page.press("Enter")
-    page.until("document.querySelector('dialog').open")
+    page.until("document.querySelector('dialog').open || " + RESULT, 20.0)
+    assert page.value("document.querySelector('dialog').open"), page.value(RESULT)
     assert page.value("document.activeElement.className") == "cancel", "Enter twice gives no order"
     said: str = page.value("document.querySelector('dialog p').textContent")
     page.value("document.querySelector('dialog .give').focus()")
     page.press("Enter")
-    page.until("document.querySelector('.orders output').textContent === 'ordered'")
+    assert page.until(RESULT, 20.0) == "ordered"
     return said
 
 
