@@ -36,9 +36,13 @@ def refuse_without_nicegui() -> None:
 class PageFeed:
     """One page of one scene. Use it as a context manager: the page ends with it."""
 
-    def __init__(self, scene: bytes) -> None:
-        """Start the process and wait until it answers at its address. Raises UsageError and GcsError."""
+    def __init__(self, scene: bytes, address: str = "", *, orders_from_afar: bool = False) -> None:
+        """Start the process and wait until it answers at its address. Raises UsageError and GcsError.
+
+        `address`, numeric and of this machine: other machines see the page there, and order with `orders_from_afar`.
+        """
         refuse_without_nicegui()
+        settings = json.dumps([address, orders_from_afar])
         self._token = secrets.token_urlsafe(16)
         self._wake = threading.Condition()
         self._frames: deque[tuple[PageFrame, bytes]] = deque(maxlen=_EVENTS)
@@ -47,7 +51,7 @@ class PageFeed:
         self._closed = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the page)
         self._process = subprocess.Popen(
-            [sys.executable, *_PROCESS],
+            [sys.executable, *_PROCESS, settings],
             stdin=subprocess.PIPE,  # closes when this program ends, however it ends, and the page ends with it
             stdout=subprocess.PIPE,
             stderr=self._errors,
@@ -57,6 +61,7 @@ class PageFeed:
         self._writer = threading.Thread(target=self._write, daemon=True, name="page")
         self._writer.start()
         self.url = f"http://127.0.0.1:{self._port()}/?token={self._token}"
+        self.far_url = self.url.replace("127.0.0.1", address) if address else ""
 
     @property
     def has_ended(self) -> bool:

@@ -4,6 +4,7 @@ A view gets the newest picture once it has drawn the one before, so a slow reade
 """
 
 import asyncio
+import json
 import os
 import socket
 import sys
@@ -118,18 +119,19 @@ def serve() -> None:
         if begun is None:
             return
         token, state = begun
+        address, orders_from_afar = json.loads(sys.argv[1])
         with socket.create_server((_ADDRESS, 0)) as listening:
             orders = PageOrders(lambda data: write_frame(out, PageFrame.ASK, data))
             port = int(listening.getsockname()[1])
-            config = uvicorn.Config(
-                PageGuard(application(state, orders), token, port), log_level="warning", access_log=False
-            )
+            guard = PageGuard(application(state, orders), token, port, address, orders_from_afar=orders_from_afar)
+            also = [socket.create_server((address, port))] if address else []
+            config = uvicorn.Config(guard, log_level="warning", access_log=False, proxy_headers=False)
             server, at_end = uvicorn.Server(config), threading.Event()
             in_thread(state, pipe, at_end)
             threading.Thread(target=_end_with, args=(at_end,), daemon=True).start()
             out.write(f"{port}\n".encode())
             out.flush()
-            server.run(sockets=[listening])
+            server.run(sockets=[listening, *also])
 
 
 def _end_with(at_end: threading.Event) -> None:

@@ -71,8 +71,13 @@ class LivePage:
 
 
 @contextmanager
-def live_page(plan: Plan, say: Callable[[str], None]) -> Iterator[LivePage]:
+def live_page(
+    plan: Plan, say: Callable[[str], None], address: str = "", *, orders_from_afar: bool = False
+) -> Iterator[LivePage]:
     """Open the page of a plan's flight, say its address, and end it with the block. Raises as `PageFeed`."""
-    with PageFeed(scene_json(scene_of_plan(plan, SceneKind.FLIGHT))) as feed:
+    scene = scene_json(scene_of_plan(plan, SceneKind.FLIGHT))
+    with PageFeed(scene, address, orders_from_afar=orders_from_afar) as feed:
         say(f"page: {feed.url}")
+        if address:
+            say(f"page for other machines, {'orders too' if orders_from_afar else 'read-only'}: {feed.far_url}")
         yield LivePage(feed, say)

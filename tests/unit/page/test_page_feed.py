@@ -6,11 +6,13 @@ import io
 import json
 import os
 import signal
+import socket
 import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from http.client import HTTPConnection
 from typing import Any
 from urllib.parse import urlsplit
@@ -149,8 +151,8 @@ def test_the_page_is_served_to_whom_has_the_token(feed: PageFeed) -> None:
     assert json.loads(get("/scene", cookie)[1])["scene"] == {"name": "a plan"}
     address = f"ws://{where.netloc}/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
     origin = f"http://{where.netloc}"
-    with connect(address, origin=origin, additional_headers={"Cookie": cookie}) as socket:
-        assert str(socket.recv(timeout=10)).startswith("0{")
+    with connect(address, origin=origin, additional_headers={"Cookie": cookie}) as link_to_page:
+        assert str(link_to_page.recv(timeout=10)).startswith("0{")
     for wrong_origin, headers in (
         (origin, {}),
         ("http://evil.example", {"Cookie": cookie}),
@@ -228,3 +230,26 @@ def test_the_page_ends_when_its_pipe_does() -> None:
         assert feed._process.stdin is not None
         feed._process.stdin.close()  # as when the parent is killed
         assert wait_for(feed)
+
+
+def own_address() -> str:
+    """An address of this machine that is not its loopback; empty without one."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, suppress(OSError):
+        udp.connect(("192.0.2.1", 9))  # sends nothing
+        return str(udp.getsockname()[0])
+    return ""
+
+
+@pytest.mark.skipif(own_address() in ("", "127.0.0.1"), reason="this machine has its loopback alone")
+def test_from_an_address_beyond_loopback_the_page_is_read_only() -> None:
+    with PageFeed(SCENE, own_address()) as feed:
+        for url, status in ((feed.far_url, 403), (feed.url, 400)):
+            origin = f"http://{urlsplit(url).netloc}"
+            opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+            opener.open(url).read()
+            assert json.loads(opener.open(f"{origin}/scene").read())["scene"] == {"name": "a plan"}
+            request = urllib.request.Request(
+                f"{origin}/orders", b"{}", {"Origin": origin, "X-Forwarded-For": "127.0.0.1"}
+            )
+            with pytest.raises(urllib.error.HTTPError, match=str(status)):
+                opener.open(request)
