@@ -101,8 +101,9 @@ class Browser:
 
     def press(self, key: str) -> None:
         """Press and release a key."""
+        text = "\r" if key == "Enter" else key if len(key) == 1 else ""
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, text=key if len(key) == 1 else "")
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, text=text)
 
     def picture(self, path: Path) -> None:
         """Save what the window shows as PNG."""

@@ -4,6 +4,7 @@ A thread writes to the pipe. While the page does not read, the newest picture re
 are kept: a frozen page delays nothing, and knows all events once it reads again.
 """
 
+import json
 import secrets
 import subprocess
 import sys
@@ -16,11 +17,13 @@ from types import TracebackType
 from typing import IO, Self
 
 from gcs.errors import GcsError, UsageError
-from gcs.page.pipe_frames import PageFrame, write_frame
+from gcs.page.page_orders import MESSAGE_BYTES, PageAsk
+from gcs.page.pipe_frames import PageFrame, read_frame, write_frame
 
 _PROCESS = ("-m", "gcs.page.page_process")
 _START_S = 60.0  # a busy machine needs long to import NiceGUI
 _EVENTS = 10_000  # kept for a page that does not read; then the oldest go
+_ASKS = 16  # messages of the page that wait; then the oldest go
 _TAIL = 400  # characters of what the process said before it failed
 
 
@@ -33,17 +36,22 @@ def refuse_without_nicegui() -> None:
 class PageFeed:
     """One page of one scene. Use it as a context manager: the page ends with it."""
 
-    def __init__(self, scene: bytes) -> None:
-        """Start the process and wait until it answers at its address. Raises UsageError and GcsError."""
+    def __init__(self, scene: bytes, address: str = "", *, orders_from_afar: bool = False) -> None:
+        """Start the process and wait until it answers at its address. Raises UsageError and GcsError.
+
+        `address`, numeric and of this machine: other machines see the page there, and order with `orders_from_afar`.
+        """
         refuse_without_nicegui()
+        settings = json.dumps([address, orders_from_afar])
         self._token = secrets.token_urlsafe(16)
         self._wake = threading.Condition()
         self._frames: deque[tuple[PageFrame, bytes]] = deque(maxlen=_EVENTS)
         self._picture: bytes | None = None
+        self._asks: deque[PageAsk] = deque(maxlen=_ASKS)
         self._closed = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the page)
         self._process = subprocess.Popen(
-            [sys.executable, *_PROCESS],
+            [sys.executable, *_PROCESS, settings],
             stdin=subprocess.PIPE,  # closes when this program ends, however it ends, and the page ends with it
             stdout=subprocess.PIPE,
             stderr=self._errors,
@@ -53,6 +61,7 @@ class PageFeed:
         self._writer = threading.Thread(target=self._write, daemon=True, name="page")
         self._writer.start()
         self.url = f"http://127.0.0.1:{self._port()}/?token={self._token}"
+        self.far_url = self.url.replace("127.0.0.1", address) if address else ""
 
     @property
     def has_ended(self) -> bool:
@@ -69,6 +78,16 @@ class PageFeed:
         """Add an event to the page's log."""
         with self._wake:
             self._frames.append((PageFrame.EVENT, event))
+            self._wake.notify()
+
+    def asks(self) -> list[PageAsk]:
+        """Return what the page has asked since the last call."""
+        return [self._asks.popleft() for _ in range(len(self._asks))]
+
+    def answer(self, number: int, text: str, *, may: bool) -> None:
+        """Answer what the page asked under this number. `may`: it was said or given; else `text` has the reason."""
+        with self._wake:
+            self._frames.append((PageFrame.ANSWER, json.dumps({"number": number, "text": text, "may": may}).encode()))
             self._wake.notify()
 
     def wait(self) -> None:
@@ -118,16 +137,26 @@ class PageFeed:
 
     def _port(self) -> int:
         found: list[bytes] = []
-        pipe = self._process.stdout
-        assert pipe is not None
-        reader = threading.Thread(target=lambda: found.append(pipe.readline()), daemon=True)
-        reader.start()
-        reader.join(_START_S)
+        is_there = threading.Event()
+        threading.Thread(target=self._read, args=(found, is_there), daemon=True, name="page orders").start()
+        is_there.wait(_START_S)
         if found and found[0].strip().isdigit():
             return int(found[0])
         said = self._said()
         self.close()
         raise GcsError(f"the page did not start: {said or f'no answer within {_START_S:.0f} s'}")
+
+    def _read(self, found: list[bytes], is_there: threading.Event) -> None:
+        """Read the port, and then what the page asks, until it ends or says anything else."""
+        pipe = self._process.stdout
+        assert pipe is not None
+        with suppress(OSError, ValueError):
+            found.append(pipe.readline())
+            is_there.set()
+            while (frame := read_frame(pipe, MESSAGE_BYTES)) is not None:  # type: ignore[arg-type]
+                if frame[0] is PageFrame.ASK:
+                    self._asks.append(PageAsk.of(frame[1]))
+        is_there.set()
 
     def _said(self) -> str:
         with suppress(OSError, ValueError):

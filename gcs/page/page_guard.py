@@ -1,5 +1,7 @@
 """Who may see the page: requests to this machine by name, from the page itself, with the token or its cookie.
 
+From other machines it is read-only, unless orders from there were allowed.
+
 NiceGUI accepts a websocket from any origin. Without this guard every web site that is open in the same browser could
 read a flight, and any user of the machine.
 """
@@ -7,6 +9,7 @@ read a flight, and any user of the machine.
 import secrets
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
+from ipaddress import ip_address
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -17,6 +20,7 @@ Application = Callable[[Any, Receive, Send], Awaitable[None]]
 Headers = list[tuple[bytes, bytes]]
 
 _REFUSED = "Open the whole address that gcs printed, with its token.\n"
+_READ_ONLY = "from another machine the page is read-only; gcs fly --page-control lets it order\n"
 # SameSite=strict keeps the cookie from a redirect that another site began: the page is entered by one of its own.
 _ENTRY = '<!doctype html><meta http-equiv="refresh" content="0; url=/"><a href="/">Open the page</a>\n'
 
@@ -24,10 +28,14 @@ _ENTRY = '<!doctype html><meta http-equiv="refresh" content="0; url=/"><a href="
 class PageGuard:
     """Stands before an ASGI application, and passes what it allows."""
 
-    def __init__(self, inner: Application, token: str, port: int) -> None:
+    def __init__(
+        self, inner: Application, token: str, port: int, address: str = "", *, orders_from_afar: bool = False
+    ) -> None:
+        """`address`: where other machines reach the page, if they do."""
         self._inner = inner
         self._token = token
-        self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
+        self._hosts = tuple(f"{name}:{port}" for name in ("127.0.0.1", "localhost", address) if name)
+        self._orders_from_afar = orders_from_afar
         self._cookie = f"skein-{port}"  # browsers share cookies between ports
         self._session = secrets.token_urlsafe(32)
 
@@ -38,7 +46,10 @@ class PageGuard:
             return
         host = self._host(scope)
         if host is not None and self._has_cookie(scope["headers"]):
-            await self._inner(scope, receive, _restricting(send, host))
+            if self._may_change(scope):
+                await self._inner(scope, receive, _restricting(send, host))
+            else:
+                await _answer(_restricting(send, host), 403, _READ_ONLY, [])
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
         elif host is not None and self._has_token(scope):
@@ -56,6 +67,11 @@ class PageGuard:
         needs_none = scope["type"] == "http" and scope["method"] in ("GET", "HEAD") and not origins
         return hosts[0] if from_the_page or needs_none else None
 
+    def _may_change(self, scope: Any) -> bool:
+        """Whether a request reads only, or comes from this machine, or from where orders are allowed."""
+        reads = scope["type"] == "websocket" or scope["method"] in ("GET", "HEAD")
+        return reads or self._orders_from_afar or _is_here(scope.get("client"))
+
     def _has_cookie(self, headers: Headers) -> bool:
         try:
             given = [SimpleCookie(text).get(self._cookie) for text in _all(headers, b"cookie")]
@@ -68,6 +84,16 @@ class PageGuard:
             return False
         given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
         return len(given) == 1 and _is_same(given[0], self._token)
+
+
+def _is_here(client: tuple[str, int] | None) -> bool:
+    """Whether a request comes from this machine; not, if it does not say from where."""
+    if client is None:
+        return False
+    try:
+        return ip_address(client[0]).is_loopback
+    except ValueError:
+        return False
 
 
 def _all(headers: Iterable[tuple[bytes, bytes]], wanted: bytes) -> list[str]:

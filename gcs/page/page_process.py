@@ -1,9 +1,10 @@
-"""The page's process: `python -m gcs.page.page_process`, fed through standard input. It prints its port, nothing else.
+"""The page's process: `python -m gcs.page.page_process`, fed through standard input. It prints its port, then orders.
 
 A view gets the newest picture once it has drawn the one before, so a slow reader keeps nobody waiting.
 """
 
 import asyncio
+import json
 import os
 import socket
 import sys
@@ -13,12 +14,15 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 import uvicorn
-from fastapi import FastAPI, Response
+from fastapi import FastAPI, Request, Response
+from fastapi.responses import JSONResponse
 from nicegui import ui
 
 from gcs.page.formation_view import FormationView
 from gcs.page.page_guard import PageGuard
+from gcs.page.page_orders import MESSAGE_BYTES, PageOrders
 from gcs.page.page_state import PageState, in_thread, read_state
+from gcs.page.pipe_frames import PageFrame, write_frame
 
 _STEP_S = 0.1  # between pictures at least
 _BUSY_S = 60.0  # a browser that reads a large scene answers nothing meanwhile; after that its page is begun anew
@@ -59,8 +63,9 @@ class PageReaders:
                 view.receive(self._state.since(reader.events))
 
 
-def application(state: PageState) -> FastAPI:
+def application(state: PageState, orders: PageOrders) -> FastAPI:
     """Return the page without its guard."""
+    state.on_answer = orders.answer
     readers = PageReaders(state)
 
     @asynccontextmanager
@@ -74,6 +79,18 @@ def application(state: PageState) -> FastAPI:
     @app.get("/scene")
     def scene() -> Response:
         return Response(state.whole(), media_type="application/json", headers={"Cache-Control": "no-store"})
+
+    @app.post("/orders")
+    async def order(request: Request) -> Response:
+        body = b""
+        async for piece in request.stream():
+            body += piece
+            if len(body) > MESSAGE_BYTES:
+                return Response(status_code=413)
+        try:
+            return JSONResponse(await orders.ask(body))
+        except ValueError:
+            return Response(status_code=400)
 
     def page() -> None:
         ui.query("body").style("margin: 0")
@@ -94,7 +111,7 @@ def application(state: PageState) -> FastAPI:
 
 def serve() -> None:
     """Read the token and the scene, print the port, and serve until the pipe ends."""
-    with os.fdopen(os.dup(1), "w") as out:
+    with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)
         os.nice(5)  # the flight goes first
         pipe = sys.stdin.buffer
@@ -102,15 +119,19 @@ def serve() -> None:
         if begun is None:
             return
         token, state = begun
+        address, orders_from_afar = json.loads(sys.argv[1])
         with socket.create_server((_ADDRESS, 0)) as listening:
+            orders = PageOrders(lambda data: write_frame(out, PageFrame.ASK, data))
             port = int(listening.getsockname()[1])
-            config = uvicorn.Config(PageGuard(application(state), token, port), log_level="warning", access_log=False)
+            guard = PageGuard(application(state, orders), token, port, address, orders_from_afar=orders_from_afar)
+            also = [socket.create_server((address, port))] if address else []
+            config = uvicorn.Config(guard, log_level="warning", access_log=False, proxy_headers=False)
             server, at_end = uvicorn.Server(config), threading.Event()
             in_thread(state, pipe, at_end)
             threading.Thread(target=_end_with, args=(at_end,), daemon=True).start()
-            out.write(f"{port}\n")
+            out.write(f"{port}\n".encode())
             out.flush()
-            server.run(sockets=[listening])
+            server.run(sockets=[listening, *also])
 
 
 def _end_with(at_end: threading.Event) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
@@ -20,6 +21,7 @@ class PageState:
     number: int = 0  # of pictures and events, so far
     events: list[bytes] = field(default_factory=list)
     past: list[bytes] = field(default_factory=list)
+    on_answer: Callable[[bytes], None] | None = None  # to an order
     _last_s: float = -float("inf")
 
     def receive(self, pipe: BinaryIO) -> None:
@@ -29,6 +31,10 @@ class PageState:
 
     def take(self, kind: PageFrame, data: bytes) -> None:
         """Take in one frame."""
+        if kind is PageFrame.ANSWER:
+            if self.on_answer is not None:
+                self.on_answer(data)
+            return
         if kind is PageFrame.EVENT:
             self.events.append(data)
         elif kind is PageFrame.PICTURE:

@@ -1,4 +1,4 @@
-"""The frames on the pipe to the page's process: one letter of what it is, four bytes of length, and the data."""
+"""The frames on the pipes to and from the page's process: a letter of what it is, four bytes of length, the data."""
 
 import struct
 from enum import StrEnum
@@ -14,6 +14,8 @@ class PageFrame(StrEnum):
     SCENE = "s"  # second
     PICTURE = "p"
     EVENT = "e"
+    ASK = "a"  # from the page
+    ANSWER = "r"  # to it
 
 
 def write_frame(pipe: BinaryIO, kind: PageFrame, data: bytes) -> None:
@@ -22,11 +24,13 @@ def write_frame(pipe: BinaryIO, kind: PageFrame, data: bytes) -> None:
     pipe.flush()
 
 
-def read_frame(pipe: BinaryIO) -> tuple[PageFrame, bytes] | None:
-    """Return the next frame; None at the end, also amid a frame."""
+def read_frame(pipe: BinaryIO, at_most: int | None = None) -> tuple[PageFrame, bytes] | None:
+    """Return the next frame; None at the end, also amid a frame, and at one of more than `at_most` bytes."""
     head = pipe.read(_HEAD.size)
     if len(head) < _HEAD.size:
         return None
     kind, length = _HEAD.unpack(head)
+    if at_most is not None and length > at_most:
+        return None
     data = pipe.read(length)
     return None if len(data) < length else (PageFrame(kind.decode()), data)

@@ -11,6 +11,7 @@ import pytest
 
 from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.progress import AskedOrder
 from gcs.plan.planner import make_plan
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import Scenario
@@ -38,7 +39,7 @@ def test_all_are_called_home_from_behind_a_zone(repo_root: Path) -> None:
         north_m = world.airframes.truth[:, 0]
         if not called and (north_m > 48.0).all() and flight.contingency is not None:
             called.append(True)
-            flight.contingency.return_all()
+            flight.ask(AskedOrder.RETURN)
         breaches.append(sum(vehicle._failsafe.breaches for vehicle in world.vehicles))
 
     flown = fly(plan, during=call_home, safety=True, mode=FlightMode.STREAM)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -102,6 +103,16 @@ def fly(
     to: Annotated[Path, shared.option("Folder for the folders of flights.")] = Path("flights"),
     also_to: shared.AlsoToOption = None,
     page: PageOption = False,
+    page_address: Annotated[
+        str,
+        shared.option(
+            "With --page: this address of the machine too, for other machines; the page is read-only there.",
+            "--page-address",
+        ),
+    ] = "",
+    page_control: Annotated[
+        bool, shared.option("With --page-address: orders are taken from other machines too.", "--page-control")
+    ] = False,
     yes_arm: Annotated[bool, shared.option("With --link: arm without confirmation.", "--yes-arm")] = False,
     unverified: shared.UnverifiedOption = False,
     json: shared.JsonOption = False,
@@ -131,6 +142,7 @@ def fly(
         refuse_without_nicegui()
         if json:
             raise UsageError("--page and --json exclude each other: nobody would read the page's address")
+    _check_page(page, page_address, page_control)
     if share is not None and not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
     known = shared.connection(link, systems, signing_key_file, transfer, radio) if link else None
@@ -175,7 +187,27 @@ def fly(
     run = FlightRun(
         plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
     )
-    return fly_and_judge(run, screen, watch, asks=not yes_arm, page=page)
+    return fly_and_judge(
+        run, screen, watch, asks=not yes_arm, page=page, page_address=page_address, page_control=page_control
+    )
+
+
+def _check_page(page: bool, address: str, control: bool) -> None:
+    """Raise UsageError for options of a page that there is not, or for an address that is none."""
+    if address and not page:
+        raise UsageError("--page-address needs a page", hint="add --page")
+    if control and not address:
+        raise UsageError("--page-control is for other machines: this one may always order", hint="give --page-address")
+    if address:
+        try:
+            known = IPv4Address(address)
+        except ValueError:
+            known = None
+        if known is None or known.is_unspecified or known.is_loopback:
+            raise UsageError(
+                f"--page-address {address}: not an address that other machines reach",
+                hint="give the machine's own address in their network, as 192.168.1.5",
+            )
 
 
 def _check(keeping: TimeKeeping, speedup: str, *, on_link: bool, follow: bool) -> None:

@@ -99,17 +99,32 @@ class FlightView(Watcher):
                 await asyncio.sleep(_REFRESH_S)
 
 
-def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool, page: bool = False) -> int:
+def fly_and_judge(
+    run: FlightRun,
+    screen: Screen,
+    watch: Stopwatch,
+    *,
+    asks: bool,
+    page: bool = False,
+    page_address: str = "",
+    page_control: bool = False,
+) -> int:
     """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
     Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation. With
-    `page` the flight is shown on a page as well, until this returns.
+    `page` the flight is shown on a page as well, until this returns; at `page_address` also to other machines, which
+    may order with `page_control`.
     """
     question = ""
     if asks and run.link is not None:
         count = len(run.plan.sysids)
         question = f"This arms and flies {counted(count, 'vehicle')} at {run.link}. Type '{CONFIRMATION}' to continue:"
-    with live_page(run.plan, screen.say) if page else nullcontext() as shown, screen.without_waiting():
+    with (
+        live_page(run.plan, screen.say, page_address, orders_from_afar=page_control)
+        if page
+        else nullcontext() as shown,
+        screen.without_waiting(),
+    ):
         flown = fly_run(run, FlightView(screen, watch, question, shown))
     _show(screen, flown)
     if page:

@@ -1,12 +1,15 @@
 """Executes the contingency policy: incidents in, orders out, one state per vehicle. Time is an argument."""
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from gcs.flight.contingency.choices import Choices
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.policy import (
     AGAIN_S,
+    ASKED,
     CLEAR_S,
     IN_FORMATION,
     SPREAD_AGAIN_S,
@@ -20,6 +23,7 @@ from gcs.flight.contingency.policy import (
     Trigger,
 )
 from gcs.flight.contingency.policy_rows import POLICY
+from gcs.flight.monitoring.progress import AskedOrder
 
 
 def applying_row(trigger: IncidentKind | Trigger, now: Situation) -> tuple[Row | None, tuple[int, ...]]:
@@ -82,9 +86,18 @@ class ContingencyPolicy:
             orders += self._trigger(Trigger.VEHICLE_OUT, incident.unix_s)
         return orders
 
-    def return_all(self, unix_s: float) -> list[Order]:
-        """Return the orders that bring the formation back, as the operator requested."""
-        return self._trigger(Trigger.RETURN_ALL, unix_s)
+    def asked(self, order: AskedOrder, sysids: Collection[int], *, usable: bool = True) -> tuple[int, ...]:
+        """Return which of these vehicles would obey the operator. `usable`: a way back to the plan is safe."""
+        now = Situation(self.states, self.choices, self.leader, usable=usable, asked=tuple(sysids))
+        return applying_row(ASKED[order], now)[1]
+
+    def ask(self, order: AskedOrder, sysids: Collection[int], unix_s: float, *, usable: bool = True) -> list[Order]:
+        """Return the orders that follow from one of the operator to these vehicles; none where no row applies."""
+        leads = self.states[self.leader] in IN_FORMATION
+        orders = self._trigger(ASKED[order], unix_s, usable=usable, asked=tuple(sysids))
+        if self.choices.follow and leads and self.states[self.leader] not in IN_FORMATION:
+            orders += self._trigger(Trigger.LEADER_OUT, unix_s)
+        return orders
 
     def never_heard(self, sysid: int) -> None:
         """A vehicle was lost before this process began: no order for it, and none for the others because of it."""
@@ -97,7 +110,7 @@ class ContingencyPolicy:
 
     def not_obeyed(self, sysid: int, unix_s: float) -> list[Order]:
         """Return the orders to a vehicle that did not carry out its last one."""
-        return self._trigger(Trigger.NOT_OBEYED, unix_s, sysid)
+        return self._trigger(Trigger.NOT_OBEYED, unix_s, sysid=sysid)
 
     def clear(self, unix_s: float) -> list[Order]:
         """Return the orders to vehicles that yielded and had no conflict for `CLEAR_S` since."""
@@ -130,8 +143,8 @@ class ContingencyPolicy:
         again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
         return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
 
-    def _trigger(self, trigger: Trigger, unix_s: float, sysid: int = 0) -> list[Order]:
-        row, ordered = applying_row(trigger, replace(self._now(unix_s), sysid=sysid))
+    def _trigger(self, trigger: Trigger, unix_s: float, **known: Any) -> list[Order]:
+        row, ordered = applying_row(trigger, replace(self._now(unix_s), **known))
         if row is None:
             return []
         if row.action is Action.PROMOTE:

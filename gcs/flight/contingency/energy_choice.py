@@ -296,14 +296,21 @@ class ChargeWatch:
         heading: SafePoint | None = None,
     ) -> EnergyChoice:
         """Return the choice of one vehicle. `plan_time_s` None: it left the plan; `heading` is where it flies to."""
-        now = EnergySituation(
-            self._rows[view.sysid],
-            view.position_ned_m,
-            view.velocity_ned_mps,
-            remaining_pct,
-            plan_time_s,
-            self._discharge[view.sysid].scale,
-            points,
-            heading,
+        now = replace(
+            self._situation(view),
+            remaining_pct=remaining_pct,
+            plan_time_s=plan_time_s,
+            points=points,
+            heading=heading,
         )
         return self._adviser.decide(now, reserve_pct)
+
+    def needs(self, view: VehicleView) -> tuple[EnergyOption, ...]:
+        """Return what a vehicle needs from here to each place that it may land at."""
+        return self._adviser.alternatives(self._situation(view))
+
+    def _situation(self, view: VehicleView) -> EnergySituation:
+        scale = self._discharge[view.sysid].scale
+        return EnergySituation(
+            self._rows[view.sysid], view.position_ned_m, view.velocity_ned_mps, math.nan, None, scale
+        )

@@ -11,6 +11,7 @@ from enum import StrEnum
 from gcs.flight.contingency.choices import Choices, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import IncidentKind
 from gcs.flight.contingency.energy_choice import Outcome
+from gcs.flight.monitoring.progress import AskedOrder
 
 
 class State(StrEnum):
@@ -25,6 +26,7 @@ class State(StrEnum):
     LANDING = "landing"
     LEFT = "left"
     LOST = "lost"
+    WAITING = "waiting"
 
 
 MEANING = {
@@ -37,6 +39,7 @@ MEANING = {
     State.LANDING: "lands at its position",
     State.LEFT: "is flown by a pilot; gets no order; the flight watches it until it has landed",
     State.LOST: "was silent for too long; gets no order",
+    State.WAITING: "holds as the operator ordered, until it is ordered to continue, to return or to land",
 }
 
 
@@ -67,7 +70,10 @@ _AFTER: dict[Action | None, State] = {
 class Trigger(StrEnum):
     """What the policy answers besides incidents: the operator, the passing of time, and the loss of a vehicle."""
 
-    RETURN_ALL = "return requested"
+    HOLD_ASKED = "the operator orders to hold"
+    LAND_ASKED = "the operator orders to land"
+    RETURN_ASKED = "the operator orders to return"
+    CONTINUE_ASKED = "the operator orders to continue"
     CLEAR = "conflict over"
     VEHICLE_OUT = "vehicle lost from the formation"
     LEADER_OUT = "leader lost or left, with `--follow`"
@@ -75,13 +81,20 @@ class Trigger(StrEnum):
     START_ABORTED = "trouble before T0"
 
 
+ASKED = {
+    AskedOrder.HOLD: Trigger.HOLD_ASKED,
+    AskedOrder.LAND: Trigger.LAND_ASKED,
+    AskedOrder.RETURN: Trigger.RETURN_ASKED,
+    AskedOrder.CONTINUE: Trigger.CONTINUE_ASKED,
+}
 IN_FORMATION = frozenset({State.FLYING, State.SILENT})
-YIELDS = frozenset({State.FLYING, State.HOLDING, State.SPREAD, State.RETURNING})
+YIELDS = frozenset({State.FLYING, State.HOLDING, State.SPREAD, State.RETURNING, State.WAITING})
 AIRBORNE = YIELDS | {State.SILENT}  # can still get an order
 OURS = AIRBORNE | {State.STARTING, State.LANDING}  # every vehicle in the air that is not lost and has no pilot
 NOT_OBEYED_AFTER = 3  # attempts
 TAKE_OVERS_MAX = 2  # of one vehicle from its failsafe: after that it lands
 YIELDED = frozenset({State.HOLDING, State.SPREAD})
+HOLDS = YIELDED | {State.WAITING}
 ALL = frozenset(State)
 USABLE_M = 1.5  # heard again further off, a vehicle would have to catch up, with others on its track
 BRAKE_S = 1.5  # a conflict nearer than this leaves no time to brake
@@ -104,6 +117,7 @@ class Situation:
     usable: bool = True  # of a link that is back: position and mode are as ordered; or a way back to the plan is safe
     first_is_upper: bool = True  # of a conflict: its first vehicle is not below the other one
     acting: frozenset[int] = frozenset()  # vehicles whose last order may still take effect
+    asked: tuple[int, ...] = ()  # vehicles that the operator named
     clear: tuple[int, ...] = ()  # vehicles without a conflict for `CLEAR_S`
     outcome: Outcome | None = None  # of a low battery: what the energy allows
     takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and was not taken over too often
@@ -118,6 +132,11 @@ def reporting_vehicle(now: Situation) -> tuple[int, ...]:
 def every_vehicle(now: Situation) -> tuple[int, ...]:
     """All vehicles; the row's states select among them."""
     return tuple(now.states)
+
+
+def asked_vehicles(now: Situation) -> tuple[int, ...]:
+    """The vehicles that the operator named."""
+    return now.asked
 
 
 def formation_of_vehicle(now: Situation) -> tuple[int, ...]:
@@ -170,6 +189,10 @@ class Condition:
 ALWAYS = Condition("", lambda now: True)
 IN_PLACE = Condition(f"{USABLE_M:g} m or less off, in the ordered mode", lambda now: now.usable)
 SAFE_WAY = Condition("a common way back to the plan was checked and keeps all limits", lambda now: now.usable)
+TOGETHER = Condition(
+    "no vehicle flies the plan meanwhile, and a common way back to it was checked and keeps all limits",
+    lambda now: now.usable and IN_FORMATION.isdisjoint(now.states.values()),
+)
 OWN_STANDSTILL = Condition("it has a position, and this program stood still", lambda now: now.ours and now.takeable)
 STREAMED = Condition("setpoints are streamed to all", lambda now: not now.choices.own_missions)
 COMPANY = Condition("others fly the plan too", lambda now: sum(s in IN_FORMATION for s in now.states.values()) > 1)

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import replace
 from functools import partial
 
@@ -17,11 +17,12 @@ from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, Ene
 from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import AIRBORNE, IN_FORMATION, NOT_OBEYED_AFTER, Action, Order, State
+from gcs.flight.execution.operator_orders import OperatorOrders, OrderForecast
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import Event
+from gcs.flight.monitoring.progress import AskedOrder, Event
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
@@ -77,6 +78,7 @@ class ContingencyExecutor:
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
         self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
+        self.operator = OperatorOrders(fleet, self.policy, self._standstill, self.charge, self._watches, returns)
         self._reported: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
         self._rests = False
@@ -141,16 +143,19 @@ class ContingencyExecutor:
         self.policy.never_heard(sysid)
         self._watches[sysid].never_heard()
 
-    def return_all(self) -> None:
-        """Order all vehicles in the formation to return, as the operator requested."""
-        now_s = self._time.sure_s()
-        for order in self.policy.return_all(now_s):
-            self._carry_out(order, self._plan_time_s(now_s))
+    def ask(self, order: AskedOrder, sysids: Collection[int], by: str) -> tuple[int, ...]:
+        """Give an order of the operator. Raises FlightError where no vehicle would obey."""
+        return self.operator.ask(order, sysids, by, self._time.sure_s(), self._on_event, self._carry_out)
+
+    def forecast(self, order: AskedOrder, sysids: Collection[int]) -> OrderForecast:
+        """Return what an order of the operator would do. Raises as `ask` does."""
+        return self.operator.forecast(order, sysids, self._time.sure_s())
 
     @property
     def waits(self) -> bool:
-        """Whether the plan waits: this program stood still, and the vehicles are not led back yet."""
-        return self._standstill.open
+        """Whether the plan waits: this program stood still, or the operator ordered all vehicles to hold."""
+        held = State.WAITING in self.policy.states.values() and not self.policy.in_formation
+        return self._standstill.open or held
 
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
@@ -230,7 +235,7 @@ class ContingencyExecutor:
                     self._streamer.replace(sysid, track)
         formation = self.policy.in_formation
         self._monitor.watch_formation([i for i in formation if self.policy.states[i] is State.FLYING])
-        if not formation:
+        if not formation and State.WAITING not in self.policy.states.values():
             self.over.set()
 
     def _report_clocks(self, now_s: float) -> None:
@@ -255,7 +260,7 @@ class ContingencyExecutor:
         low = incident.kind is IncidentKind.BATTERY_LOW
         reserve_pct = float(limits.battery_critical_pct) if low else limits.battery_reserve_pct
         flown_s = None if of_battery else self._flown_s(sysid, t_s)
-        heading = None if of_battery else self._heading.get(sysid)
+        heading = None if of_battery or state is State.WAITING else self._heading.get(sysid)
         choice = self.charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
         same = sysid in self._chosen and self._chosen[sysid].chosen.outcome is choice.chosen.outcome
         self._chosen[sysid] = choice

@@ -40,7 +40,16 @@ from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CheckName
-from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, FlightHooks, FlightTimes, Snapshot, Step, VehicleNow
+from gcs.flight.monitoring.progress import (
+    ALL_VEHICLES,
+    AskedOrder,
+    Event,
+    FlightHooks,
+    FlightTimes,
+    Snapshot,
+    Step,
+    VehicleNow,
+)
 from gcs.flight.monitoring.reported_now import ReportedNow
 from gcs.flight.setup.build_loads import refuse_without_timed_start
 from gcs.flight.setup.own_process import in_own_process
@@ -175,6 +184,23 @@ class FlightSequence:
         """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`; NaN if not known."""
         return self._reported.ground_margins_m(sysids)
 
+    def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "the program") -> tuple[int, ...]:
+        """Give an order of the operator to vehicles, by system id; none named: to all. Return those that obey.
+
+        The contingency policy decides as on incidents; `events.jsonl` has who asked, and what came of it. Raises
+        FlightError with the reason where no vehicle would obey.
+        """
+        return self._asked().ask(order, vehicles, by)
+
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
+        """Return in words and numbers what an order would do now. Raises as `ask` does."""
+        return self._asked().forecast(order, vehicles).words
+
+    def _asked(self) -> ContingencyExecutor:
+        if self._contingency is None:
+            raise FlightError("before T0 no order is taken.", hint="Ctrl-C ends the flight")
+        return self._contingency
+
     async def each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
         """Run `action` for all vehicles at once."""
         await each(self.vehicles.values(), action)
@@ -281,7 +307,7 @@ class FlightSequence:
         self.completion.begins(self.time.sure_s() - t0_unix_s)
         self.enter(self.step)
         if return_all:
-            self.contingency.return_all()
+            self.ask(AskedOrder.RETURN, by="gcs attach")
         over = asyncio.ensure_future(self.contingency.over.wait())
         planned = asyncio.ensure_future(self._until_landing())
         try:
@@ -339,6 +365,7 @@ class FlightSequence:
         """Raises FlightError if a vehicle did not fly the plan to its end."""
         self.landing.raise_failed_orders()
         words = [self.contingency.describe(incident) for incident in self.contingency.policy.troubles]
+        words += self.contingency.operator.ended
         words = words or self.completion.missing({i: self.monitor.views[i] for i in self._on_plan()})
         if words:
             raise FlightError(

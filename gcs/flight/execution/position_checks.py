@@ -7,7 +7,7 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import OBEYS_M, OBEYS_S, Incident, IncidentKind
-from gcs.flight.contingency.policy import IN_FORMATION, USABLE_M, YIELDED, State
+from gcs.flight.contingency.policy import HOLDS, IN_FORMATION, USABLE_M, State
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.predicted_tracks import TrackWatch
 from gcs.scenario.environment.terrain import ground_height_m
@@ -30,7 +30,7 @@ class PositionChecks:
         streamed = fleet.options.mode is FlightMode.STREAM
         self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks, streamed=streamed)
         self._streamed = fleet.streamer.streamed
-        self._following = YIELDED | {State.FLYING} if streamed else YIELDED  # one that returns gets new ones as needed
+        self._following = HOLDS | {State.FLYING} if streamed else HOLDS  # one that returns gets new ones as needed
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
         self._low_s: dict[int, float] = {}  # since when vehicles are down
@@ -45,7 +45,7 @@ class PositionChecks:
         scenario = self._plan.scenario
         north_m, east_m, down_m = self._monitor.views[sysid].position_ned_m
         above_m = float(-down_m - ground_height_m(scenario.terrain, north_m, east_m))
-        flies = self._policy.states[sysid] in IN_FORMATION | YIELDED and not self.lands
+        flies = self._policy.states[sysid] in IN_FORMATION | HOLDS and not self.lands
         return Place(above_m, flies, _IN_AIR_M + navigation_error(scenario).vertical_m)
 
     def _is_low(self, sysid: int) -> bool:
@@ -88,7 +88,7 @@ class PositionChecks:
     def down(self, now_s: float, t_s: float) -> list[Incident]:
         """Return an incident, once, for each vehicle on the ground that the plan has in the air."""
         flown, found = 0.0 <= t_s <= self._plan.flight_s, []
-        for sysid in [i for i, state in self._policy.states.items() if flown and state in IN_FORMATION | YIELDED]:
+        for sysid in [i for i, state in self._policy.states.items() if flown and state in IN_FORMATION | HOLDS]:
             armed, view = self._vehicles[sysid].session.armed, self._monitor.views[sysid]
             if not (armed and view.error_m > _AWAY_M and self._is_low(sysid)):
                 self._low_s.pop(sysid, None)

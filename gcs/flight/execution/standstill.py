@@ -110,12 +110,29 @@ class Standstill:
             if order not in back:
                 carry_out(order, t_s)
         if back and isinstance(how, Rejoin):
-            t0_unix_s = self._monitor.t0_s
-            words = self.lead_back([order.sysid for order in back], how, now_s)
-            waits_s = t0_unix_s + now_s - self._monitor.t0_s  # when the plan was where it goes on now
-            off_plan = {OFF_PLAN: (min(self._before_s, waits_s), self._begins_s(now_s) + how.fade_s)}
-            on_event(Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, back[0].rule, off_plan))
+            on_event(self.go_on(back, how, now_s, self._before_s))
         return now_s - self._monitor.t0_s
+
+    def go_on(self, orders: list[Order], how: Rejoin, now_s: float, before_s: float) -> Event:
+        """Lead the ordered vehicles back, which were on the plan until `before_s`; return the event of it."""
+        t0_unix_s = self._monitor.t0_s
+        words = self.lead_back([order.sysid for order in orders], how, now_s)
+        waits_s = t0_unix_s + now_s - self._monitor.t0_s  # when the plan was where it goes on now
+        off_plan = {OFF_PLAN: (min(before_s, waits_s), self._begins_s(now_s) + how.fade_s)}
+        return Event(now_s, now_s - self._monitor.t0_s, ALL_VEHICLES, words, orders[0].rule, off_plan)
+
+    def way_back(self, sysids: list[int], now_s: float, before_s: float) -> Rejoin | str:
+        """Return how vehicles that hold go on together, or why they cannot. They held from fleet time `before_s` on."""
+        vehicles = [self._vehicles[i] for i in sysids]
+        if self._lands:
+            return "the plan is over"
+        if self.open:
+            return "this program stood still, and the vehicles gather"
+        if busy := [v.sysid for v in vehicles if self._carrier.stands(v.sysid)]:
+            return f"the last order to vehicle {busy[0]} is not carried out yet"
+        if away := [v.sysid for v in vehicles if v.session.custom_mode != v.behaviour.guided]:
+            return f"vehicle {away[0]} does not follow setpoints"
+        return self._choose(vehicles, now_s, before_s - self._monitor.t0_s)
 
     def incidents(self, how: Rejoin | str, now_s: float) -> list[Incident]:
         """Return the incident of every vehicle of the formation; a silent one is judged when it is heard again."""

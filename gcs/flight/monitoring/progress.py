@@ -86,6 +86,15 @@ class Step(StrEnum):
     DONE = "landed"
 
 
+class AskedOrder(StrEnum):
+    """What the operator may order in flight; the contingency policy says which vehicles then do it."""
+
+    HOLD = "hold"
+    LAND = "land"
+    RETURN = "return"
+    CONTINUE = "continue"
+
+
 class FlightPart(StrEnum):
     """The parts of a flight, each with its own least separation: near the ground, and on the plan."""
 
@@ -213,6 +222,14 @@ class InFlight(Protocol):
 
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
         """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`."""
+        ...
+
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
+        """Return in words and numbers what an order of the operator would do now. Raises as `ask` does."""
+        ...
+
+    def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
+        """Give an order to vehicles; none named: to all. Return those that obey. Raises FlightError if none would."""
         ...
 
 

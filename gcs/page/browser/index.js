@@ -2,6 +2,7 @@
 
 import { Curves } from "./curves.js";
 import { EventLog } from "./event_log.js";
+import { Orders } from "./orders.js";
 import { SceneData } from "./scene_data.js";
 import { VehicleTable } from "./vehicle_table.js";
 import { World } from "./world.js";
@@ -29,7 +30,7 @@ const PAGE = `
   <p class="notes"></p>
   <main>
     <section class="space" aria-label="scene in space"></section>
-    <aside><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
+    <aside><div class="command" hidden></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
   </main>
   <footer>
     <div class="player">
@@ -79,6 +80,11 @@ class Page {
     this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
     this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
     this.table = new VehicleTable(this.find(".fleet"), scene, (sysid) => this.look(`${sysid}`));
+    if (scene.isLive) {
+      this.find(".command").hidden = false;
+      this.orders = new Orders(this.find(".command"), () => this.table.ticked());
+      this.table.onTick = () => this.orders.name();
+    }
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
     this.listen();
     this.setDark(window.matchMedia("(prefers-color-scheme: dark)").matches);
@@ -110,7 +116,7 @@ class Page {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || this.orders?.dialog.open) return;
     const isTyped = event.target.matches?.("select, input:not([type=range])");
     const isPressed = event.key === " " && event.target.matches?.("button");
     if (isTyped || isPressed) return;

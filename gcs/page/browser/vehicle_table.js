@@ -56,12 +56,31 @@ export class VehicleTable {
         const row = document.createElement("tr");
         const cells = this.columns.map(() => row.appendChild(document.createElement("td")));
         row.onclick = () => onVehicle(sysid);
+        if (scene.isLive) row.append(this.tick(sysid));
         return [sysid, { row, cells }];
       }),
     );
+    if (scene.isLive) this.table.querySelector("tr").append(document.createElement("th"));
     this.body = this.table.querySelector("tbody");
     element.append(this.table);
     this.sort(this.columns[0], false);
+  }
+
+  // A box that an order goes to this vehicle; none ticked: to all.
+  tick(sysid) {
+    const cell = document.createElement("td");
+    const box = document.createElement("input");
+    box.type = "checkbox";
+    box.value = sysid;
+    box.setAttribute("aria-label", `order to vehicle ${sysid}`);
+    cell.onclick = (event) => event.stopPropagation();
+    box.onchange = () => this.onTick();
+    cell.append(box);
+    return cell;
+  }
+
+  ticked() {
+    return [...this.body.querySelectorAll("input:checked")].map((box) => Number(box.value)).sort((a, b) => a - b);
   }
 
   sort(column, isDown = this.order.column === column && !this.order.isDown) {

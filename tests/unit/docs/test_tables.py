@@ -31,6 +31,7 @@ START = "tests/bridge/test_start.py"
 HOSTILE = "tests/hostile/test_"
 RECORDS = "tests/unit/flight/recording/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
+ASKED = "tests/unit/flight/execution/test_executor.py"
 HOLDING = (NEAR, "test_a_vehicle_with_time_to_brake_holds_and_returns")
 CLIMBING = (NEAR, "test_a_vehicle_without_time_to_brake_climbs")
 NEAR_MISS = "tests/unit/flight/execution/test_near_miss.py"
@@ -126,7 +127,15 @@ POLICY_PROOFS = {
     "All others continue": [(MISHAPS, "test_a_vehicle_is_lost_the_others_go_on")],
     "The next vehicle leads": [(MISHAPS, "test_a_leader_is_lost_and_another_leads")],
     "The formation has no leader: all vehicles return": [(RULES, "test_without_a_leader_all_may_return")],
-    "The operator ordered all vehicles to return": [("tests/bridge/test_attach.py", "test_it_returns")],
+    "The operator ordered it to hold": [(ASKED, "test_one_vehicle_holds_until_the_operator_brings_it_home")],
+    "The operator ordered it to land": [(RULES, "test_each_state_has_the_answer_to_what_befalls_others")],
+    "The operator ordered it to return": [
+        ("tests/bridge/test_attach.py", "test_it_returns"),
+        (ASKED, "test_all_return_when_the_operator_orders_it"),
+    ],
+    "The operator ordered to continue: the waiting vehicles are led back to the plan together": [
+        (ASKED, "test_the_plan_waits_while_all_hold_and_goes_on_when_they_continue")
+    ],
 }
 
 # Each row of docs/flying.md on the ground station itself.

@@ -6,10 +6,15 @@ import io
 import json
 import os
 import signal
+import socket
+import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from http.client import HTTPConnection
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -146,8 +151,8 @@ def test_the_page_is_served_to_whom_has_the_token(feed: PageFeed) -> None:
     assert json.loads(get("/scene", cookie)[1])["scene"] == {"name": "a plan"}
     address = f"ws://{where.netloc}/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
     origin = f"http://{where.netloc}"
-    with connect(address, origin=origin, additional_headers={"Cookie": cookie}) as socket:
-        assert str(socket.recv(timeout=10)).startswith("0{")
+    with connect(address, origin=origin, additional_headers={"Cookie": cookie}) as link_to_page:
+        assert str(link_to_page.recv(timeout=10)).startswith("0{")
     for wrong_origin, headers in (
         (origin, {}),
         ("http://evil.example", {"Cookie": cookie}),
@@ -155,6 +160,33 @@ def test_the_page_is_served_to_whom_has_the_token(feed: PageFeed) -> None:
     ):
         with pytest.raises(InvalidStatus, match="403"):
             connect(address, origin=wrong_origin, additional_headers=headers)  # type: ignore[arg-type]
+
+
+def test_an_order_of_the_page_reaches_the_flight_and_its_answer_the_page(feed: PageFeed) -> None:
+    where = urlsplit(feed.url)
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    opener.open(feed.url).read()
+    origin = {"Origin": f"http://{where.netloc}"}
+
+    def post(body: bytes) -> Any:
+        request = urllib.request.Request(f"http://{where.netloc}/orders", body, origin)
+        return json.loads(opener.open(request, timeout=20).read())
+
+    def answer() -> None:
+        end_s = time.monotonic() + 20.0
+        while not (asks := feed.asks()) and time.monotonic() < end_s:
+            time.sleep(0.02)
+        for one in asks:
+            feed.answer(one.number, f"{one.order} {one.vehicles}", may=True)
+
+    flight = threading.Thread(target=answer)
+    flight.start()
+    assert post(b'{"order":"return","vehicles":[2,3]}')["text"] == "return (2, 3)"
+    flight.join()
+    for body, status in ((b'{"order":"disarm"}', 400), (b" " * 10_000, 413)):
+        with pytest.raises(urllib.error.HTTPError, match=str(status)):
+            post(body)
+    assert feed.asks() == []
 
 
 def test_a_frozen_page_delays_nobody_and_gets_the_newest_picture_and_every_event_later(feed: PageFeed) -> None:
@@ -198,3 +230,26 @@ def test_the_page_ends_when_its_pipe_does() -> None:
         assert feed._process.stdin is not None
         feed._process.stdin.close()  # as when the parent is killed
         assert wait_for(feed)
+
+
+def own_address() -> str:
+    """An address of this machine that is not its loopback; empty without one."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, suppress(OSError):
+        udp.connect(("192.0.2.1", 9))  # sends nothing
+        return str(udp.getsockname()[0])
+    return ""
+
+
+@pytest.mark.skipif(own_address() in ("", "127.0.0.1"), reason="this machine has its loopback alone")
+def test_from_an_address_beyond_loopback_the_page_is_read_only() -> None:
+    with PageFeed(SCENE, own_address()) as feed:
+        for url, status in ((feed.far_url, 403), (feed.url, 400)):
+            origin = f"http://{urlsplit(url).netloc}"
+            opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+            opener.open(url).read()
+            assert json.loads(opener.open(f"{origin}/scene").read())["scene"] == {"name": "a plan"}
+            request = urllib.request.Request(
+                f"{origin}/orders", b"{}", {"Origin": origin, "X-Forwarded-For": "127.0.0.1"}
+            )
+            with pytest.raises(urllib.error.HTTPError, match=str(status)):
+                opener.open(request)

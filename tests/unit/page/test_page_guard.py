@@ -13,6 +13,8 @@ from gcs.page.page_guard import PageGuard
 PORT, TOKEN = 8123, "the-token"
 HOST, OTHER = f"127.0.0.1:{PORT}", "127.0.0.1:9999"
 SHOWN, ENTRY, REFUSED = "shown", "entry", "refused"
+HERE = {"client": ("127.0.0.1", 50000)}
+FAR_HOST = f"192.168.1.5:{PORT}"
 Headers = list[tuple[bytes, bytes]]
 
 
@@ -41,7 +43,7 @@ def asked(guard: PageGuard, scope: dict[str, Any]) -> list[dict[str, Any]]:
 
 def http(headers: Iterable[tuple[str, str]], query: str = "", path: str = "/", method: str = "GET") -> dict[str, Any]:
     raw = [(name.encode(), value.encode()) for name, value in headers]
-    return {"type": "http", "method": method, "path": path, "query_string": query.encode(), "headers": raw}
+    return {"type": "http", "method": method, "path": path, "query_string": query.encode(), "headers": raw} | HERE
 
 
 def socket(headers: Iterable[tuple[str, str]], query: str = "") -> dict[str, Any]:
@@ -164,3 +166,39 @@ def test_the_life_of_the_application_passes() -> None:
 
     asked(PageGuard(inner, TOKEN, PORT), {"type": "lifespan"})
     assert seen == ["lifespan"]
+
+
+@pytest.mark.parametrize(
+    ("client", "is_here"),
+    [
+        (("127.0.0.1", 5), True),
+        (("127.8.9.1", 5), True),
+        (("::1", 5), True),
+        (("192.168.1.7", 5), False),
+        (("192.168.1.5", 5), False),
+        (("8.8.8.8", 5), False),
+        (("testclient", 5), False),
+        (None, False),
+    ],
+)
+@pytest.mark.parametrize("control", [False, True])
+@pytest.mark.parametrize("host", [HOST, FAR_HOST])
+def test_from_another_machine_the_page_is_read_only_unless_orders_are_allowed(
+    client: tuple[str, int] | None, is_here: bool, control: bool, host: str
+) -> None:
+    guard = PageGuard(_page, TOKEN, PORT, "192.168.1.5", orders_from_afar=control)
+    entry = asked(guard, http([("host", host)], f"token={TOKEN}") | {"client": client})
+    own = dict(entry[0]["headers"])[b"set-cookie"].decode().split(";")[0]
+    headers = [("host", host), ("cookie", own), ("origin", f"http://{host}")]
+    at = {"client": client}
+    assert verdict(asked(guard, http(headers) | at)) == verdict(asked(guard, socket(headers) | at)) == SHOWN
+    for method in ("POST", "PUT", "DELETE", "OPTIONS"):
+        sent = asked(guard, http(headers, path="/orders", method=method) | at)
+        assert verdict(sent) == (SHOWN if is_here or control else REFUSED)
+        forged = [*headers, ("x-forwarded-for", "127.0.0.1"), ("forwarded", "for=127.0.0.1")]
+        assert verdict(asked(guard, http(forged, path="/orders", method=method) | at)) == verdict(sent)
+
+
+def test_without_an_address_for_other_machines_none_is_served(guard: PageGuard, cookie: str) -> None:
+    headers = [("host", FAR_HOST), ("cookie", cookie), ("origin", f"http://{FAR_HOST}")]
+    assert verdict(asked(guard, http(headers))) == verdict(asked(guard, socket(headers))) == REFUSED

@@ -11,8 +11,10 @@ from dataclasses import replace
 import pytest
 
 from gcs.cli.flights.live_page import LivePage
-from gcs.flight.monitoring.progress import Event, FlightPart, NearestPair, Snapshot, VehicleNow
+from gcs.errors import FlightError
+from gcs.flight.monitoring.progress import AskedOrder, Event, FlightPart, NearestPair, Snapshot, VehicleNow
 from gcs.flight.scene.flight_picture import picture_of
+from gcs.page.page_orders import PageAsk
 from tests.virtual_clock import VirtualLoop
 
 USUAL = VehicleNow(1, "GUIDED", True, 20.0, 5.0, 80.0, 0.1, 0.0, 0.3, 12.0, 20.0)
@@ -40,6 +42,12 @@ class Flight:
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
         raise AssertionError("takes long: a picture does not ask for it")
 
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
+        raise AssertionError("nobody asks")
+
+    def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
+        raise AssertionError("nobody asks")
+
 
 class Feed:
     """A page without a process."""
@@ -48,6 +56,15 @@ class Feed:
         self.has_ended = False
         self.pictures: list[bytes] = []
         self.events: list[bytes] = []
+        self.asked: list[PageAsk] = []
+        self.answers: list[tuple[int, str, bool]] = []
+
+    def asks(self) -> list[PageAsk]:
+        asked, self.asked = self.asked, []
+        return asked
+
+    def answer(self, number: int, text: str, *, may: bool) -> None:
+        self.answers.append((number, text, may))
 
     def show(self, picture: bytes) -> None:
         self.pictures.append(picture)
@@ -116,3 +133,64 @@ def test_every_event_reaches_the_log_in_words() -> None:
     feed = Feed()
     LivePage(feed, print).event(Event(1.7e9, 12.5, 3, "is silent", "lost: land"))  # type: ignore[arg-type]
     assert json.loads(feed.events[0]) == {"t_s": 12.5, "sysid": 3, "text": "is silent. lost: land", "is_bad": True}
+
+
+class ControlledFlight(Flight):
+    """A flight that notes what it is asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[tuple[str, tuple[int, ...], str]] = []
+
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
+        if 9 in vehicles:
+            raise FlightError("no vehicle 9 in this flight.", hint="it has vehicles 1, 2")
+        return f"{len(vehicles)} {order.value}"
+
+    def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
+        self.asked.append((order, tuple(vehicles), by))
+        return tuple(vehicles)
+
+
+@pytest.mark.parametrize(
+    ("asks", "given", "last"),
+    [
+        ([PageAsk(1, "return", (1, 2))], [], ("2 return", True)),
+        ([PageAsk(1, "return", (1, 2)), PageAsk(2, confirms=1)], [("return", (1, 2), "the page")], ("ordered", True)),
+        (
+            [PageAsk(1, "return", (1, 2)), PageAsk(2, confirms=1), PageAsk(3, confirms=1)],
+            [("return", (1, 2), "the page")],
+            None,
+        ),
+        ([PageAsk(1, confirms=0)], [], None),
+        ([PageAsk(1, "return", (1,)), PageAsk(2, "land", (2,)), PageAsk(3, confirms=1)], [], None),
+        ([PageAsk(1, "land", (9,)), PageAsk(2, confirms=1)], [], None),
+        ([PageAsk(1, "land", (9,))], [], ("no vehicle 9 in this flight. it has vehicles 1, 2", False)),
+    ],
+)
+def test_an_order_of_the_page_is_given_once_it_was_said_and_confirmed(
+    asks: list[PageAsk], given: list[tuple[str, tuple[int, ...], str]], last: tuple[str, bool] | None
+) -> None:
+    feed, flight = Feed(), ControlledFlight()
+    feed.asked = list(asks)
+    assert followed(feed, flight, 0.5) == []
+    assert flight.asked == given
+    assert [number for number, *_ in feed.answers] == [one.number for one in asks]
+    assert feed.answers[-1][1:] == (last or ("not given: it was not said, or too long ago. Ask again", False))
+
+
+def test_an_order_that_was_said_too_long_ago_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gcs.cli.flights.live_page._CONFIRM_S", -1.0)
+    feed, flight = Feed(), ControlledFlight()
+    feed.asked = [PageAsk(1, "land"), PageAsk(2, confirms=1)]
+    followed(feed, flight, 0.5)
+    assert flight.asked == [] and feed.answers[-1][2] is False
+
+
+def test_an_order_that_fails_ends_neither_page_nor_flight() -> None:
+    feed, flight = Feed(), ControlledFlight()
+    flight.forecast = lambda *_: 1 / 0  # type: ignore[assignment, method-assign, return-value]
+    feed.asked = [PageAsk(1, "land")]
+    said = followed(feed, flight, 0.5)
+    assert said == ["WARNING: an order of the page failed: ZeroDivisionError: division by zero"]
+    assert feed.answers == [(1, "not given: ZeroDivisionError", False)] and len(feed.pictures) > 1

@@ -64,3 +64,20 @@ def test_without_the_library_the_command_says_how_to_get_it(
     monkeypatch.setattr("gcs.page.page_feed.find_spec", lambda name: None)
     assert run([*command, "--page"]) == 2
     assert "pip install 'skein-gcs[page]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--page-address", "192.168.1.5"], "--page-address needs a page"),
+        (["--page", "--page-control"], "--page-control is for other machines"),
+        (["--page", "--page-address", "0.0.0.0"], "not an address that other machines reach"),
+        (["--page", "--page-address", "127.0.0.1"], "not an address that other machines reach"),
+        (["--page", "--page-address", "my-laptop"], "not an address that other machines reach"),
+    ],
+)
+def test_a_page_is_shown_to_other_machines_only_at_an_address_of_theirs(
+    options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fly", str(PLAN), "--sim", *options]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())

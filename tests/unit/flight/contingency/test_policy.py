@@ -27,6 +27,7 @@ from gcs.flight.contingency.policy import (
     Trigger,
 )
 from gcs.flight.contingency.policy_rows import POLICY
+from gcs.flight.monitoring.progress import AskedOrder
 
 FOUR = (1, 2, 3, 4)
 FINAL = frozenset({State.LANDING, State.LEFT, State.LOST})
@@ -46,7 +47,16 @@ def situations() -> list[Situation]:
     choices = [Choices(a, b, follow=True) for a, b in product(OnLoss, OnLeaderLoss)] + [Choices(own_missions=True)]
     return [
         Situation(
-            {2: mine, 3: other}, choice, 2, 2, 3, in_s, usable, acting=frozenset({3} if acting else ()), clear=(2, 3)
+            {2: mine, 3: other},
+            choice,
+            2,
+            2,
+            3,
+            in_s,
+            usable,
+            acting=frozenset({3} if acting else ()),
+            clear=(2, 3),
+            asked=(2,),
         )
         for mine, other in product(State, State)
         for choice, in_s, usable, acting in product(choices, (0.5, 2.5), (False, True), (False, True))
@@ -97,12 +107,13 @@ def test_every_incident_in_every_state_has_an_outcome(kind: IncidentKind, state:
 
 
 # What is right for one vehicle in each state, by hand, in the order of `State`: starting, flying, silent, holding,
-# spread, returning, landing, left, lost. A letter is an order with the state that follows from it.
+# spread, returning, landing, left, lost, waiting. A letter is an order with the state that follows from it.
 LETTERS = {
     ".": (None, None),
     "s": (None, State.SILENT),
     "x": (None, State.LOST),
     "H": (Action.HOLD, State.HOLDING),
+    "W": (Action.HOLD, State.WAITING),
     "C": (Action.SPREAD, State.SPREAD),
     "R": (Action.RETURN, State.RETURNING),
     "D": (Action.DIVERT, State.RETURNING),
@@ -113,47 +124,50 @@ LETTERS = {
 }
 _K, _O = IncidentKind, Outcome
 ANSWERS: list[tuple[IncidentKind, dict[str, object], str]] = [
-    (_K.LINK_LOST, {}, ".s......."),
-    (_K.LINK_BACK, {}, "..J.....R"),
-    (_K.LINK_BACK, {"usable": False}, "..R.....R"),
-    (_K.VEHICLE_LOST, {}, "xxxxxxxxx"),
-    (_K.GNSS_LOST, {}, "........."),
-    (_K.GNSS_BACK, {}, "........."),
-    (_K.GNSS_GONE, {}, "LLLLLL..."),
-    (_K.BATTERY_LOW, {"outcome": _O.FINISH}, "L........"),
-    (_K.BATTERY_LOW, {"outcome": _O.NEAREST}, "LDD......"),
-    (_K.BATTERY_LOW, {"outcome": _O.RETURN}, "LRR......"),
-    (_K.BATTERY_LOW, {"outcome": _O.LAND}, "LLL......"),
-    (_K.BATTERY_LOW, {}, "LLL......"),
-    (_K.BATTERY_CRITICAL, {"outcome": _O.FINISH}, "L..LL...."),  # who yielded has left the plan that it could finish
-    (_K.BATTERY_CRITICAL, {"outcome": _O.NEAREST}, "LDDDDD..."),
-    (_K.BATTERY_CRITICAL, {"outcome": _O.RETURN}, "LRRRRR..."),
-    (_K.BATTERY_CRITICAL, {"outcome": _O.LAND}, "LLLLLL..."),
-    (_K.BATTERY_CRITICAL, {}, "LLLLLL..."),
-    (_K.FENCE, {}, "LRR......"),
-    (_K.FAILSAFE, {}, "LRRRRRL.."),
-    (_K.FAILSAFE, {"outcome": _O.FINISH}, "LRRRRRL.."),
-    (_K.FAILSAFE, {"outcome": _O.NEAREST}, "LDDDDDL.."),
-    (_K.FAILSAFE, {"outcome": _O.LAND}, "LLLLLLL.."),
-    (_K.FAILSAFE, {"takeable": False}, "LLLLLLL.."),
-    (_K.FAILSAFE, {"takeable": False, "outcome": _O.NEAREST}, "LLLLLLL.."),
-    (_K.FAILSAFE, {"ours": True}, "OORRRRL.."),
-    (_K.FAILSAFE, {"ours": True, "takeable": False}, "LLLLLLL.."),
-    (_K.MODE_LEFT, {}, "PPPPPPP.."),
-    (_K.STRANDED, {}, ".JR......"),
-    (_K.STRANDED, {"usable": False}, ".RR......"),
-    (_K.CONFLICT, {"in_s": 2.5}, "LH.CLL..."),  # the other one lands already
-    (_K.CONFLICT, {"in_s": 0.5}, "LC.CLL..."),
+    (_K.LINK_LOST, {}, ".s........"),
+    (_K.LINK_BACK, {}, "..J.....R."),
+    (_K.LINK_BACK, {"usable": False}, "..R.....R."),
+    (_K.VEHICLE_LOST, {}, "xxxxxxxxxx"),
+    (_K.GNSS_LOST, {}, ".........."),
+    (_K.GNSS_BACK, {}, ".........."),
+    (_K.GNSS_GONE, {}, "LLLLLL...L"),
+    (_K.BATTERY_LOW, {"outcome": _O.FINISH}, "L........L"),
+    (_K.BATTERY_LOW, {"outcome": _O.NEAREST}, "LDD......D"),
+    (_K.BATTERY_LOW, {"outcome": _O.RETURN}, "LRR......R"),
+    (_K.BATTERY_LOW, {"outcome": _O.LAND}, "LLL......L"),
+    (_K.BATTERY_LOW, {}, "LLL......L"),
+    (_K.BATTERY_CRITICAL, {"outcome": _O.FINISH}, "L..LL....L"),  # who yielded has left the plan that it could finish
+    (_K.BATTERY_CRITICAL, {"outcome": _O.NEAREST}, "LDDDDD...D"),
+    (_K.BATTERY_CRITICAL, {"outcome": _O.RETURN}, "LRRRRR...R"),
+    (_K.BATTERY_CRITICAL, {"outcome": _O.LAND}, "LLLLLL...L"),
+    (_K.BATTERY_CRITICAL, {}, "LLLLLL...L"),
+    (_K.FENCE, {}, "LRR......R"),
+    (_K.FAILSAFE, {}, "LRRRRRL..R"),
+    (_K.FAILSAFE, {"outcome": _O.FINISH}, "LRRRRRL..R"),
+    (_K.FAILSAFE, {"outcome": _O.NEAREST}, "LDDDDDL..D"),
+    (_K.FAILSAFE, {"outcome": _O.LAND}, "LLLLLLL..L"),
+    (_K.FAILSAFE, {"takeable": False}, "LLLLLLL..L"),
+    (_K.FAILSAFE, {"takeable": False, "outcome": _O.NEAREST}, "LLLLLLL..L"),
+    (_K.FAILSAFE, {"ours": True}, "OORRRRL..R"),
+    (_K.FAILSAFE, {"ours": True, "takeable": False}, "LLLLLLL..L"),
+    (_K.MODE_LEFT, {}, "PPPPPPP..P"),
+    (_K.STRANDED, {}, ".JR......."),
+    (_K.STRANDED, {"usable": False}, ".RR......."),
+    (_K.CONFLICT, {"in_s": 2.5}, "LH.CLL...C"),  # the other one lands already
+    (_K.CONFLICT, {"in_s": 0.5}, "LC.CLL...C"),
 ]
 TRIGGERED: list[tuple[str, Choices, str]] = [
-    ("not obeyed", Choices(), "...LLL..."),
-    ("return all", Choices(), ".RR......"),
-    ("other lost", Choices(OnLoss.LAND), ".LL......"),
-    ("other lost", Choices(OnLoss.RETURN), ".RR......"),
-    ("other lost", Choices(OnLoss.CONTINUE), "........."),
-    ("leader lost", Choices(follow=True, on_leader_loss=OnLeaderLoss.RETURN), ".RR......"),
-    ("other in trouble before T0", Choices(), "L........"),
-    ("clear", Choices(), "...RR...."),
+    ("not obeyed", Choices(), "...LLL...L"),
+    ("hold", Choices(), ".WWWWW...."),
+    ("land", Choices(), ".LLLLL...L"),
+    ("return", Choices(), ".RRRR....R"),
+    ("continue", Choices(), ".........J"),
+    ("other lost", Choices(OnLoss.LAND), ".LL......."),
+    ("other lost", Choices(OnLoss.RETURN), ".RR......."),
+    ("other lost", Choices(OnLoss.CONTINUE), ".........."),
+    ("leader lost", Choices(follow=True, on_leader_loss=OnLeaderLoss.RETURN), ".RR......."),
+    ("other in trouble before T0", Choices(), "L........."),
+    ("clear", Choices(), "...RR....."),
 ]
 
 
@@ -184,8 +198,11 @@ def test_each_state_has_the_answer_to_what_befalls_others(trigger: str, choices:
         ours._ordered_s[3] = ours._conflict_s[3] = 0.0
         if trigger == "not obeyed":
             orders = ours.not_obeyed(3, 100.0)
-        elif trigger == "return all":
-            orders = ours.return_all(100.0)
+        elif trigger in list(AskedOrder):
+            ours.states.update({1: State.LANDING, 2: State.LEFT, 4: State.LOST} if trigger == "continue" else {})
+            could = ours.asked(AskedOrder(trigger), (3,))
+            orders = ours.ask(AskedOrder(trigger), (3,), 100.0)
+            assert could == tuple(ordered(orders))
         elif trigger == "clear":
             orders = ours.clear(100.0)
         elif trigger == "other in trouble before T0":
@@ -429,7 +446,7 @@ def test_an_order_says_which_conflict_it_answers() -> None:
     assert order.rule == "The yielding vehicle brakes and holds: vehicles 3 and 2 will be 0.2 m apart in 2.5 s"
     (order,) = fleet().take(Incident(IncidentKind.FENCE, 3, 5.0, "2 m outside"))
     assert order.rule == "A vehicle outside the fence returns"
-    (order,) = fleet().return_all(5.0)[:1]
+    (order,) = fleet().ask(AskedOrder.RETURN, FOUR, 5.0)[:1]
     assert ":" not in order.rule
 
 
@@ -478,7 +495,7 @@ def test_the_operator_brings_all_back_but_those_that_land_or_a_pilot_flies() -> 
     ours = fleet()
     ours.take(Incident(IncidentKind.GNSS_GONE, 3, 5.0))
     ours.take(Incident(IncidentKind.MODE_LEFT, 4, 6.0))
-    assert ordered(ours.return_all(20.0)) == dict.fromkeys((1, 2), Action.RETURN)
+    assert ordered(ours.ask(AskedOrder.RETURN, FOUR, 20.0)) == dict.fromkeys((1, 2), Action.RETURN)
     assert ours.in_formation == ()
     assert ours.take(conflict(20.0 + 0.9 * AGAIN_S, 0.5, pair=(1, 2))) == []  # the order gets time to act
     assert ordered(ours.take(conflict(20.0 + 1.1 * AGAIN_S, 0.5, pair=(1, 2)))) == {2: Action.LAND}

@@ -8,6 +8,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import DetectionLimits, IncidentKind, VehicleWatch
 from gcs.flight.contingency.policy import Action, Order, State
+from gcs.flight.monitoring.progress import AskedOrder
 from tests.real_flights import Flight, unpacked
 
 PX4 = Autopilot.PX4.traits.flight
@@ -39,7 +40,7 @@ def test_none_of_six_in_their_failsafes_hold_is_left_alone(tmp_path: Path) -> No
         watches[frame.sysid].receive(frame.message, unix_s)
         if not called and unix_s - began_s > ORDERED_S:
             called = True
-            give(policy.return_all(unix_s), unix_s)
+            give(policy.ask(AskedOrder.RETURN, policy.sysids, unix_s), unix_s)
         if unix_s - looked_s < LOOK_S or not called:
             continue
         looked_s = unix_s

@@ -18,10 +18,12 @@ from gcs.errors import FlightError
 from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.conflict_prediction import Conflict
 from gcs.flight.contingency.detection import DetectionLimits
+from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.contingency.policy import State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.position_checks import PositionChecks
+from gcs.flight.monitoring.progress import AskedOrder, flown_plan_time
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.states import POSITION
@@ -179,12 +181,94 @@ def test_a_vehicle_that_is_blown_off_its_way_back_gets_a_new_reference_from_wher
 
 
 def test_all_return_when_the_operator_orders_it(hop: Plan, hop_returns: ReturnPlan) -> None:
-    fleet = flown(hop, hop_returns, after(1.0, lambda f: f.executor.return_all(), 2.0))
-    assert [(event.sysid, event.what) for event in fleet.events] == [(i, "ordered to return") for i in (1, 2, 3)]
-    assert {event.rule for event in fleet.events} == {"The operator ordered all vehicles to return"}
-    assert [event.t_s for event in fleet.events] == pytest.approx([11.0] * 3, abs=0.2)
+    fleet = flown(hop, hop_returns, after(1.0, lambda f: f.executor.ask(AskedOrder.RETURN, (), "a test"), 2.0))
+    asked, *orders = fleet.events
+    assert (asked.sysid, asked.what) == (0, "were asked to return by a test")
+    low_m, high_m = min(hop_returns.altitudes_m), max(hop_returns.altitudes_m)
+    assert asked.rule.startswith(f"vehicles 1, 2, 3 return, staggered {low_m:.0f}–{high_m:.0f} m, ")
+    assert [(event.sysid, event.what) for event in orders] == [(i, "ordered to return") for i in (1, 2, 3)]
+    assert {event.rule for event in orders} == {"The operator ordered it to return"}
+    assert [event.t_s for event in fleet.events] == pytest.approx([11.0] * 4, abs=0.2)
+    assert fleet.executor.operator.ended[0].startswith("vehicles 1, 2, 3: return ordered by a test at t = 11.")
     assert fleet.executor.over.is_set()
     assert list(fleet.monitor.in_formation) == []
+
+
+def test_the_plan_waits_while_all_hold_and_goes_on_when_they_continue(hop: Plan, hop_returns: ReturnPlan) -> None:
+    """They hold for longer than after a conflict; then T0 is later by the time that they held."""
+    t0_s: list[float] = []
+
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(1.0)
+        t0_s.append(fleet.monitor.t0_s)
+        assert fleet.executor.ask(AskedOrder.HOLD, (), "a test") == (1, 2, 3)
+        await asyncio.sleep(12.0)
+        assert set(fleet.executor.policy.states.values()) == {State.WAITING}
+        assert fleet.executor.waits and not fleet.executor.over.is_set()
+        assert all(np.linalg.norm(point.velocity_ned_mps) < 0.01 for point in fleet.points.values())
+        assert "they continue at t = " in fleet.executor.forecast(AskedOrder.CONTINUE, ()).words
+        fleet.executor.ask(AskedOrder.CONTINUE, (), "a test")
+        t0_s.append(fleet.monitor.t0_s)
+        await asyncio.sleep(8.0)
+
+    fleet = flown(hop, hop_returns, story)
+    assert 9.0 < t0_s[1] - t0_s[0] < 16.0
+    assert fleet.executor.policy.in_formation == (1, 2, 3) and not fleet.executor.waits
+    places = np.array([point.position_ned_m for point in fleet.points.values()])
+    np.testing.assert_allclose(places, planned(hop, fleet.t_s), atol=0.5)
+    (back,) = fleet.told("are led back to the plan, which goes on")
+    clock = flown_plan_time(fleet.monitor.t0_s, fleet.events)
+    held_s = fleet.told("asked to hold")[0].unix_s
+    assert clock.off_plan(np.array([held_s - 8.1, held_s + 1.0, back.unix_s])).tolist() == [False, True, True]
+    assert fleet.executor.operator.ended == []
+
+
+def test_one_vehicle_holds_until_the_operator_brings_it_home(hop: Plan, hop_returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet) -> None:
+        await asyncio.sleep(1.0)
+        assert fleet.executor.ask(AskedOrder.HOLD, (2,), "a test") == (2,)
+        await asyncio.sleep(8.0)
+        assert fleet.executor.policy.states[2] is State.WAITING, "a vehicle that yielded would return now"
+        assert not fleet.executor.waits, "the others fly on"
+        with pytest.raises(
+            FlightError, match="no vehicle would continue: the plan has not waited: flown by vehicles 1, 3"
+        ):
+            fleet.executor.ask(AskedOrder.CONTINUE, (2,), "a test")
+        assert fleet.executor.ask(AskedOrder.RETURN, (2,), "a test") == (2,)
+        await asyncio.sleep(1.0)
+
+    fleet = flown(hop, hop_returns, story)
+    assert words(fleet, 2) == ["ordered to hold", "ordered to return"]
+    assert words(fleet, 1) == words(fleet, 3) == []
+    (refused,) = fleet.told("asked to continue")
+    assert refused.rule.startswith("refused: no vehicle would continue: ") and refused.data == {
+        "order": "continue",
+        "vehicles": [2],
+        "by": "a test",
+    }
+
+
+def test_what_would_be_ordered_is_said_in_numbers(hop: Plan, hop_returns: ReturnPlan) -> None:
+    """Heights are the return's own, seconds and battery those of the choice at a low battery."""
+    said: dict[str, str] = {}
+
+    async def story(fleet: PointFleet) -> None:
+        set_all(fleet, (1, 2, 3), battery_pct=74)
+        await asyncio.sleep(2.0)
+        for order in (AskedOrder.HOLD, AskedOrder.LAND, AskedOrder.RETURN):
+            said[order] = fleet.executor.forecast(order, (3,)).words
+        with pytest.raises(FlightError, match="no vehicle 9 in this flight"):
+            fleet.executor.forecast(AskedOrder.LAND, (3, 9))
+        needs = fleet.executor.charge.needs(fleet.monitor.views[3])
+        back = next(one for one in needs if one.outcome is Outcome.RETURN)
+        said["need"] = f"{back.duration_s:.0f} s, {back.need_pct:.0f} % battery"
+
+    fleet = flown(hop, hop_returns, story)
+    assert said["return"] == (
+        f"vehicle 3 returns, at {hop_returns.altitudes_m[2]:.0f} m, {said['need']}; the lowest has 74 %"
+    )
+    assert said["land"].startswith("vehicle 3 lands in place, ") and said["hold"].endswith("; the lowest has 74 %")
+    assert fleet.events == [], "a forecast orders nothing"
 
 
 def test_without_a_way_back_a_vehicle_lands(

@@ -1,0 +1,91 @@
+"""What the page asks of the flight: orders, each confirmed by a second message. The flight decides and answers.
+
+Messages are small, few and checked on both sides. A page that hears no answer says so; the flight never waits for one.
+"""
+
+import asyncio
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+MESSAGE_BYTES = 8192
+WORDS = ("hold", "land", "return", "continue")
+_VEHICLES, _LARGEST = 255, 2**31
+_WAITING = 8  # messages without an answer
+_ANSWER_S = 5.0
+
+
+@dataclass(frozen=True)
+class PageAsk:
+    """An order that is to be said in numbers, or the number of the one said that is to be given."""
+
+    number: int
+    order: str = ""
+    vehicles: tuple[int, ...] = ()  # system ids; none: all
+    confirms: int | None = None
+
+    @classmethod
+    def of(cls, data: bytes) -> "PageAsk":
+        """Read a message. Raises ValueError for anything else than one of the two forms."""
+        if len(data) > MESSAGE_BYTES:
+            raise ValueError("too long")
+        try:
+            found = json.loads(data)
+        except RecursionError:
+            raise ValueError("too deep") from None
+        if not isinstance(found, dict) or not found.keys() <= {"number", "order", "vehicles", "confirms"}:
+            raise ValueError("no order")
+        number, confirms = found.get("number", 0), found.get("confirms")
+        order, vehicles = found.get("order", ""), found.get("vehicles", [])
+        known = confirms is None and order in WORDS and isinstance(order, str)
+        if not (known or (_is_number(confirms) and not order and not vehicles)) or not _is_number(number):
+            raise ValueError("no order")
+        if not isinstance(vehicles, list) or len(vehicles) > _VEHICLES or not all(map(_is_number, vehicles)):
+            raise ValueError("no vehicles")
+        return cls(number, order, tuple(vehicles), confirms)
+
+    def data(self) -> bytes:
+        """Return it as a message."""
+        return json.dumps(asdict(self)).encode()
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _LARGEST
+
+
+class PageOrders:
+    """The page's side: sends what a browser asks to the flight, and hands it the answer. `send` writes one message."""
+
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        self._send = send
+        self._count = 0
+        self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def ask(self, body: bytes) -> dict[str, Any]:
+        """Return the flight's answer. Raises ValueError for a message that is none."""
+        asked = PageAsk.of(body)
+        if len(self._waiting) >= _WAITING:
+            return {"may": False, "text": "the flight has not answered the orders before this one"}
+        self._loop = asyncio.get_running_loop()
+        self._count += 1
+        number = self._count
+        answer = self._waiting[number] = self._loop.create_future()
+        try:
+            self._send(PageAsk(number, asked.order, asked.vehicles, asked.confirms).data())
+            return await asyncio.wait_for(answer, _ANSWER_S)
+        except (OSError, TimeoutError):
+            return {"may": False, "text": "the flight does not answer: its events say whether the order was given"}
+        finally:
+            del self._waiting[number]
+
+    def answer(self, data: bytes) -> None:
+        """Take in an answer, in any thread."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._answered, json.loads(data))
+
+    def _answered(self, found: dict[str, Any]) -> None:
+        waiting = self._waiting.get(found["number"])
+        if waiting is not None and not waiting.done():
+            waiting.set_result(found)
