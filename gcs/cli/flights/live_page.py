@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from gcs.errors import GcsError
 from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight
@@ -22,13 +23,22 @@ _WHO = "the page"
 _SHARE = 0.05  # of the time at most goes into pictures: of a large fleet there are fewer
 
 
+class _Said(NamedTuple):
+    """An order that was said in numbers: to the vehicles that would obey it, and when."""
+
+    number: int
+    order: AskedOrder
+    vehicles: tuple[int, ...]
+    at_s: float
+
+
 class LivePage:
     """Feeds a page from a flight. A page that ends is told once."""
 
     def __init__(self, feed: PageFeed, say: Callable[[str], None]) -> None:
         self._feed = feed
         self._say = say
-        self._said: tuple[int, AskedOrder, tuple[int, ...], float] | None = None  # not given yet, and when it was said
+        self._said: _Said | None = None  # not given yet
 
     def event(self, event: Event) -> None:
         """Add an event to the page's log."""
@@ -39,13 +49,16 @@ class LivePage:
         try:
             if asked.confirms is None:
                 order = AskedOrder(asked.order)
-                words = flight.forecast(order, asked.vehicles)
-                self._said = (asked.number, order, asked.vehicles, time.monotonic())
-                return words, True
+                found = flight.forecast(order, asked.vehicles)
+                self._said = _Said(asked.number, order, found.vehicles, time.monotonic())
+                return found.words, True
             said, self._said = self._said, None
-            if said is None or said[0] != asked.confirms or time.monotonic() - said[3] > _CONFIRM_S:
+            if said is None or said.number != asked.confirms or time.monotonic() - said.at_s > _CONFIRM_S:
                 return "not given: it was not said, or too long ago. Ask again", False
-            flight.ask(said[1], said[2], by=_WHO)
+            now = flight.forecast(said.order, said.vehicles)
+            if set(now.vehicles) != set(said.vehicles):
+                return f"not given: by now {now.words}. Ask again", False
+            flight.ask(said.order, said.vehicles, by=_WHO)
         except GcsError as refusal:
             return f"{refusal.message} {refusal.hint}".strip(), False
         except Exception as failure:

@@ -17,12 +17,12 @@ from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, Ene
 from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.order_book import StandingOrder
 from gcs.flight.contingency.policy import AIRBORNE, IN_FORMATION, NOT_OBEYED_AFTER, Action, Order, State
-from gcs.flight.execution.operator_orders import OperatorOrders, OrderForecast
+from gcs.flight.execution.operator_orders import OperatorOrders
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import AskedOrder, Event
+from gcs.flight.monitoring.progress import AskedOrder, Event, OrderForecast
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel

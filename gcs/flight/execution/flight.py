@@ -46,6 +46,7 @@ from gcs.flight.monitoring.progress import (
     Event,
     FlightHooks,
     FlightTimes,
+    OrderForecast,
     Snapshot,
     Step,
     VehicleNow,
@@ -192,9 +193,9 @@ class FlightSequence:
         """
         return self._asked().ask(order, vehicles, by)
 
-    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
-        """Return in words and numbers what an order would do now. Raises as `ask` does."""
-        return self._asked().forecast(order, vehicles).words
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> OrderForecast:
+        """Return what an order would do now. Raises as `ask` does."""
+        return self._asked().forecast(order, vehicles)
 
     def _asked(self) -> ContingencyExecutor:
         if self._contingency is None:

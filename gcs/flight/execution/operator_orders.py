@@ -15,7 +15,7 @@ from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyOption, Outc
 from gcs.flight.contingency.policy import IN_FORMATION, Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.standstill import Standstill
-from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event, OrderForecast
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 
 _WHO = 80  # characters of who asked
@@ -29,11 +29,9 @@ def vehicles_named(sysids: Collection[int]) -> str:
 
 
 @dataclass(frozen=True)
-class OrderForecast:
-    """The vehicles that would obey an order, and what they would do, in numbers."""
+class FlownForecast(OrderForecast):
+    """A forecast with the way on which all continue."""
 
-    sysids: tuple[int, ...]
-    words: str
     way: Rejoin | None = None
 
 
@@ -54,7 +52,7 @@ class OperatorOrders:
         self._held_from_s = math.nan  # fleet time since which a vehicle waits
         self.ended: list[str] = []
 
-    def forecast(self, order: AskedOrder, sysids: Collection[int], now_s: float) -> OrderForecast:
+    def forecast(self, order: AskedOrder, sysids: Collection[int], now_s: float) -> FlownForecast:
         """Return what an order would do. Raises FlightError, with the reason, where no vehicle would obey."""
         known = self._policy.states
         asked = tuple(i for i in known if i in sysids) if sysids else tuple(known)
@@ -71,8 +69,8 @@ class OperatorOrders:
         if not obey:
             raise FlightError(f"no vehicle would {order.value}: {way or self._states(asked)}.", hint=_HINTS[order])
         if isinstance(way, Rejoin):
-            return OrderForecast(obey, f"{vehicles_named(obey)}: {way}", way)
-        return OrderForecast(obey, self._words(order, obey))
+            return FlownForecast(obey, f"{vehicles_named(obey)}: {way}", way)
+        return FlownForecast(obey, self._words(order, obey))
 
     def ask(
         self,
@@ -96,15 +94,15 @@ class OperatorOrders:
         before = {i for i, state in self._policy.states.items() if state in IN_FORMATION | {State.WAITING}}
         if State.WAITING not in self._policy.states.values():
             self._held_from_s = now_s
-        orders = self._policy.ask(order, found.sysids, now_s, usable=found.way is not None)
+        orders = self._policy.ask(order, found.vehicles, now_s, usable=found.way is not None)
         if found.way is not None:
             on_event(self._standstill.go_on(orders, found.way, now_s, self._held_from_s))
         else:
             for one in orders:
                 carry_out(one, t_s)
-        if order in (AskedOrder.LAND, AskedOrder.RETURN) and (left := sorted(before & set(found.sysids))):
+        if order in (AskedOrder.LAND, AskedOrder.RETURN) and (left := sorted(before & set(found.vehicles))):
             self.ended.append(f"{vehicles_named(left)}: {order.value} ordered by {by[:_WHO]} at t = {t_s:.1f} s")
-        return found.sysids
+        return found.vehicles
 
     def _way(self, sysids: tuple[int, ...], now_s: float) -> Rejoin | str:
         states = self._policy.states

@@ -209,6 +209,14 @@ class Event:
         return f"{when}: {subject} {self.what}. {self.rule}".rstrip(". ")
 
 
+@dataclass(frozen=True)
+class OrderForecast:
+    """The vehicles that would obey an order now, and in words and numbers what they would do."""
+
+    vehicles: tuple[int, ...]  # system ids
+    words: str
+
+
 class InFlight(Protocol):
     """A flight, as far as a watcher reads it."""
 
@@ -224,8 +232,8 @@ class InFlight(Protocol):
         """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`."""
         ...
 
-    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
-        """Return in words and numbers what an order of the operator would do now. Raises as `ask` does."""
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> OrderForecast:
+        """Return what an order of the operator would do now. Raises as `ask` does."""
         ...
 
     def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:

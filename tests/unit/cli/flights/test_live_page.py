@@ -12,7 +12,15 @@ import pytest
 
 from gcs.cli.flights.live_page import LivePage
 from gcs.errors import FlightError
-from gcs.flight.monitoring.progress import AskedOrder, Event, FlightPart, NearestPair, Snapshot, VehicleNow
+from gcs.flight.monitoring.progress import (
+    AskedOrder,
+    Event,
+    FlightPart,
+    NearestPair,
+    OrderForecast,
+    Snapshot,
+    VehicleNow,
+)
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.page.page_orders import PageAsk
 from tests.virtual_clock import VirtualLoop
@@ -42,7 +50,7 @@ class Flight:
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
         raise AssertionError("takes long: a picture does not ask for it")
 
-    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> OrderForecast:
         raise AssertionError("nobody asks")
 
     def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
@@ -141,11 +149,13 @@ class ControlledFlight(Flight):
     def __init__(self) -> None:
         super().__init__()
         self.asked: list[tuple[str, tuple[int, ...], str]] = []
+        self.lost: set[int] = set()
 
-    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> str:
+    def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> OrderForecast:
         if 9 in vehicles:
             raise FlightError("no vehicle 9 in this flight.", hint="it has vehicles 1, 2")
-        return f"{len(vehicles)} {order.value}"
+        obey = tuple(sysid for sysid in vehicles or (1, 2) if sysid not in self.lost)
+        return OrderForecast(obey, f"{len(obey)} {order.value}")
 
     def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
         self.asked.append((order, tuple(vehicles), by))
@@ -177,6 +187,19 @@ def test_an_order_of_the_page_is_given_once_it_was_said_and_confirmed(
     assert flight.asked == given
     assert [number for number, *_ in feed.answers] == [one.number for one in asks]
     assert feed.answers[-1][1:] == (last or ("not given: it was not said, or too long ago. Ask again", False))
+
+
+def test_an_order_goes_to_the_vehicles_that_were_said_or_to_none() -> None:
+    """One is lost between the two messages: the operator is told what would be done now, and decides again."""
+    feed, flight = Feed(), ControlledFlight()
+    page = LivePage(feed, print)  # type: ignore[arg-type]
+    assert page._answer(flight, PageAsk(1, "return")) == ("2 return", True)  # type: ignore[arg-type]
+    flight.lost.add(2)
+    assert page._answer(flight, PageAsk(2, confirms=1)) == ("not given: by now 1 return. Ask again", False)  # type: ignore[arg-type]
+    assert flight.asked == []
+    assert page._answer(flight, PageAsk(3, "return")) == ("1 return", True)  # type: ignore[arg-type]
+    assert page._answer(flight, PageAsk(4, confirms=3)) == ("ordered", True)  # type: ignore[arg-type]
+    assert flight.asked == [("return", (1,), "the page")]
 
 
 def test_an_order_that_was_said_too_long_ago_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
