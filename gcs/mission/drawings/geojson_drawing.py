@@ -1,7 +1,6 @@
 """Drawings in GeoJSON: lines, polygons with holes, and points in their order, with the names in their properties."""
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
@@ -56,7 +55,7 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
         crs = document.get("crs") if isinstance(document, dict) else None
         if crs is not None and not any(name in str(crs)[:400] for name in _WORLD):
             raise ValueError("its member crs names another reference system than WGS 84; save it in EPSG:4326")
-        aside: Counter[str] = Counter()  # properties that say something of a flight
+        aside: dict[str, list[int]] = {}  # lines of features with properties that say something of a flight
         features = [*_features(document)]
         places = offsets_of(text, {path for path, _, _ in features})
         if "\n" in text.strip():
@@ -65,7 +64,9 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
             found.file_lines.unit, places = "column", {path: at + 1 for path, at in places.items()}
         for number, (path, geometry, properties) in enumerate(features, start=1):
             read = _READ_KEYS if "radius_m" in properties or "altitude_amsl_m" in properties else ()
-            aside.update(key for key, value in properties.items() if meaning_of(key) and value and key not in read)
+            for key, value in properties.items():
+                if meaning_of(key) and value and key not in read:
+                    aside.setdefault(key, []).append(places.get(path, 1))
             name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
             label = labelled("feature", number, name)
             found.file_lines[label] = places.get(path, 1)

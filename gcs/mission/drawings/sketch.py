@@ -158,10 +158,12 @@ class Sketch:
         """Add a sentence."""
         self.left_out.append(LeftOut(label, text))
 
-    def leave_out_data(self, what: str, counts: Mapping[str, int], of: str) -> None:
-        """Add a sentence for each name of data that says something of a flight, and on how many elements it stands."""
-        for key, count in counts.items():
-            self.leave_out(f"{what} '{tidy(key)}' of {counted(count, of)}", f"not carried over: {meaning_of(key)}")
+    def leave_out_data(self, what: str, lines: Mapping[str, Sequence[int]], of: str) -> None:
+        """Add a sentence for each name of data that says something of a flight, with the lines of its elements."""
+        for key, each in lines.items():
+            label = f"{what} '{tidy(key)}' of {counted(len(each), of)}"
+            self.file_lines[label] = each[0]
+            self.leave_out(label, f"not carried over: {meaning_of(key)}")
 
     def refused(self, label: str, text: str, hint: str) -> FileFormatError:
         """The error for one thing, with its line."""

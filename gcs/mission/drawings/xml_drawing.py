@@ -7,7 +7,6 @@ waypoints in their order, with heights above the sea. Every place that none of t
 import io
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
@@ -104,7 +103,7 @@ class _KmlReader:
 
     found: Sketch
     read: set[int] = field(default_factory=set)  # identities of elements
-    aside: Counter[str] = field(default_factory=Counter)  # names of data that say something of a flight
+    aside: dict[str, list[int]] = field(default_factory=dict)  # lines of Placemarks with data that say of a flight
 
     def placemark(self, placemark: Element, number: int) -> None:
         """Add what a Placemark draws. Raises ValueError."""
@@ -116,7 +115,9 @@ class _KmlReader:
             for kind in _SAYING
             for data in placemark.iter(kind)
         }
-        self.aside.update(key for key, value in marks.items() if meaning_of(key) and value)
+        for key, value in marks.items():
+            if meaning_of(key) and value:
+                self.aside.setdefault(key, []).append(line_of(placemark))
         before = len(self.found.left_out)
         shapes = [*self._shapes(placemark, label)]
         if not shapes and len(self.found.left_out) == before:
@@ -306,12 +307,12 @@ def _gpx_rest(root: Element, sketch: Sketch) -> None:
     """Leave out the places that are in no route, track or waypoint: shaping points of a navigator, for example."""
     read = {id(one) for path in ("rte/rtept", "trk/trkseg/trkpt", "wpt") for one in root.findall(path)}
     others: dict[str, list[Element]] = {}
-    aside: Counter[str] = Counter()
+    aside: dict[str, list[int]] = {}
     for one in root.iter():
         if id(one) not in read and one.get("lat") is not None and one.get("lon") is not None:
             others.setdefault(one.tag, []).append(one)
         elif one.tag != "ele" and meaning_of(one.tag) and text_of(one):
-            aside[one.tag] += 1
+            aside.setdefault(one.tag, []).append(line_of(one))
     sketch.leave_out_data("element", aside, "point")
     for tag, places in others.items():
         text = f"{counted(len(places), 'place')}, the first on line {line_of(places[0])}; not carried over"

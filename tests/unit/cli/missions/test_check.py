@@ -115,8 +115,8 @@ def test_another_autopilot(exported: Path, capsys: pytest.CaptureFixture[str]) -
         (["check", "x.plan", "--separation", "nan"], 2, "give a number from 0.001 to 1000000 m"),
         (["export", "x", "--to", "y", "--autopilot", "inav"], 2, "give one of ardupilot, px4"),
         (["export", "x", "--to", "y", "--altitude", "up"], 2, "give one of relative, amsl, terrain"),
-        (["export", "x", "--to", "y", "--format", "skyc"], 2, "there is no format 'skyc'"),
-        (["export", "x", "--to", "y", "--format", "plan, kml,skyc"], 2, "there is no format 'skyc'"),
+        (["export", "x", "--to", "y", "--format", "dxf"], 2, "there is no format 'dxf'"),
+        (["export", "x", "--to", "y", "--format", "plan, kml,dxf"], 2, "there is no format 'dxf'"),
     ],
 )
 def test_what_cannot_be_meant(

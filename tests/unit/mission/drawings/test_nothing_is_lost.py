@@ -479,3 +479,25 @@ def test_a_fence_polygon_without_corners_is_left_out_with_its_line() -> None:
     polygons[0]["polygon"] = drawn[:2]
     with pytest.raises(FileFormatError, match="3 corners or more, got 2"):
         drawing_in(json.dumps(plan).encode(), "x.plan")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        (
+            "a.gpx",
+            '<gpx version="1.1"><trk><trkseg>\n<trkpt lat="46.1" lon="9.2"/>\n<trkpt lat="46.101" lon="9.2">\n'
+            "<speed>4</speed></trkpt></trkseg></trk></gpx>",
+            "element 'speed' of 1 point, line 4: not carried over",
+        ),
+        (
+            "a.geojson",
+            '{"type": "FeatureCollection", "features": [\n{"type": "Feature", "properties": {"speed": 3},\n"geometry": '
+            '{"type": "LineString", "coordinates": [[9.2, 46.1], [9.2, 46.101]]}}]}',
+            "property 'speed' of 1 feature, line 2: not carried over",
+        ),
+    ],
+)
+def test_data_that_is_left_out_is_named_with_its_first_line(name: str, text: str, words: str) -> None:
+    drawing = drawing_in(text.encode(), name)
+    assert any(words in sentence for sentence in sentences(drawing.left_out, drawing.file_lines))
