@@ -181,18 +181,22 @@ def load_tlog(path: Path) -> Tlog:
     unread = sum(frame.message is None for frame in frames)
     if unread:
         notes.append(f"{unread} of {len(frames)} frames have an unknown message id or a wrong checksum.")
-    unix_s, left_out_s = mend_times(np.array([frame.stamp_us for frame in frames], dtype=np.float64) / 1e6)
+    unix_s, left_out_s, back_s = mend_times(np.array([frame.stamp_us for frame in frames], dtype=np.float64) / 1e6)
     if left_out_s:
         notes.append(f"pauses of {_PAUSE_S / 60:g} minutes and more were left out, {left_out_s:.0f} s together.")
+    if back_s:
+        notes.append(
+            f"times step back, {back_s:.0f} s together (a clock that was set, or a reboot): they go on from before."
+        )
     return Tlog(path, frames, unix_s, tuple(notes))
 
 
-def mend_times(stamps_s: Array) -> tuple[Array, float]:
-    """Return stamps (N,) without zeros, outliers, steps back and long pauses, and the length of all pauses."""
+def mend_times(stamps_s: Array) -> tuple[Array, float, float]:
+    """Return stamps (N,) without zeros, outliers, long pauses and steps back, and how long those two are together."""
     times = stamps_s.copy()
     known = np.flatnonzero(times > 0.0)
     if not len(known):
-        return np.zeros_like(times), 0.0
+        return np.zeros_like(times), 0.0, 0.0
     times[: known[0]] = times[known[0]]
     if len(times) > 2:  # an outlier between its neighbours is replaced
         inner = np.sort(np.stack([times[:-2], times[1:-1], times[2:]]), axis=0)[1]
@@ -201,7 +205,7 @@ def mend_times(stamps_s: Array) -> tuple[Array, float]:
     steps = np.diff(times, prepend=times[0])
     long, back = steps > _PAUSE_S, steps < -1.0
     left_out = np.cumsum(np.where(long | back, steps, 0.0))
-    return np.maximum.accumulate(times - left_out), float(np.sum(steps[long]))
+    return np.maximum.accumulate(times - left_out), float(np.sum(steps[long])), float(-np.sum(steps[back]))
 
 
 def _frame(data: bytes, at: int, codec: Codec, base: int, stamp: int) -> LoggedFrame | None:

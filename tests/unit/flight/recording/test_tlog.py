@@ -116,9 +116,20 @@ def test_frames_of_other_dialects_and_of_mavlink_1_are_kept(tmp_path: Path) -> N
 
 
 def test_times_are_mended() -> None:
-    times, left_out_s = mend_times(np.array([0.0, 0.0, 10.0, 11.0, 9e9, 12.0, 11.9, 13.0, 5000.0, 5001.0, 2.0, 3.0]))
+    times, left_out_s, back_s = mend_times(
+        np.array([0.0, 0.0, 10.0, 11.0, 9e9, 12.0, 11.9, 13.0, 5000.0, 5001.0, 2.0, 3.0])
+    )
     assert times == pytest.approx([10, 10, 10, 11, 12, 12, 12, 13, 13, 14, 14, 15])
-    assert left_out_s == pytest.approx(4987.0)
+    assert (left_out_s, back_s) == pytest.approx((4987.0, 4999.0))
+
+
+def test_a_clock_that_steps_back_is_told(tmp_path: Path) -> None:
+    log = tmp_path / "set.tlog"
+    stamps_s = [START_S, START_S + 1.0, START_S + 2.0, START_S - 58.0, START_S - 57.0, START_S - 56.0]
+    log.write_bytes(b"".join(frame(Message("HEARTBEAT", BEAT, 1, 1), unix_s) for unix_s in stamps_s))
+    read = load_tlog(log)
+    assert read.unix_s - START_S == pytest.approx([0, 1, 2, 2, 3, 4])
+    assert any(note.startswith("times step back, 60 s together") for note in read.notes)
 
 
 def test_reports_are_true_when_they_were_made_not_when_they_came() -> None:
