@@ -79,6 +79,8 @@ def _print(answer: Callable[[], str]) -> int:
 
 
 def _run_process(words: list[str], streams: Sequence[SafeStream]) -> int:
+    import gcs.cli.command_app
+    import gcs.cli.shared.console  # noqa: F401  before signals are heard: who stops an import is told nothing
     from gcs.util.aio import StopSignals
 
     stops = StopSignals()
