@@ -128,6 +128,7 @@ BENCHMARKS: dict[str, tuple[str, str, tuple[Callable[[Any], Rows], ...]]] = {
     "planner": ("one vehicle's plan beside other solvers", "--repetitions 3", (_planner, _solvers)),
     "replan": ("plans that change in flight", "--replans 50", (_replan,)),
     "scale": ("large formations, and the verifier", "--repeat 3", (_scale,)),
+    "prove": ("[trajectories of any planner, proved](proving.md)", "", ()),
     "route": ("[drawn routes](planner.md)", "--points 2 5 20 50 100 --repeat 1", ()),
     "legs": ("[a drawn route beside other solvers](planner.md)", "--repetitions 3", ()),
     "upload": ("[uploads over bad links](links.md), beside MAVSDK", "--uploads 20", ()),
@@ -164,7 +165,8 @@ def tables(name: str) -> str:
 def shown() -> dict[str, Any]:
     """Tables of all benchmarks, and the ratios that the README has: re-plans over first plans, the largest over six."""
     commands = (
-        f"| {what} | `tools/bench_{name}.py {options}` | [{load(name)['about']['date'][:10]}](bench/{name}.json) |"
+        f"| {what} | `tools/bench_{' '.join([f'{name}.py', *options.split()])}` "
+        f"| [{load(name)['about']['date'][:10]}](bench/{name}.json) |"
         for name, (what, options, _) in BENCHMARKS.items()
     )
     replans = {
