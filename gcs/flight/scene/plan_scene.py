@@ -6,6 +6,7 @@ import shapely
 from gcs.flight.scene import scene_curves
 from gcs.flight.scene.ground_area import area_of, ground_grid
 from gcs.flight.scene.scene_model import GroundGrid, Happening, Motion, Scene, SceneKind, SceneZone, TimeSpan
+from gcs.mission.returns.fence_areas import inclusion_area, planned_places_m
 from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.formation.timeline import AUTO
 from gcs.plan.trajectory.plan import Plan
@@ -40,7 +41,7 @@ def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
         scenario.formation.leader,
         t_s,
         ground_of(scenario, planned.places_ned_m),
-        zones_of(scenario),
+        (*zones_of(scenario), fence_of(plan)),
         planned,
         phases=phases_of_plan(plan),
         changes=changes_of(plan),
@@ -94,6 +95,12 @@ def zones_of(scenario: Scenario) -> tuple[SceneZone, ...]:
     """Return no-fly zones and keep-in areas, with their ways."""
     named = zip(zone_names(scenario), zones(scenario), strict=True)
     return tuple(_zone(str(name), zone) for name, zone in named)
+
+
+def fence_of(plan: Plan) -> SceneZone:
+    """Return the fence that every vehicle gets: the edge within which all of the plan lies, with its margin."""
+    area = inclusion_area(planned_places_m(plan), plan.scenario.keep_in)
+    return SceneZone("fence", True, np.array(area.exterior.coords), np.zeros(1), np.zeros((1, 2)))
 
 
 def _zone(name: str, zone: Zone) -> SceneZone:

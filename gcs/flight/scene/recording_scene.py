@@ -6,7 +6,7 @@ from gcs.autopilots.traits import mode_name
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.scene import scene_curves
-from gcs.flight.scene.plan_scene import changes_of, ground_of, limits_of, phases_of_plan, zones_of
+from gcs.flight.scene.plan_scene import changes_of, fence_of, ground_of, limits_of, phases_of_plan, zones_of
 from gcs.flight.scene.scene_model import Curve, Happening, Motion, ReportedState, Scene, SceneKind
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
@@ -33,7 +33,7 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         0 if scenario is None else scenario.formation.leader,
         t_s,
         None if scenario is None else ground_of(scenario, _known(places, planned)),
-        () if scenario is None else zones_of(scenario),
+        () if scenario is None or plan is None else (*zones_of(scenario), fence_of(plan)),
         planned,
         flown,
         _reported(recording.tracks, t_s, error_m),

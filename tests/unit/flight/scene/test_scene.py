@@ -19,6 +19,7 @@ from gcs.flight.scene.recording_scene import scene_of_recording
 from gcs.flight.scene.scene_curves import course_rad, instants_s, neighbours
 from gcs.flight.scene.scene_json import scene_json
 from gcs.flight.scene.scene_model import Scene, SceneKind
+from gcs.mission.returns.fence_areas import inside_m
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outline
@@ -196,3 +197,12 @@ def test_a_scene_has_few_enough_instants_to_be_sent_at_once(length_s: float, veh
     t_s = instants_s(5.0, 5.0 + length_s, vehicles)
     assert (t_s[0], t_s[-1]) == (5.0, 5.0 + length_s) and (np.diff(t_s) > 0.0).all()
     assert len(t_s) <= 1500 and len(t_s) * vehicles <= 400_000
+
+
+def test_the_fence_of_the_vehicles_is_shown_round_all_they_fly(plan: Plan, replay: Scene) -> None:
+    for scene in (scene_of_plan(plan), replay):
+        (fence,) = (zone for zone in scene.zones if zone.name == "fence")
+        assert fence.keep_in and scene.planned is not None
+        known = scene.planned.places_ned_m[..., :2].reshape(-1, 2)
+        margin_m = inside_m(fence.corners_m[:-1], known[~np.isnan(known[:, 0])])
+        assert 9.0 < margin_m.min() < 12.0  # the export's margin is 10 m
