@@ -164,10 +164,14 @@ COMMANDS = {
 
 
 def help_text() -> str:
-    """What `gcs --help` prints: every command with its first sentence, by folder."""
+    """What `gcs --help` prints: every command with its first sentence, by folder, and the bundled missions."""
+    from gcs.scenario.sources.bundled_missions import bundled_names
+
     lines = ["Usage: gcs [OPTIONS] COMMAND [ARGS]...", "", SUMMARY, "", "Options", *_listed(_OPTIONS)]
     for title in PANELS.values():
         lines += ["", title, *_listed({row.name: row.summary for row in COMMANDS.values() if row.panel == title})]
+    if bundled := bundled_names():
+        lines += ["", "Missions that come with Skein", *_indented(", ".join(bundled))]
     lines += ["", "One command with its options and examples: gcs plan --help", "", "Examples:"]
     return "\n".join([*lines, *(f"  {example}" for example in EXAMPLES)])
 
@@ -178,6 +182,12 @@ def version_text() -> str:
 
     commit = _commit()
     return f"gcs {version('skein-gcs')}" + (f" (commit {commit[:_HASH]})" if commit else "")
+
+
+def _indented(text: str) -> list[str]:
+    return textwrap.wrap(
+        text, max(_WIDTH_MIN, min(_WIDTH_MAX, _columns())), initial_indent="  ", subsequent_indent="  "
+    )
 
 
 def _listed(rows: dict[str, str]) -> list[str]:

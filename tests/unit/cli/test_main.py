@@ -23,7 +23,7 @@ from gcs.errors import PeerTimeout, PlanningError, ScenarioError, UsageError, co
 from gcs.flight.recording.flight_state import held_folder
 
 # typer brings pydantic itself.
-HEAVY = {"numpy", "casadi", "scipy", "pymavlink", "matplotlib", "pymap3d", "filterpy", "mavsdk", "gcs.scenario"}
+HEAVY = {"numpy", "casadi", "scipy", "pymavlink", "matplotlib", "pymap3d", "filterpy", "mavsdk", "gcs.scenario.schema"}
 
 Ending = Callable[[], None]
 
