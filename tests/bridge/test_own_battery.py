@@ -86,3 +86,14 @@ def test_a_hover_that_draws_twice_as_much_ends_the_flight_before_t0(fly: Fly, ho
     assert [len(one.items[MissionType.MISSION]) for one in recorded_before(flown / BEFORE)] == [11, 0, 0]
     off_pad_m = fleet._world.airframes.truth[:, :2] - hop.pads_ned_m[:, :2]
     assert abs(off_pad_m).max() < 1.0
+
+
+@pytest.mark.slow
+def test_a_battery_that_the_plan_asks_too_much_of_ends_the_flight(fly: Fly, hop: Plan) -> None:
+    """124 % was asked, and the operator waived the check: at 20 % all are ordered down, and that is too late."""
+    code, said, fleet, _ = fly(1.24, 1.0, "--waive", "battery")
+    bodies = fleet._world.airframes
+    assert code == 9, said
+    assert bodies.battery.empty.any()
+    assert bodies.landed.all()
+    assert "battery low (20 % left" in said
