@@ -193,7 +193,7 @@ def text_of_survey(
         flight = replace(flight, order=order)
     areas = drawn.tables([("the start", flight.start_m), *flight.points()])
     flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
-    for sentence in _sentences(flight, areas):
+    for sentence in [*_sentences(flight, areas), *_fewer(flight, count)]:
         screen.say(sentence)
     left_out = sentences((*drawn.left_out, *areas.left_out), drawn.drawing.file_lines)
     for sentence in left_out:
@@ -230,6 +230,21 @@ def _sentences(flight: SurveyFlight, areas: AreaTables) -> list[str]:
     if holes and not areas.no_fly:
         notes.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
     return notes
+
+
+def _fewer(flight: SurveyFlight, count: int | None) -> list[str]:
+    """Why a survey has fewer vehicles than `--count` allows."""
+    from gcs.scenario.sources.survey_flight import survey_flight
+
+    used = flight.mowing.count
+    if count is None or used == count:
+        return []
+    try:
+        all_of_them = survey_flight(replace(flight.order, counts=(count,)))
+    except UsageError as error:
+        return [f"{used} of {count} vehicles: with {count} {error.message}"]
+    seen = f"see about {all_of_them.seen:.0%} of it" if flight.order.avoided else "see it"
+    return [f"{used} of {count} vehicles: all {count} abreast would {seen} in about {all_of_them.flight_s:g} s"]
 
 
 def _counted_areas(areas: AreaTables) -> list[str]:

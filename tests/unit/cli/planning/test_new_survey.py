@@ -227,3 +227,13 @@ def test_what_a_pattern_says_beside_its_area_is_told(capsys: pytest.CaptureFixtu
     told = capsys.readouterr().out
     assert "item 1 (survey): its heights, camera and angle are not carried over; give --height" in told
     assert "flown 15 m above the origin (--height)" in told
+
+
+@pytest.mark.parametrize(("options", "told"), [("--count 5 --holes avoid", True), ("--count 1 --holes avoid", False)])
+def test_fewer_vehicles_than_asked_for_are_explained(
+    options: str, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert gcs(f"{LINE} {options}") == 0
+    used, out = len(load_scenario(Path("field")).formation.sysids), capsys.readouterr().out
+    assert (used < 5) or not told
+    assert (f"{used} of 5 vehicles: all 5 abreast would see about " in out) == told
