@@ -14,7 +14,7 @@ from gcs.plan.trajectory.plan import Plan
 from tests.kept import SHARING
 from tests.unit.docs.test_readme import BLOCKS
 
-MISSION = '"missions/simulation1"'
+MISSION = '"simulation1"'
 
 
 @pytest.mark.slow

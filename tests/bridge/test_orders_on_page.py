@@ -73,10 +73,10 @@ def test_all_hold_go_on_and_return_as_ordered_on_the_page(hop: Plan, hop_skein: 
     events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
     asked = [one["data"] for one in events if "asked to" in one["what"]]
     assert [(one["order"], one["vehicles"], one["by"]) for one in asked] == [
-        ("hold", [], "the page"),
-        ("continue", [], "the page"),
+        ("hold", [1, 2, 3], "the page"),
+        ("continue", [1, 2, 3], "the page"),
         ("return", [2], "the page"),
-        ("return", [], "the page"),
+        ("return", [1, 3], "the page"),  # those that fly the plan: 2 returns already
     ]
     import numpy as np
 
