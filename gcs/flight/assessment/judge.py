@@ -321,6 +321,7 @@ def load_truth(path: Path | str) -> Truth:
 
 
 _ACCELERATION_MPS2 = 5.0  # of a vehicle that leans by 27 degrees
+_FAR_S = 3600.0  # before the take-off and after the landing
 _ENDS_S = 3.0  # a vehicle whose reports end with those of all others was not lost
 _AXES = ("north", "east", "down")
 _FORMS = ("{}_m", "v_{}_mps")
@@ -339,7 +340,12 @@ def judge_reports(plan: Plan, tracks: Tracks) -> Verdict | None:
 
 
 def reported_tracks(plan: Plan, record: pa.Table, plan_time: PlanTime) -> Tracks | None:
-    """Return the tracks of a flight's record from its first armed report to its last one; None without any."""
+    """Return the tracks of a flight's record from its first armed report to its last one; None without any.
+
+    Reports of a time far from the plan's are those of a broken clock, and left out.
+    """
+    t_s = record.column("t_s").to_numpy()
+    record = record.filter(pa.array((t_s > plan.t_start_s - _FAR_S) & (t_s < plan.t_end_s + _FAR_S)))
     columns = {name: record.column(name).to_numpy() for name in record.column_names}
     armed_s = columns["unix_s"][columns["armed"]]
     if not len(armed_s):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from gcs.flight.assessment.criterion import Criterion, CriterionName, FlightOutcome
@@ -176,6 +177,23 @@ def test_a_verdict_from_reports_is_that_of_the_true_states_or_not_known(hop: Pla
             wrong += found.outcome not in (FlightOutcome.UNKNOWN, true.outcome)
     assert wrong == 0
     assert decided >= 12
+
+
+@pytest.mark.parametrize("off_s", [-40e4, 40e5])
+def test_one_report_of_a_broken_clock_changes_nothing(hop: Plan, off_s: float) -> None:
+    """A flipped bit of time_boot_ms puts a report days away: a grid of all the time between would take hours."""
+    t_s = np.arange(hop.t_start_s, hop.t_end_s, 0.1)
+    states, plan_time = np.array(hop.states(t_s)), PlanTime.of(T0_UNIX_S)
+    said = told(hop, t_s, states, np.zeros((len(hop.sysids), 3)), 1, None, 1.0)
+    good = build_record(hop, plan_time, said)
+    row = good.slice(len(good) // 2, 1)
+    for name in ("t_s", "unix_s"):
+        column = row.column_names.index(name)
+        row = row.set_column(column, name, pa.array([row.column(name)[0].as_py() + off_s]))
+    expected, found = (reported_tracks(hop, each, plan_time) for each in (good, pa.concat_tables([good, row])))
+    assert expected is not None and found is not None
+    np.testing.assert_array_equal(found.t_s, expected.t_s)
+    np.testing.assert_allclose(found.ned_m, expected.ned_m)
 
 
 def test_a_collision_is_seen_in_reports(hop: Plan) -> None:
