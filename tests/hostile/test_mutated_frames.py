@@ -64,19 +64,25 @@ def test_a_million_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_fil
 SLOW = pytest.mark.long
 
 
+CASES = {
+    "all": (None, 0.02),
+    "all-often": (None, 0.3),
+    "positions": (POSITIONS, 0.2),
+    "states": (STATES, 0.2),
+    "clocks": (CLOCKS, 0.5),
+    "answers": (ANSWERS, 0.5),
+}
+
+
 @pytest.mark.parametrize(
-    ("names", "chance"),
+    ("autopilot", "names", "chance"),
     [
-        pytest.param(None, 0.02, marks=pytest.mark.slow),
-        pytest.param(None, 0.3, marks=SLOW),
-        pytest.param(POSITIONS, 0.2, marks=SLOW),
-        pytest.param(STATES, 0.2, marks=SLOW),
-        pytest.param(CLOCKS, 0.5, marks=SLOW),
-        pytest.param(ANSWERS, 0.5, marks=SLOW),
+        pytest.param(autopilot, *case, id=f"{autopilot}-{name}", marks=pytest.mark.slow if first else SLOW)
+        for autopilot in ("ardupilot", "px4")
+        for name, case in CASES.items()
+        for first in [(autopilot, name) == ("ardupilot", "all")]
     ],
-    ids=["all", "all-often", "positions", "states", "clocks", "answers"],
 )
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=SLOW)])
 def test_whatever_vehicles_say_the_flight_ends_by_a_rule(
     vehicles: MakeVehicles,
     hop_file: Path,
