@@ -15,7 +15,8 @@ from tests.fleets import StillFleet, free_port, still_commands
     ("autopilot", "from_s", "said"),
     [
         ("ardupilot", 0.0, "PreArm: Accels inconsistent"),
-        ("px4", 29.3, "Preflight Fail: Accel 0 uncalibrated"),  # its bit is about its mode; its texts come at 30 s
+        # its bit is about its mode; its texts come at 30 s
+        pytest.param("px4", 29.3, "Preflight Fail: Accel 0 uncalibrated", marks=pytest.mark.slow),
     ],
 )
 def test_a_vehicle_that_fails_its_own_checks_is_a_no_go(

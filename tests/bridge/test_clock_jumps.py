@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from gcs.errors import FlightError
 from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.execution.flight import FlightSequence
@@ -10,6 +12,7 @@ from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
 
 
+@pytest.mark.slow
 def test_a_jump_before_the_common_start_lands_all_and_names_the_vehicle(hop: Plan) -> None:
     flown = fly(hop, "2:clock-jump=20@6", mode=FlightMode.MISSION)
     assert isinstance(flown.error, FlightError)

@@ -1,6 +1,7 @@
 """A vehicle whose motor dies on the plan: it comes down, and does not go on turning its motors there."""
 
 import numpy as np
+import pytest
 
 from gcs.errors import FlightError
 from gcs.plan.trajectory.plan import Plan
@@ -8,6 +9,7 @@ from tests.bridge.flying import fly
 from tests.bridge.test_mishaps import flew_on
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_came_down_stops_its_motors_and_the_others_fly_on(hop: Plan) -> None:
     """A real ArduCopter took itself for flying, and turned its motors on the ground for 100 s."""
     flown = fly(hop, "2:motor=1@25")

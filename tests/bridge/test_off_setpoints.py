@@ -1,6 +1,7 @@
 """Vehicles that do not follow what is streamed to them, as real ones whose speed limit another station had changed."""
 
 import numpy as np
+import pytest
 
 from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
@@ -9,6 +10,7 @@ from tests.bridge.test_mishaps import flew_on
 OFF = "off its predicted track"
 
 
+@pytest.mark.slow
 def test_a_slow_vehicle_holds_one_that_is_dragged_away_lands_and_the_third_flies_on(hop: Plan) -> None:
     """A real PX4 was 182 m behind the plan before its own fence stopped it."""
     flown = fly(hop, "2:slow=0.5@20", "3:push=0,6@20")

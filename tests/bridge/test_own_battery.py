@@ -72,7 +72,7 @@ def test_a_smaller_battery_than_the_scenarios_is_a_no_go(fly: Fly) -> None:
     assert not any(vehicle.autopilot.armed for vehicle in fleet._world.vehicles)
 
 
-@pytest.mark.parametrize("mode", ["stream", "mission"])
+@pytest.mark.parametrize("mode", ["stream", pytest.param("mission", marks=pytest.mark.slow)])
 def test_a_hover_that_draws_twice_as_much_ends_the_flight_before_t0(fly: Fly, hop: Plan, mode: str) -> None:
     """Pre-flight says that half of the battery is enough."""
     code, said, fleet, flown = fly(0.5, 2.0, "--mode", mode)

@@ -229,6 +229,7 @@ def recalled_start_unix_s(log: Path) -> float:
     return float(load_tlog(log).unix_s[0])
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_it(log: Path) -> None:
     process = subprocess.Popen(
         [*GCS, "replay", str(log), "--speed", "0.01"],

@@ -316,9 +316,8 @@ def sim_bridge(*arguments: str) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.parametrize(
-    "ending", ["end of input", *(pytest.param(name, marks=pytest.mark.slow) for name in ("SIGINT", "SIGTERM"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["end of input", "SIGINT", "SIGTERM"])
 def test_the_command_says_when_it_is_ready_and_leaves_the_truth(repo_root, tmp_path, ending):
     truth = tmp_path / "truth.npz"
     process = sim_bridge(

@@ -66,7 +66,7 @@ WEAK = tuple(f"2:motor={motor},0.6@start:0" for motor in (1, 2, 3, 4))
     ("faults", "said", "runs_s"),
     [
         (WEAK, "does not climb: 0.0 m in 8 s (required 1.0 m)", 10.0),
-        (("2:motor=1@start:0",), "is tilted by", 6.0),
+        pytest.param(("2:motor=1@start:0",), "is tilted by", 6.0, marks=pytest.mark.slow),
         (("2:motor=1@2",), "is tilted by", 8.0),
     ],
     ids=["weak", "dead on the pad", "dead in the climb"],
@@ -143,6 +143,7 @@ def test_a_reboot_in_flight_is_a_loss_and_is_told(hop: Plan) -> None:
     assert flown.world.airframes.landed.all()
 
 
+@pytest.mark.slow
 def test_a_reboot_in_the_climb_lands_the_others_on_their_pads(hop: Plan) -> None:
     flown = fly(hop, during=Reboot(climbs))
     assert isinstance(flown.error, FlightError)
@@ -152,6 +153,7 @@ def test_a_reboot_in_the_climb_lands_the_others_on_their_pads(hop: Plan) -> None
         came_home(flown, sysid)
 
 
+@pytest.mark.slow
 def test_a_reboot_of_the_only_vehicle_whose_clock_the_flight_has(field: Scenario) -> None:
     data = step_aside(field).model_dump(mode="json")
     data["formation"]["vehicle"] = data["formation"]["vehicle"][:1]

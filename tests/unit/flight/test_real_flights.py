@@ -69,7 +69,9 @@ LANDING_LINES = {
 }
 
 
-@pytest.mark.parametrize("name", FULL)
+@pytest.mark.parametrize(
+    "name", [name if name in WHOLE else pytest.param(name, marks=pytest.mark.slow) for name in FULL]
+)
 def test_the_report_has_the_figures_that_were_seen(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -76,7 +76,9 @@ def test_a_vehicle_that_landed_elsewhere_has_no_descent_to_compare(simulation1_p
 COLUMNS = ("sysid", "t_s", "armed", "north_m", "east_m", "down_m", "v_down_mps", "planned_down_m")
 
 
-@pytest.mark.parametrize("name", SEEN)
+@pytest.mark.parametrize(
+    "name", [name if name == "mixed-stream" else pytest.param(name, marks=pytest.mark.slow) for name in SEEN]
+)
 def test_the_report_tells_landings_by_themselves(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["report", str(unpacked(name, tmp_path)), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

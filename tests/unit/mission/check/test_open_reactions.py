@@ -38,7 +38,7 @@ def test_a_slow_down_that_is_surely_made_or_surely_not_leaves_nothing_open(lengt
     assert report.errors == ()
 
 
-@pytest.mark.parametrize("length_m", [17.5, 17.9])
+@pytest.mark.parametrize("length_m", [17.5, pytest.param(17.9, marks=pytest.mark.slow)])
 def test_one_may_slow_down_and_the_other_not(length_m: float) -> None:
     """The predicted flights keep 8 m, whatever the model decides. The one behind may not slow down."""
     report = follows(length_m)

@@ -115,7 +115,7 @@ def slower_at_the_end(cruise_mps: float, slow_mps: float) -> LegProfile:
     return leg_profile(t_s, position, waypoints, SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)[0]
 
 
-@pytest.mark.parametrize(("cruise_mps", "slow_mps"), [(2.9, 2.0), (2.7, 1.6)])
+@pytest.mark.parametrize(("cruise_mps", "slow_mps"), [(2.9, 2.0), pytest.param(2.7, 1.6, marks=pytest.mark.slow)])
 def test_no_speed_counts_on_being_ignored(cruise_mps: float, slow_mps: float) -> None:
     """ArduCopter may make a slow-down, and the vehicle is seconds late, or not: no leg is much slower than flown."""
     course = slower_at_the_end(cruise_mps, slow_mps)

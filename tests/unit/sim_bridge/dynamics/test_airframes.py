@@ -43,6 +43,7 @@ def test_the_papers_vehicles_stay_within_a_decimetre_of_a_full_flight(paper_flig
     np.testing.assert_array_less(paper_flight.control[..., 0], 5.2)
 
 
+@pytest.mark.slow
 def test_neighbours_half_a_metre_apart_stay_apart(paper_flight):
     between = paper_flight.truth[:, 1, :3] - paper_flight.truth[:, 4, :3]
     assert np.linalg.norm(PADS_NED_M[1] - PADS_NED_M[4]) == 0.5
@@ -144,7 +145,7 @@ def test_wind_and_breakdowns_repeat_bit_for_bit_as_well():
         pytest.param(FIELD, FIELD_LIMITS, "", "", 0.03, marks=pytest.mark.slow),
         (FIELD, FIELD_LIMITS, "3@240", "light", 0.06),
         pytest.param(F150, F150_LIMITS, "1@240", "", 0.04, marks=pytest.mark.slow),
-        (F150, F150_LIMITS, "1@240", "light", 0.12),
+        pytest.param(F150, F150_LIMITS, "1@240", "light", 0.12, marks=pytest.mark.slow),
     ],
 )
 def test_places_are_held_in_wind(q, limits, wind, gusts, rms_m):

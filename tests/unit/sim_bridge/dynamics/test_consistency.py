@@ -68,7 +68,11 @@ def fleet(name, grade, vehicles, seed):
     return stand(preset.quadrotor, preset.limits, grade, pads, seed, parse_wind("1@200", "light"))
 
 
-@pytest.fixture(scope="module", params=[("f150", "rtk", 11), ("field", "gnss", 3)], ids=["f150-rtk", "field-gnss"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(("f150", "rtk", 11), marks=pytest.mark.slow), ("field", "gnss", 3)],
+    ids=["f150-rtk", "field-gnss"],
+)
 def flights(request):
     name, grade, seed = request.param
     return watched(fleet(name, GRADES[grade], FLIGHTS, seed), 18.0)

@@ -76,7 +76,10 @@ def test_a_drained_battery_stays_drained_and_is_drained_once():
     np.testing.assert_allclose(airframes.battery.remaining, after, atol=1e-3)
 
 
-@pytest.mark.parametrize(("q", "limits", "share"), [(F150, F150_LIMITS, 0.1), (FIELD, FIELD_LIMITS, 0.25)])
+@pytest.mark.parametrize(
+    ("q", "limits", "share"),
+    [pytest.param(F150, F150_LIMITS, 0.1, marks=pytest.mark.slow), (FIELD, FIELD_LIMITS, 0.25)],
+)
 def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, limits, share):
     airframes, there = hovering(q, limits)
     sound, same = hovering(q, limits)

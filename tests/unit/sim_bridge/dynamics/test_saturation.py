@@ -55,7 +55,7 @@ def turned(airframes: Airframes, yaw_rad: float, goal: tuple[float, float, float
     return np.array(states), limit
 
 
-@pytest.mark.parametrize("away_m", [8.0, 20.0])
+@pytest.mark.parametrize("away_m", [8.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_yaw_gives_way_to_tilt_and_tilt_to_height(away_m: float) -> None:
     """Half a turn asked for together with a dash: the dash is the same as without it."""
     goal = (0.0, away_m, -UP_M)

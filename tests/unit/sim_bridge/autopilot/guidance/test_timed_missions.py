@@ -44,11 +44,8 @@ def apart_m(flight: Flight, recording: Recording) -> np.ndarray:
     return np.linalg.norm(np.transpose(ours) - recording.position_ned_m[both], axis=1)
 
 
-@pytest.mark.parametrize(
-    "model",
-    [model if model.name == "ardupilot" else pytest.param(model, marks=pytest.mark.slow) for model in MODELS],
-    ids=lambda model: model.name,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 def test_recorded_missions_are_flown_as_recorded(model: Model) -> None:
     recordings = [read_recording(RECORDINGS / model.folder, mission) for mission in MISSIONS]
     flights = Fleet(by_name(model.name), [recording.orders for recording in recordings]).fly()
