@@ -101,36 +101,31 @@ def export(
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
-    from gcs.mission.export.export import prepared
-    from gcs.mission.export.mission_files import MissionOrder
+    from gcs.mission.export.export import ExportOptions, prepared
     from gcs.mission.model import Altitude
     from gcs.scenario.values.si import autopilots
     from gcs.util.long_work import shown
 
-    firmware = None if autopilot is None else Autopilot.named(autopilot)
+    names = [name for given in formats or () for name in given.replace(",", " ").split()]
+    options = ExportOptions(
+        select_formats(names) if formats else None,
+        None if autopilot is None else Autopilot.named(autopilot),
+        Altitude(altitude),
+        smooth_m=smooth,
+        timed=not untimed,
+        gates=gates,
+        start_s=start_s,
+    )
 
     def refuse(scenario: Scenario) -> None:
-        fleet = autopilots(scenario) if firmware is None else firmware
-        MissionOrder(fleet, Altitude(altitude), not untimed, gates, start_s).refuse_impossible()
+        options.order(options.firmware or autopilots(scenario))
         refuse_foreign(to.resolve())
 
-    names = [name for given in formats or () for name in given.replace(",", " ").split()]
-    wanted = select_formats(names) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True, refuse=refuse)
     with shown(screen.say):
-        ready = prepared(
-            plan,
-            formats=wanted,
-            firmware=firmware,
-            altitude=Altitude(altitude),
-            smooth_m=smooth,
-            timed=not untimed,
-            gates=gates,
-            start_s=start_s,
-            report=report,
-        )
+        ready = prepared(plan, options, report)
     _say_separations(screen, ready.separations)
     index = ready.write(to)
     watch.lap("export")

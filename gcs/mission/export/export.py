@@ -35,6 +35,26 @@ from gcs.scenario.values.si import local_origin
 _BATCH = 20  # vehicles sampled at once: a thousand at full rate would need gigabytes of memory
 
 
+@dataclass(frozen=True)
+class ExportOptions:
+    """What is asked for of an export; `export` says what each means."""
+
+    formats: Iterable[str | Format] | None = None
+    firmware: FleetFirmware | None = None
+    altitude: Altitude = Altitude.RELATIVE
+    setpoint_rate_hz: float | None = None
+    smooth_m: float | None = None
+    timed: bool = True
+    gates: int = 0
+    start_s: int | None = None
+
+    def order(self, firmware: FleetFirmware) -> MissionOrder:
+        """The missions that are asked for, for these autopilots. Raises what `MissionOrder.refuse_impossible` does."""
+        order = MissionOrder(firmware, self.altitude, self.timed, self.gates, self.start_s)
+        order.refuse_impossible()
+        return order
+
+
 def export(
     plan: Plan,
     folder: Path | str,
@@ -63,50 +83,27 @@ def export(
     `VerificationError` if the plan, its landing or the smoothed path violate a limit.
     """
     refuse_foreign(Path(folder).resolve())
-    return prepared(
-        plan,
-        formats=formats,
-        firmware=firmware,
-        altitude=altitude,
-        setpoint_rate_hz=setpoint_rate_hz,
-        smooth_m=smooth_m,
-        timed=timed,
-        gates=gates,
-        start_s=start_s,
-        report=report,
-    ).write(folder)
+    options = ExportOptions(formats, firmware, altitude, setpoint_rate_hz, smooth_m, timed, gates, start_s)
+    return prepared(plan, options, report).write(folder)
 
 
-def prepared(
-    plan: Plan,
-    *,
-    formats: Iterable[str | Format] | None = None,
-    firmware: FleetFirmware | None = None,
-    altitude: Altitude = Altitude.RELATIVE,
-    setpoint_rate_hz: float | None = None,
-    smooth_m: float | None = None,
-    timed: bool = True,
-    gates: int = 0,
-    start_s: int | None = None,
-    report: Report | None = None,
-) -> PreparedExport:
-    """What `export` would write, with its separations, before anything is written. Arguments and errors are its own."""
-    wanted = DEFAULT if formats is None else select_formats(formats)
+def prepared(plan: Plan, options: ExportOptions, report: Report | None = None) -> PreparedExport:
+    """What `export` would write, with its separations, before anything is written. Raises what `export` does."""
+    wanted = DEFAULT if options.formats is None else select_formats(options.formats)
     if not isinstance(report, Report):  # the stored verdict of a file is none
         report = verify(plan)
         if not report.ok:
             raise refusal(report)
-    rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
-    autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
-    order = MissionOrder(autopilots, altitude, timed, gates, start_s)
-    order.refuse_impossible()
+    rate_hz = options.setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
+    autopilots = one_each(plan.autopilots if options.firmware is None else options.firmware, len(plan.sysids))
+    order = options.order(autopilots)
     safety = build_safety(plan, autopilots)
-    path = None if smooth_m is None else smoothed(plan, smooth_m)
+    path = None if options.smooth_m is None else smoothed(plan, options.smooth_m)
     made = make_missions(plan, order, safety, wanted)
     if made.refusal is not None and all(row.content is Content.MISSION for row in wanted):
         raise made.refusal
     rows = separations(plan, report, autopilots, made, safety.returns)
-    return PreparedExport(wanted, altitude, _Material(plan, autopilots, safety, rate_hz, path), made, rows)
+    return PreparedExport(wanted, options.altitude, _Material(plan, autopilots, safety, rate_hz, path), made, rows)
 
 
 @dataclass(frozen=True)

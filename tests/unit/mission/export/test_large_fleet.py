@@ -10,7 +10,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import NotWritten
-from gcs.mission.export.export import export, prepared
+from gcs.mission.export.export import ExportOptions, export, prepared
 from gcs.mission.export.separations import GROUND_RETURNS, Separation, least
 from gcs.mission.formats.registry import DEFAULT
 from gcs.plan.formation.shape import Shape
@@ -61,7 +61,7 @@ def test_missions_alone_are_refused_before_anything_is_written(figure: Plan, rep
     with pytest.raises(NotWritten, match="24 vehicles need legs of their own"):
         export(figure, tmp_path / "out", formats=["plan"], report=report)
     assert not (tmp_path / "out").exists()
-    ready = prepared(figure, formats=[row.name for row in DEFAULT], setpoint_rate_hz=1.0, report=report)
+    ready = prepared(figure, ExportOptions([row.name for row in DEFAULT], setpoint_rate_hz=1.0), report)
     assert not (tmp_path / "out").exists()
     assert ready.separations
     assert ready.write(tmp_path / "out").refused
