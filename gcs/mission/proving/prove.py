@@ -21,7 +21,7 @@ from gcs.mission.proving.track_criteria import (
 from gcs.physics.quadrotor import Quadrotor
 from gcs.physics.wind import STILL
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Family, Looks, Proof, Rows, settle
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Family, Looks, Proof, settle
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.plan.verification.proof.verdict import (
@@ -37,7 +37,6 @@ from gcs.scenario.schema.scenario import LimitsTable, Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
 from gcs.scenario.values.si import NED_FROM_UP, steady_wind
-from gcs.types import Array
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
@@ -312,7 +311,7 @@ class _Proofs:
         """The distance to the ground from take-off to landing; before and after, what is beside the place below."""
         limit_m = self.limits.clearance_m or scenario.limits.clearance_min_m
         cells, pads = _every(motion), np.zeros((3, len(self.tracks)))
-        phase = np.full((len(self.tracks), len(motion.half_s)), _AIRBORNE, dtype=np.intp)
+        phase = np.full((len(self.tracks), len(motion.edges_s) - 1), _AIRBORNE, dtype=np.intp)
         for row in range(len(self.tracks)):
             of_row = np.full(len(motion.edges_s), row, dtype=np.intp)
             places = motion.places(of_row, motion.edges_s)
@@ -322,7 +321,7 @@ class _Proofs:
             first, last = (high[0], high[-1]) if len(high) else (0, len(places))
             phase[row, :first], phase[row, last:] = _TAKEOFF, _LANDING
             pads[_TAKEOFF, row], pads[_LANDING, row] = places[0, 2], places[-1, 2]
-        cells = Cells(cells.who, cells.start_s, cells.end_s, phase.ravel(), cells.patch)
+        cells = Cells(cells.who, cells.start_s, cells.end_s, phase[motion.row, motion.window], cells.patch)
         alone = np.arange(len(self.tracks))
         none = np.full((len(alone), 2), -1)
         single = VehicleTree(alone, none, np.zeros((len(alone), 0, 3)), np.zeros(len(alone)), np.zeros((len(alone), 3)))
@@ -370,9 +369,8 @@ class _Proofs:
 
 
 def _every(motion: FleetMotion, *, moving: bool = False) -> Cells:
-    """Every vehicle on every interval, or on those of its own polynomial."""
-    wanted: Array = motion.moves if moving else np.ones_like(motion.moves)
-    row, number = np.nonzero(wanted)
-    who: Rows = row[:, None].astype(np.intp)
-    starts_s, ends_s = motion.edges_s[number], motion.edges_s[number + 1]
-    return Cells(who, starts_s, ends_s, np.zeros(len(row), dtype=np.intp), np.zeros((len(row), 0)))
+    """Every piece of every vehicle, or those of its own polynomial."""
+    pieces = np.flatnonzero(motion.moves | (not moving))
+    none = np.zeros(len(pieces), dtype=np.intp)
+    starts_s, ends_s = motion.starts_s[pieces], motion.ends_s[pieces]
+    return Cells(motion.row[pieces, None], starts_s, ends_s, none, np.zeros((len(pieces), 0)))

@@ -1,4 +1,4 @@
-"""The motion of one vehicle as piecewise polynomials, and of a fleet on intervals that no joint divides."""
+"""The motion of one vehicle as piecewise polynomials, and of a fleet in pieces that no joint divides."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PPoly
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from gcs.errors import FileFormatError, UsageError
 from gcs.plan.verification.proof.polynomials import modelled, scaled_coefficients, shifted
-from gcs.plan.verification.proof.subdivision import Rows
+from gcs.plan.verification.proof.subdivision import Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.types import Array
 
 ORDER = 2
-_NUMBERS_MAX = 40_000_000  # coefficients of all vehicles on all intervals
+_NUMBERS_MAX = 40_000_000  # coefficients of all pieces of all vehicles
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,67 +63,95 @@ def both_ends(scaled: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class FleetMotion:
-    """The motion of V vehicles on N intervals: no polynomial has a joint within one."""
+    """The motion of V vehicles as P pieces that no joint divides, in N windows of time that all vehicles share.
 
-    edges_s: Array  # (N + 1,)
-    c: Array  # (D+1, V, N, 3) in NED metres, the lowest power first, of time from the middle in half lengths
-    moves: Array  # (V, N), 1 where the vehicle has a polynomial, 0 where it stands before or after it
+    Pieces stand vehicle by vehicle, in the order of time; each lies within one window.
+    """
+
+    edges_s: Array  # (N + 1,) of the windows
+    starts_s: Array  # (P,)
+    ends_s: Array  # (P,)
+    c: Array  # (D+1, P, 3) in NED metres, the lowest power first, of time from the middle in half lengths
+    moves: Mask  # (P,), whether the vehicle has a polynomial, or stands before or after it
+    begins: Rows  # (V, N + 1), the number of the first piece in each window, and of that after the last
     off_m: Array  # (V,), how far each vehicle may be from its polynomials
 
     @classmethod
     def of(cls, tracks: Sequence[PolynomialTrack], more_s: Array) -> FleetMotion:
         """The motion of several tracks, divided at `more_s` too. Raises `UsageError` where that is too much."""
-        inner_s = [each.position_ned_m.x for each in tracks]
-        edges_s = np.unique(np.concatenate(inner_s))
-        more_s = more_s[(more_s > edges_s[0]) & (more_s < edges_s[-1])]
-        edges_s = np.unique(np.concatenate([edges_s, more_s]))
+        edges_s = _windows_s([each.position_ned_m.x for each in tracks], more_s)
         width = max(len(each.position_ned_m.c) for each in tracks)
-        count = len(edges_s) - 1
-        if width * len(tracks) * count * 3 > _NUMBERS_MAX:
+        own = [np.union1d(edges_s, each.position_ned_m.x) for each in tracks]
+        counts = np.array([len(each) - 1 for each in own])
+        firsts = np.cumsum(counts) - counts
+        pieces = int(counts.sum())
+        if width * pieces * 3 > _NUMBERS_MAX:
             raise UsageError(
-                f"{len(tracks)} tracks have {count + 1} different times together: too many.",
-                hint="give all vehicles samples at the same times, or prove parts of the time one by one",
+                f"{len(tracks)} tracks have {pieces:,} pieces together: too many.",
+                hint="prove parts of the time, or fewer vehicles, one by one",
             )
-        c = np.zeros((width, len(tracks), count, 3))
-        moves = np.zeros((len(tracks), count))
-        for row, each in enumerate(tracks):
-            x = each.position_ned_m.x
-            first, last = np.searchsorted(edges_s, [x[0], x[-1]])
-            scaled = scaled_coefficients(each.position_ned_m, edges_s[first:last], edges_s[first + 1 : last + 1])
-            c[: len(scaled), row, first:last] = scaled
+        c = np.zeros((width, pieces, 3))
+        moves = np.zeros(pieces, dtype=bool)
+        begins = np.zeros((len(tracks), len(edges_s)), dtype=np.intp)
+        for row, (each, own_s) in enumerate(zip(tracks, own, strict=True)):
+            x, here = each.position_ned_m.x, slice(firsts[row], firsts[row] + counts[row])
+            first, last = np.searchsorted(own_s, [x[0], x[-1]])
+            scaled = scaled_coefficients(each.position_ned_m, own_s[first:last], own_s[first + 1 : last + 1])
+            places, moving = c[:, here], moves[here]
+            places[: len(scaled), first:last] = scaled
             starts, ends = both_ends(scaled)
-            c[0, row, :first], c[0, row, last:] = starts[0], ends[-1]
-            moves[row, first:last] = 1.0
-        return cls(edges_s, c, moves, np.array([each.off_m for each in tracks]))
+            places[0, :first], places[0, last:] = starts[0], ends[-1]
+            moving[first:last] = True
+            begins[row] = firsts[row] + np.searchsorted(own_s, edges_s)
+        starts_s = np.concatenate([each[:-1] for each in own])
+        ends_s = np.concatenate([each[1:] for each in own])
+        return cls(edges_s, starts_s, ends_s, c, moves, begins, np.array([each.off_m for each in tracks]))
 
     @cached_property
     def relative(self) -> FleetMotion:
-        """The motion beside the mean of all vehicles: of a formation it is small, and differences are the same."""
-        return replace(self, c=self.c - self.c.mean(axis=1, keepdims=True))
+        """The motion beside the mean of all vehicles: of a formation it is small, and differences are the same.
+
+        The mean is a cubic in each window, which goes on in place and velocity from one to the next.
+        """
+        vehicles = np.arange(len(self.begins))
+        place, velocity = np.zeros((len(self.edges_s), 3)), np.zeros((len(self.edges_s), 3))
+        for number, t_s in enumerate(self.edges_s):
+            at_s = np.full(len(vehicles), t_s)
+            place[number] = self.places(vehicles, at_s).mean(axis=0)
+            velocity[number] = self.enclosed(vehicles, at_s, at_s, 1).middle.mean(axis=1)
+        mean = CubicHermiteSpline(self.edges_s, place, velocity)
+        c = np.zeros((max(len(self.c), 4), *self.c.shape[1:]))
+        c[: len(self.c)] = self.c
+        c[:4] -= scaled_coefficients(mean, self.starts_s, self.ends_s)
+        return replace(self, c=c)
 
     @cached_property
-    def half_s(self) -> Array:
-        """Half the length (N,) of each interval."""
-        return 0.5 * np.diff(self.edges_s)
+    def row(self) -> Rows:
+        """The vehicle (P,) of each piece."""
+        return np.repeat(np.arange(len(self.begins)), self.begins[:, -1] - self.begins[:, 0])
 
     @cached_property
-    def middle_s(self) -> Array:
-        """The instants (N,) in the middle of the intervals."""
-        return self.edges_s[:-1] + self.half_s
+    def window(self) -> Rows:
+        """The window (P,) of each piece."""
+        return np.tile(np.arange(len(self.edges_s) - 1), len(self.begins)).repeat(np.diff(self.begins, axis=1).ravel())
 
-    def interval(self, t_s: Array) -> Rows:
-        """The number of the interval (M,) at instants (M,)."""
-        return np.clip(np.searchsorted(self.edges_s, t_s, side="right") - 1, 0, len(self.half_s) - 1)
+    def piece(self, row: Rows, t_s: Array) -> Rows:
+        """The number of the piece (M,) of vehicles (M,) at instants (M,)."""
+        window = np.clip(np.searchsorted(self.edges_s, t_s, side="right") - 1, 0, len(self.edges_s) - 2)
+        found, last = self.begins[row, window], self.begins[row, window + 1] - 1
+        while (later := (found < last) & (self.ends_s[found] <= t_s)).any():
+            found = found + later
+        return found
 
     def enclosed(self, row: Rows, start_s: Array, end_s: Array, derivative: int = 0) -> Taylor:
-        """Places (3, M) of vehicles (M,), or a derivative, over spans (M,) that lie within one interval each."""
+        """Places (3, M) of vehicles (M,), or a derivative, over spans (M,) that lie within one piece each."""
         middle_s = 0.5 * (start_s + end_s)
-        number = self.interval(middle_s)
-        half = self.half_s[number]
-        c = self.c[:, row, number]
+        piece = self.piece(row, middle_s)
+        half = 0.5 * (self.ends_s[piece] - self.starts_s[piece])
+        c = self.c[:, piece]
         for _ in range(derivative):
             c = c[1:] * np.arange(1.0, len(c))[:, None, None] if len(c) > 1 else np.zeros_like(c[:1])
-        c = shifted(c, ((middle_s - self.middle_s[number]) / half)[:, None])
+        c = shifted(c, ((middle_s - self.starts_s[piece] - half) / half)[:, None])
         share = 0.5 * (end_s - start_s) / half
         c *= (share ** np.arange(len(c))[:, None] / half**derivative)[..., None]
         found = modelled(np.moveaxis(c, 2, 1), ORDER)
@@ -131,35 +159,52 @@ class FleetMotion:
 
     def places(self, row: Rows, t_s: Array) -> Array:
         """Places (M, 3) of vehicles (M,) at instants (M,)."""
-        number = self.interval(t_s)
-        s = ((t_s - self.middle_s[number]) / self.half_s[number])[:, None]
+        piece = self.piece(row, t_s)
+        half = 0.5 * (self.ends_s[piece] - self.starts_s[piece])
+        s = ((t_s - self.starts_s[piece] - half) / half)[:, None]
         found = np.zeros((len(row), 3))
         for power in self.c[::-1]:
-            found = found * s + power[row, number]
+            found = found * s + power[piece]
         return found
 
     @cached_property
     def jumps_m(self) -> Array:
-        """Steps (V, N + 1) at the edges, added up from the first edge on: rounding, or a broken polynomial."""
+        """Steps (P,) of the place before each piece, added up, for the difference of two pieces of one vehicle."""
         starts, ends = both_ends(self.c)
-        steps = np.linalg.norm(starts[:, 1:] - ends[:, :-1], axis=2)
-        return np.cumsum(np.pad(steps, ((0, 0), (1, 1))), axis=1)
+        steps = np.linalg.norm(starts[1:] - ends[:-1], axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def single(self, row: Rows, window: Rows) -> Mask:
+        """Whether vehicles (M,) have one piece only in windows (M,)."""
+        return np.asarray(self.begins[row, window + 1] - self.begins[row, window] == 1)
 
     @cached_property
     def windows(self) -> tuple[tuple[Array, Array, Array, Array], ...]:
-        """Boxes on windows of 1, 2, 4, ... intervals, each (V, windows, 3): place low, high, velocity low, high."""
-        vehicles, count = self.c.shape[1:3]
-        row, number = np.repeat(np.arange(vehicles), count), np.tile(np.arange(count), vehicles)
+        """Boxes on 1, 2, 4, ... windows, each (V, windows, 3): place low, high, velocity low, high."""
         found = []
         for derivative in (0, 1):
-            low, high = self.enclosed(row, self.edges_s[number], self.edges_s[number + 1], derivative).range()
-            found += [low.T.reshape(vehicles, count, 3), high.T.reshape(vehicles, count, 3)]
+            for bound, least in zip(
+                self.enclosed(self.row, self.starts_s, self.ends_s, derivative).range(),
+                (np.minimum, np.maximum),
+                strict=True,
+            ):
+                found.append(least.reduceat(bound.T, self.begins[:, :-1].ravel()).reshape(len(self.begins), -1, 3))
         levels = [(found[0], found[1], found[2], found[3])]
         while levels[-1][0].shape[1] > 1:
             low, high, slow, fast = levels[-1]
             wider = _paired(low, np.minimum), _paired(high, np.maximum)
             levels.append((*wider, _paired(slow, np.minimum), _paired(fast, np.maximum)))
         return tuple(levels)
+
+
+def _windows_s(times_s: list[Array], more_s: Array) -> Array:
+    """Instants at which the time of all vehicles is divided: those of all, or where they differ as many as one has."""
+    every_s = np.unique(np.concatenate(times_s))
+    most = max(map(len, times_s))
+    if len(every_s) > 2 * most:
+        every_s = every_s[np.unique(np.linspace(0, len(every_s) - 1, most).astype(np.intp))]
+    more_s = more_s[(more_s > every_s[0]) & (more_s < every_s[-1])]
+    return np.union1d(every_s, more_s)
 
 
 def _paired(values: Array, of: np.ufunc) -> Array:

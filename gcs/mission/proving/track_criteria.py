@@ -15,6 +15,7 @@ from gcs.scenario.environment.no_fly import Zone, ZoneName
 from gcs.types import Array
 
 _ROUNDING_M = 1e-9
+_PIECE = -1  # the level of a cell in which neither vehicle has a joint
 _DOWN = 2
 NamedRanges = tuple[tuple[str, tuple[float, float] | None], ...]  # of north, east and height: its name, its limits
 LENGTH = Constraint(LENGTH_TOLERANCE_M, RESOLUTION_M)
@@ -32,7 +33,7 @@ class TrackCriterion:
 
 @dataclass(frozen=True, eq=False)
 class TrackSeparation:
-    """The distance of pairs (a, b), on windows of 2^k intervals that are divided down to parts of one.
+    """The distance of pairs (a, b), on 2^k windows that are divided down to one, at its joints, and then in halves.
 
     With a vertical scale above 1 vehicles must be farther apart in height, for the downwash: a metre of height counts
     as 1 / scale.
@@ -54,11 +55,11 @@ class TrackSeparation:
 
     def cells(self) -> Cells:
         """Every pair on the one window that holds all of the flight."""
-        pairs = np.stack(np.triu_indices(self.motion.c.shape[1], 1), axis=1)
+        pairs = np.stack(np.triu_indices(len(self.motion.begins), 1), axis=1)
         level, edges_s = len(self.motion.relative.windows) - 1, self.motion.edges_s
         patch = np.tile([float(level), 0.0], (len(pairs), 1))
         start_s, end_s = np.full(len(pairs), edges_s[0]), np.full(len(pairs), edges_s[-1])
-        return Cells(pairs, start_s, end_s, np.zeros(len(pairs), dtype=np.intp), patch)
+        return self._in_pieces(Cells(pairs, start_s, end_s, np.zeros(len(pairs), dtype=np.intp), patch))
 
     @cached_property
     def _scale(self) -> Array:
@@ -69,7 +70,7 @@ class TrackSeparation:
         low, seen = np.empty(len(cells)), np.empty(len(cells))
         for level in np.unique(cells.patch[:, 0]).astype(int).tolist():
             chosen = np.flatnonzero(cells.patch[:, 0] == level)
-            of = self._within_one(cells[chosen]) if level == 0 else self._of_windows(cells[chosen], level)
+            of = self._within_one(cells[chosen]) if level == _PIECE else self._of_windows(cells[chosen], level)
             low[chosen], seen[chosen] = of
         return low[None] - self.limit_m, seen[None] - self.limit_m
 
@@ -93,8 +94,9 @@ class TrackSeparation:
         relative = np.maximum(fast[a, number] - slow[b, number], fast[b, number] - slow[a, number])
         moved = 0.5 * (cells.end_s - cells.start_s) * np.linalg.norm(relative * self._scale, axis=1)
         begins = number << level
-        ends = np.minimum(begins + (1 << level), len(self.motion.half_s))
-        jumped = sum(beside.jumps_m[row, ends - 1] - beside.jumps_m[row, begins] for row in (a, b))
+        ends = np.minimum(begins + (1 << level), len(self.motion.edges_s) - 1)
+        first = self.motion.begins
+        jumped = sum(beside.jumps_m[first[row, ends] - 1] - beside.jumps_m[first[row, begins]] for row in (a, b))
         distance = self._distance(cells)
         off = (self.motion.off_m[a] + self.motion.off_m[b]) * max(1.0, 1.0 / self.vertical_scale)
         return np.maximum(boxes, distance - moved - jumped - off - _ROUNDING_M), distance
@@ -105,23 +107,54 @@ class TrackSeparation:
         return np.asarray(np.linalg.norm((first - second) * self._scale, axis=1))
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
-        """See `Family`: both halves of a window, then of a part of one interval."""
-        single = cells.patch[:, 0] == 0.0
-        wide = np.flatnonzero(chosen & ~single)
-        long = np.flatnonzero(chosen & single & (cells.end_s - cells.start_s > SHORTEST_S))
+        """See `Family`: both halves of windows, the parts of one between the joints of both, halves of a part."""
+        level = cells.patch[:, 0].astype(np.intp)
+        long = np.flatnonzero(chosen & (level == _PIECE) & (cells.end_s - cells.start_s > SHORTEST_S))
         found, origin = [halved(cells[long])], [np.concatenate([long, long])]
-        level = cells.patch[wide, 0].astype(np.intp) - 1
-        count = len(self.motion.half_s)
+        wide = np.flatnonzero(chosen & (level > 0))
+        below, count = level[wide] - 1, len(self.motion.edges_s) - 1
         for side in (0, 1):
             number = 2 * cells.patch[wide, 1].astype(np.intp) + side
-            begins, ends = number << level, np.minimum((number + 1) << level, count)
+            begins, ends = number << below, np.minimum((number + 1) << below, count)
             there = begins < count
             edges_s = self.motion.edges_s
-            patch = np.stack([level, number], axis=1)[there].astype(np.float64)
+            patch = np.stack([below, number], axis=1)[there].astype(np.float64)
             starts_s, ends_s = edges_s[begins[there]], edges_s[ends[there]]
-            found.append(replace(cells[wide[there]], start_s=starts_s, end_s=ends_s, patch=patch))
+            parts = replace(cells[wide[there]], start_s=starts_s, end_s=ends_s, patch=patch)
+            found.append(self._in_pieces(parts))
             origin.append(wide[there])
+        jointed = np.flatnonzero(chosen & (level == 0))
+        parts, of = self._between_joints(cells[jointed])
+        found.append(parts)
+        origin.append(jointed[of])
         return joined(found), np.concatenate(origin)
+
+    def _in_pieces(self, cells: Cells) -> Cells:
+        """Cells of one window in which neither vehicle has a joint are within one piece."""
+        window = cells.patch[:, 1].astype(np.intp)
+        whole = cells.patch[:, 0] == 0.0
+        for one in (0, 1):
+            whole[whole] = self.motion.single(cells.who[whole, one], window[whole])
+        cells.patch[whole, 0] = _PIECE
+        return cells
+
+    def _between_joints(self, cells: Cells) -> tuple[Cells, Rows]:
+        """The parts of cells of one window between the joints of both vehicles, and the cell of each."""
+        window, every = cells.patch[:, 1].astype(np.intp), np.arange(len(cells))
+        of, at_s = [every], [cells.start_s]
+        for one in (0, 1):
+            first, last = (self.motion.begins[cells.who[:, one], window + after] for after in (0, 1))
+            inner = last - first - 1
+            cell = np.repeat(every, inner)
+            piece = first[cell] + 1 + np.arange(len(cell)) - (np.cumsum(inner) - inner)[cell]
+            of.append(cell)
+            at_s.append(self.motion.starts_s[piece])
+        begins = np.unique(np.stack([np.concatenate(of), np.concatenate(at_s)], axis=1), axis=0)
+        origin, start_s = begins[:, 0].astype(np.intp), begins[:, 1]
+        ends_here = np.append(origin[1:] != origin[:-1], True)
+        end_s = np.where(ends_here, cells.end_s[origin], np.append(start_s[1:], 0.0))
+        patch = np.column_stack([np.full(len(origin), float(_PIECE)), cells.patch[origin, 1]])
+        return replace(cells[origin], start_s=start_s, end_s=end_s, patch=patch), origin
 
 
 class _OfVehicles:

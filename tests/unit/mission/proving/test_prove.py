@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -75,6 +76,14 @@ def smallest_m(t_s: Array, places_m: Array, at_s: Array) -> Array:
     return np.asarray(np.linalg.norm(first - second, axis=1))
 
 
+def with_joints(track: gcs.PolynomialTrack, at_s: Array) -> gcs.PolynomialTrack:
+    """The same motion, with joints at these times as well."""
+    motion = track.position_ned_m
+    x = np.union1d(motion.x, at_s)
+    powers = [motion(x[:-1], order) / math.factorial(order) for order in range(len(motion.c))]
+    return replace(track, position_ned_m=PPoly(np.stack(powers[::-1]), x))
+
+
 def find_hidden_collisions(rng: np.random.Generator, count: int) -> None:
     """Hide collisions of 1 mm to 10 cm for 1 to 40 ms between samples, and find them by brute force and by proof."""
     for turn in range(count):
@@ -90,6 +99,8 @@ def find_hidden_collisions(rng: np.random.Generator, count: int) -> None:
             together = rng.normal(0.0, 3.0, (len(t_s), 3))
             motion = [(place, together + np.gradient(place - places_m[0], t_s, axis=0)) for place in places_m]
         tracks = [gcs.PolynomialTrack(f"uav{row}", through(t_s, *each)) for row, each in enumerate(motion)]
+        if turn % 3:  # each divided at times of its own
+            tracks = [with_joints(track, rng.uniform(0.0, t_s[-1], int(rng.integers(40)))) for track in tracks]
         found = check_of(gcs.prove(tracks, gcs.TrackLimits(limit_m)), "separation")
         assert found.verdict == "violated"
         assert set(found.vehicles) == {"uav0", "uav2"}
@@ -102,6 +113,44 @@ def find_hidden_collisions(rng: np.random.Generator, count: int) -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_every_collision_between_samples_is_found_and_no_other(seed: int) -> None:
     find_hidden_collisions(np.random.default_rng(seed), 15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_tracks_that_turn_at_times_of_their_own_are_as_near_as_the_formula_says(seed: int) -> None:
+    """What shows and planners of each vehicle write: no vehicle has a joint where another has."""
+    rng = np.random.default_rng(seed)
+    tracks = []
+    for row in range(8):
+        t_s = np.concatenate([[0.0], np.sort(rng.uniform(1.0, 29.0, 20)), [30.0]])
+        place = np.array([4.0 * (row % 4), 4.0 * (row // 4), -20.0]) + rng.uniform(-1.2, 1.2, (len(t_s), 3))
+        tracks.append(gcs.PolynomialTrack(f"uav{row}", through(t_s, place)))
+    every_s = np.unique(np.concatenate([track.position_ned_m.x for track in tracks]))
+    places_m = np.stack([track.position_ned_m(every_s) for track in tracks])
+    first, second = np.triu_indices(len(tracks), 1)
+    apart_m = places_m[first] - places_m[second]
+    start, change = apart_m[:, :-1], np.diff(apart_m, axis=1)
+    share = np.clip(-(start * change).sum(axis=2) / np.maximum((change**2).sum(axis=2), 1e-12), 0.0, 1.0)
+    least_m = float(np.linalg.norm(start + share[..., None] * change, axis=2).min())
+    found = check_of(gcs.prove(tracks, gcs.TrackLimits(least_m - 0.01)), "separation")
+    assert found.verdict == "proved"
+    assert least_m - 2e-3 <= found.proved <= least_m + 1e-9
+    assert least_m - 1e-9 <= found.seen <= least_m + 2e-3
+
+
+@pytest.mark.parametrize("dash_s", np.linspace(3.05, 9.0, 12))
+def test_a_dash_between_the_times_of_others_is_seen(dash_s: float) -> None:
+    """One flies slowly away from another, dashes to 1 m from it within 0.1 s, and is 20 m away again 0.1 s later."""
+    others = [
+        line(f"far{k}", [100.0 + 50.0 * k, 0.0, -20.0], [0.0, 0.0, 0.0], np.arange(13) + 0.3 * k) for k in range(3)
+    ]
+    stands = line("stands", [0.0, 0.0, -20.0], [0.0, 0.0, 0.0], [0.0, 12.0])
+    times = np.array([0.0, dash_s - 0.1, dash_s, dash_s + 0.1, 12.0])
+    north_m = np.array([10.0, 20.0, 1.0, 20.0, 21.0])
+    dashes = gcs.PolynomialTrack("dashes", through(times, np.stack([north_m, 0.0 * north_m, 0.0 * north_m - 20.0], 1)))
+    found = check_of(gcs.prove([stands, *others, dashes], gcs.TrackLimits(2.0)), "separation")
+    assert found.verdict == "violated"
+    assert found.seen == pytest.approx(1.0, abs=0.05)
+    assert set(found.vehicles) == {"stands", "dashes"}
 
 
 @pytest.mark.long
