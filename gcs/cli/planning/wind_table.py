@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def say_winds(screen: Screen, plan: Plan, gust_share: float = 0.0, *, whole: bool = False) -> JsonObject:
     """Print the winds in which a verified plan stays proved, as a table too if `whole`; return them for `--json`."""
-    from gcs.plan.verification.wind_envelope import wind_envelope
+    from gcs.plan.verification.wind_envelope import proved_mps, wind_envelope
 
     found = wind_envelope(plan, gust_share)
     least = min(found.borders, key=lambda border: border.speed_mps)
@@ -24,12 +24,14 @@ def say_winds(screen: Screen, plan: Plan, gust_share: float = 0.0, *, whole: boo
     gusts = f", with gusts of {gust_share:.0%} of it" if gust_share else ""
     height = f" at {found.reference_m:g} m height" if found.shear else ""
     screen.say(
-        f"wind: up to {_down(found.wind_ok_mps)} m/s{height} from every direction{gusts}; "
-        f"{_down(least.speed_mps)} m/s from {least.from_deg:g}° ({_limit(least)}) "
-        f"to {_down(most.speed_mps)} m/s from {most.from_deg:g}° ({_limit(most)})"
+        f"wind: up to {proved_mps(found.wind_ok_mps)} m/s{height} from every direction{gusts}; "
+        f"{proved_mps(least.speed_mps)} m/s from {least.from_deg:g}° ({_limit(least)}) "
+        f"to {proved_mps(most.speed_mps)} m/s from {most.from_deg:g}° ({_limit(most)})"
     )
     if math.isfinite(found.gust_ok_mps):
-        screen.say(f"gusts: up to {_down(found.gust_ok_mps)} m/s keep the position error within judge.position_rms_m")
+        screen.say(
+            f"gusts: up to {proved_mps(found.gust_ok_mps)} m/s keep the position error within judge.position_rms_m"
+        )
     if whole:
         _show(screen, found)
     return {"wind_ok_mps": found.wind_ok_mps, "wind_envelope": envelope_data(found)}
@@ -51,10 +53,12 @@ def envelope_data(found: WindEnvelope) -> JsonObject:
 def _show(screen: Screen, found: WindEnvelope) -> None:
     from rich.table import Table
 
+    from gcs.plan.verification.wind_envelope import proved_mps
+
     title = "greatest steady wind from each direction" + ("" if found.knows_battery else ", whatever the battery lasts")
     table = Table("from", "wind", "limited by", title=title)
     for border in found.borders:
-        table.add_row(f"{border.from_deg:g}°", f"{_down(border.speed_mps)} m/s", _limit(border))
+        table.add_row(f"{border.from_deg:g}°", f"{proved_mps(border.speed_mps)} m/s", _limit(border))
     screen.show(table)
 
 
@@ -64,8 +68,3 @@ def _limit(border: WindBorder) -> str:
     vehicle = "" if border.sysid is None else f", vehicle {border.sysid}"
     when = "" if border.t_s is None else f", t = {border.t_s:.1f} s"
     return f"{border.limit}{vehicle}{when}"
-
-
-def _down(speed_mps: float) -> str:
-    """A speed rounded down: more is not proved."""
-    return f"{math.floor(10.0 * speed_mps + 1e-6) / 10.0:.1f}"

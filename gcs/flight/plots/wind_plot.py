@@ -1,6 +1,5 @@
 """The polar picture of a plan's wind envelope: the greatest steady wind from each direction, and what limits it."""
 
-import math
 from pathlib import Path
 from typing import cast
 
@@ -11,7 +10,7 @@ from matplotlib.projections.polar import PolarAxes
 
 from gcs.flight.plots.figure_file import BESIDE, head, save, settle
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.wind_envelope import WindEnvelope, wind_envelope
+from gcs.plan.verification.wind_envelope import WindEnvelope, proved_mps, wind_envelope
 from gcs.scenario.schema.scenario import PlannedWind
 
 _SIZE_IN = (8.2, 6.2)
@@ -36,8 +35,7 @@ def draw_winds(name: str, planned: PlannedWind | None, envelope: WindEnvelope) -
     border = [envelope.ok_from(float(deg)) for deg in from_deg]
     axes.fill(np.radians(from_deg), border, color=_ALLOWED, alpha=0.18)
     axes.plot(np.radians(from_deg), border, color=_ALLOWED, lw=1.2, label="greatest steady wind")
-    # Rounded down: more is not proved.
-    label = f"from every direction: {math.floor(10.0 * envelope.wind_ok_mps) / 10.0:.1f} m/s"
+    label = f"from every direction: {proved_mps(envelope.wind_ok_mps)} m/s"
     axes.plot(np.radians(from_deg), np.full(_STEPS, envelope.wind_ok_mps), color=_EVERYWHERE, lw=1.0, label=label)
     limits = dict.fromkeys(each.limit for each in envelope.borders)
     for mark, limit in zip(_MARKS, limits, strict=False):

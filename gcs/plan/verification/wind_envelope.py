@@ -10,6 +10,7 @@ changes. Tilt and thrust hold in every such wind. What it moves a vehicle off it
 autopilot's loops (`autopilots/waypoint_models/disturbance_gain.py`).
 """
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -127,6 +128,11 @@ def wind_envelope(plan: Plan, gust_share: float = 0.0, directions: int = DIRECTI
         tuple(borders), _everywhere(inner), inner.gust_ok_mps, gust_share, inner.reference_m, inner.shear, knows,
         instant, steady,
     )  # fmt: skip
+
+
+def proved_mps(speed_mps: float) -> str:
+    """A speed for people, rounded down: more is not proved."""
+    return f"{math.floor(10.0 * speed_mps + 1e-6) / 10.0:.1f}"
 
 
 def _proved(plan: Plan, toward: Array) -> tuple[Array, list[tuple[Kind, int, float]]]:
