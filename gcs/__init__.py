@@ -55,6 +55,9 @@ if TYPE_CHECKING:
     from gcs.plan.verification.proof.verdict import Check as Check
     from gcs.plan.verification.verify import Report as Report
     from gcs.plan.verification.verify import verify as verify
+    from gcs.plan.verification.wind_envelope import WindBorder as WindBorder
+    from gcs.plan.verification.wind_envelope import WindEnvelope as WindEnvelope
+    from gcs.plan.verification.wind_envelope import wind_envelope as wind_envelope
     from gcs.scenario.schema.places import NoFlyZone as NoFlyZone
     from gcs.scenario.schema.scenario import Scenario as Scenario
     from gcs.scenario.sources.load import load_scenario as load_scenario
@@ -89,6 +92,8 @@ _HOME = {
     "VehicleMission": "gcs.mission.model",
     "Verdict": "gcs.flight.assessment.judge",
     "Watcher": "gcs.flight.monitoring.progress",
+    "WindBorder": "gcs.plan.verification.wind_envelope",
+    "WindEnvelope": "gcs.plan.verification.wind_envelope",
     "build_missions": "gcs.mission.waypoints.mission_items",
     "build_stream": "gcs.mission.export.setpoint_stream",
     "cost_terms": "gcs.plan.cost_terms",
@@ -103,6 +108,7 @@ _HOME = {
     "read_tracks": "gcs.mission.proving.track_formats",
     "save_plan": "gcs.plan.plan_file",
     "verify": "gcs.plan.verification.verify",
+    "wind_envelope": "gcs.plan.verification.wind_envelope",
     "with_keys": "gcs.scenario.sources.load",
 }
 __all__ = sorted(_HOME)  # noqa: PLE0605 (one table names them all)

@@ -24,7 +24,7 @@ CHAPTERS = {
         "Replanner",
         "NamedStates",
     ),
-    "Verify": ("verify", "Report", "Check"),
+    "Verify": ("verify", "Report", "Check", "wind_envelope", "WindEnvelope", "WindBorder"),
     "Prove trajectories": (
         "prove",
         "TrackLimits",

@@ -86,7 +86,7 @@ COMMANDS = {
         CommandRow(
             "verify",
             "gcs.cli.planning.plan",
-            "Prove a plan again and list the least margin of every criterion.",
+            "Prove a plan again and list the least margin of every criterion, and the greatest wind by direction.",
         ),
         CommandRow(
             "prove",

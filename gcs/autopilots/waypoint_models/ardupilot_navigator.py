@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from gcs.autopilots.waypoint_models.ardupilot_leg import Corner, LegMotion, Motion, NavigatorLeg, limit_along
+from gcs.autopilots.waypoint_models.disturbance_gain import disturbance_gain_s2
 from gcs.autopilots.waypoint_models.navigator import Ability, NavigatorOrders, NavigatorState, Vector, vector
 from gcs.autopilots.waypoint_models.scurve import RampLimits, ramp_up
 from gcs.autopilots.waypoint_models.tracking import Follower, Following
@@ -92,6 +93,10 @@ class ArduPilotNavigator:
             vertical_mps2=min(self.vertical_mps2, ability.vertical_mps2),
             fastest_mps=min(self.fastest_mps, ability.horizontal_mps),
         )
+
+    def disturbance_gain_s2(self, drag_ps: float) -> float:
+        """See `Navigator`."""
+        return disturbance_gain_s2(self.following, drag_ps)
 
     def sustained_mps(self, length_m: float) -> float:
         """Return the speed that a ramp reaches in half a leg: legs go from rest to rest and overlap."""

@@ -125,6 +125,9 @@ class Navigator(Protocol):
     def within(self, ability: Ability) -> Navigator:
         """Return the same navigator for a vehicle with this ability."""
 
+    def disturbance_gain_s2(self, drag_ps: float) -> float:
+        """Return the position error over the acceleration that disturbs a vehicle with this drag over mass."""
+
     def sustained_mps(self, length_m: float) -> float:
         """Return the speed that it sustains over straight legs of this length."""
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from gcs.autopilots.waypoint_models.disturbance_gain import disturbance_gain_s2
 from gcs.autopilots.waypoint_models.navigator import Ability, NavigatorOrders, NavigatorState, Vector
 from gcs.autopilots.waypoint_models.px4_speed import Approach, Axis, braking_speed, synchronize, towards
 from gcs.autopilots.waypoint_models.tracking import Follower, Following
@@ -80,6 +81,10 @@ class Px4Navigator(Approach):
             up_mps2=min(self.up_mps2, ability.vertical_mps2),
             down_mps2=min(self.down_mps2, ability.vertical_mps2),
         )
+
+    def disturbance_gain_s2(self, drag_ps: float) -> float:
+        """See `Navigator`."""
+        return disturbance_gain_s2(self.following, drag_ps)
 
     def sustained_mps(self, length_m: float) -> float:
         """Return the speed from which it can stop within a leg: the waypoint after the next counts as a stop."""

@@ -38,6 +38,7 @@ def plan(
     """
     screen = Screen(json=json)
     from gcs.cli.planning.plan_tables import say_battery, say_coverage
+    from gcs.cli.planning.wind_table import say_winds
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for, plan_path
     from gcs.plan.plan_file import SUFFIX, save_plan
     from gcs.plan.trajectory.greatest_motion import greatest_motion
@@ -53,6 +54,7 @@ def plan(
     show_plan(screen, made, report)
     say_battery(screen, made)
     surveyed = say_coverage(screen, made)
+    winds = say_winds(screen, made) if report.ok else {}
     if alternatives:
         from rich.table import Table
 
@@ -84,6 +86,7 @@ def plan(
             "time_s": watch.laps_s,
         }
         | surveyed
+        | winds
     )
     return screen.ended(None if report.ok else refusal(report))
 
@@ -217,16 +220,34 @@ def _show_changes(screen: Screen, made: Plan) -> None:
         screen.say(f"  {'':29}{how}; vehicles at least {move.least_gap_m:.2f} m apart")
 
 
-def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = False) -> int:
-    """Prove a plan again and list the least margin of every criterion.
+def verify(
+    plan: PlanArgument,
+    gust_share: Annotated[
+        float,
+        option(
+            "Gusts of the wind envelope, as a share of the steady wind: 0.5 is half as strong again.",
+            metavar="SHARE",
+            limits=(0.0, 5.0, ""),
+        ),
+    ] = 0.0,
+    winds: Annotated[
+        Path | None, option("Draw the winds in which the plan stays proved, a polar picture.", metavar="FILE")
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Prove a plan again and list the least margin of every criterion, and the greatest wind by direction.
 
     Exit status 0 when the plan is verified, 5 when it failed verification.
 
-    Example: gcs verify plans/simulation1.skein
+    Examples: gcs verify plans/simulation1.skein
+
+    gcs verify plans/simulation1.skein --gust-share 0.5 --winds winds.png
     """
     screen = Screen(json=json)
     from rich.table import Table
 
+    from gcs.cli.planning.wind_table import say_winds
     from gcs.plan.plan_file import load_plan
     from gcs.plan.verification.verify import refusal
 
@@ -251,6 +272,12 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
     screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed")
     if report.sampled:
         screen.say(f"sampled, not proved between instants: {', '.join(report.sampled)}")
+    winded = say_winds(screen, loaded, gust_share, whole=True) if report.ok else {}
+    if winds is not None and report.ok:
+        from gcs.flight.plots.wind_plot import save_winds
+
+        save_winds(loaded, winds, gust_share)
+        screen.say(f"winds: {winds}")
     screen.result(
         {
             "ok": report.ok,
@@ -258,5 +285,6 @@ def verify(plan: PlanArgument, json: JsonOption = False, debug: DebugOption = Fa
             "checks": len(report.checks),
             "sampled": list(report.sampled),
         }
+        | winded
     )
     return screen.ended(None if report.ok else refusal(report))

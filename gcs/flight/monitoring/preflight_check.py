@@ -22,6 +22,7 @@ class CheckName(StrEnum):
     CLOCK = "clock"  # TIMESYNC is answered in time, and GNSS time agrees with that of the other vehicles
     BATTERY = "battery"  # enough for plan and reserve, also by the current in the hover before T0
     CAPACITY = "capacity"  # that of [vehicle.power]; a difference is a warning
+    WIND = "wind"  # that which the vehicle reports is in the plan's wind envelope; one that reports none passes
     MESSAGES = "messages"  # no STATUSTEXT of severity CRITICAL or worse
     TIMING = "timing"  # in mission mode, parameters that its arrival times rest on are those assumed
 

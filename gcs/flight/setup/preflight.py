@@ -32,6 +32,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import charge_needed
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.wind_envelope import proved_mps, wind_envelope
 from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
@@ -223,6 +224,21 @@ def _capacity(now: _Situation) -> _Measured:
     return compare_capacity(now.report, now.plan.scenario.vehicle.power, now.limits.capacity_tolerance)
 
 
+def _wind(now: _Situation) -> _Measured:
+    """Most vehicles know no wind before they fly, so one that reports none passes."""
+    wind = now.report.wind
+    if wind is None:
+        return _Measured("not reported", ok=True)
+    envelope = wind_envelope(now.plan)
+    allowed = f"up to {proved_mps(envelope.ok_from(wind.from_deg))} m/s from there"
+    text = f"{wind.speed_mps:.1f} m/s from {wind.from_deg:.0f}°, {allowed}"
+    return _Measured(text, envelope.allows(wind.speed_mps, wind.from_deg))
+
+
+def _wind_required(plan: Plan, _: PreflightTable) -> str:
+    return f"in the plan's wind envelope: up to {proved_mps(wind_envelope(plan).wind_ok_mps)} m/s from every direction"
+
+
 def _messages(now: _Situation) -> _Measured:
     texts = now.report.critical_texts
     return _Measured("; ".join(texts) or "none", not texts)
@@ -353,5 +369,6 @@ _KINDS = {
     CheckName.CLOCK: _Kind(_clock_required, _clock),
     CheckName.BATTERY: _Kind(_battery_required, _battery),
     CheckName.CAPACITY: _Kind(capacity_required, _capacity),
+    CheckName.WIND: _Kind(_wind_required, _wind),
     CheckName.MESSAGES: _Kind(lambda _, __: "no critical text", _messages),
 }

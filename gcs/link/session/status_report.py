@@ -8,6 +8,7 @@ import asyncio
 import math
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from gcs.autopilots.traits import autopilot_name, link_behaviour, mode_name
 from gcs.errors import GcsError, PeerError
@@ -29,6 +30,13 @@ _VERSION_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
 FRESH_S = 3.0  # a streamed message this old still counts; the slowest streams send every 2 s
 _INTERVAL_US = 200_000
 _DEFAULT = 0  # SET_MESSAGE_INTERVAL: the autopilot's own rate
+
+
+class ReportedWind(NamedTuple):
+    """The wind that a vehicle estimates, horizontally; `from_deg` is where it comes from, 0 is north."""
+
+    speed_mps: float
+    from_deg: float
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,7 @@ class VehicleReport:
     capacity_mAh: float | None = None  # 0 or less: unknown on board
     critical_texts: tuple[str, ...] = ()  # STATUSTEXTs of severity CRITICAL or worse since it was found
     not_ready_texts: tuple[str, ...] = ()  # the reasons against arming of the last REPEATED_S; once ready, since then
+    wind: ReportedWind | None = None  # ArduPilot's WIND or PX4's WIND_COV, where the vehicle streams it
     gnss_off_s: float = 0.0  # its GNSS time minus that of the other vehicles
 
 
@@ -113,7 +122,24 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         mentioned_sensors=tuple(sorted(link_behaviour(session.autopilot).mentioned_sensors)),
         critical_texts=session.texts.critical(session.ready_since_s),
         not_ready_texts=not_ready_texts(session, 0.0 if not ready else session.ready_since_s),
+        wind=reported_wind(session),
     )
+
+
+def reported_wind(session: VehicleSession) -> ReportedWind | None:
+    """The wind that a vehicle streams; None where it streams none, or does not know it (NaN).
+
+    It is not requested: most vehicles have no estimate on the ground, and each request would cost seconds.
+    """
+    if (own := session.fresh("WIND", FRESH_S)) is not None:
+        speed_mps, from_deg = float(own.fields["speed"]), float(own.fields["direction"])
+    elif (own := session.fresh("WIND_COV", FRESH_S)) is not None:
+        north_mps, east_mps = float(own.fields["wind_x"]), float(own.fields["wind_y"])
+        speed_mps, from_deg = math.hypot(north_mps, east_mps), math.degrees(math.atan2(-east_mps, -north_mps))
+    else:
+        return None
+    known = math.isfinite(speed_mps) and math.isfinite(from_deg) and speed_mps >= 0.0
+    return ReportedWind(speed_mps, from_deg % 360.0) if known else None
 
 
 def not_ready_texts(session: VehicleSession, since_s: float | None) -> tuple[str, ...]:

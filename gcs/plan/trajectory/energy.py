@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import air_density_kgpm3, drawn_power_W, induced_power_W
-from gcs.physics.states import POSITION, VELOCITY
+from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import PreflightTable
@@ -95,15 +95,60 @@ def battery_model(plan: Plan) -> BatteryModel:
 
 def _power_profile_W(plan: Plan) -> tuple[Array, Array]:
     """Plan times (N,), and the power drawn by each vehicle (V, N)."""
+    t_s = _instants_s(plan)
+    states, controls = plan.motion(np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf)))
+    return t_s, _drawn_W(plan, states, controls)
+
+
+def _instants_s(plan: Plan) -> Array:
+    """Plan times (N,) of the integral, from take-off to landing."""
+    return np.linspace(plan.t_start_s, plan.t_end_s, max(2, round((plan.t_end_s - plan.t_start_s) / _STEP_S) + 1))
+
+
+def _drawn_W(plan: Plan, states: Array, controls: Array) -> Array:
+    """The power (V, N) that vehicles in states (V, N, 12) draw at controls (V, N, 4)."""
     power = plan.scenario.vehicle.power
     assert power is not None
-    t_s = np.linspace(plan.t_start_s, plan.t_end_s, max(2, round((plan.t_end_s - plan.t_start_s) / _STEP_S) + 1))
-    inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
-    density = air_density_kgpm3(plan.scenario.origin.alt_amsl_m - plan.states(inside)[..., POSITION][..., 2])
-    drawn_W = drawn_power_W(
-        plan.controls(inside), plan.quadrotor, power.rotor_radius_m, power.figure_of_merit, density
-    )  # (V, N)
-    return t_s, drawn_W
+    density = air_density_kgpm3(plan.scenario.origin.alt_amsl_m - states[..., POSITION][..., 2])
+    return drawn_power_W(controls, plan.quadrotor, power.rotor_radius_m, power.figure_of_merit, density)
+
+
+class ChargeInWind:
+    """The share of a full battery that the same flight needs in another steady wind.
+
+    Vehicles keep their planned tracks: the force of the rotors changes by the drag alone (Eq. 1), their moments stay.
+    Power is a convex function of thrust, and thrust of the wind, so the charge is a convex function of the wind.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        """Raises ValueError for a plan without [vehicle.power]."""
+        if plan.scenario.vehicle.power is None:
+            raise ValueError("the plan has no [vehicle.power]")
+        self._plan, self._t_s = plan, _instants_s(plan)
+        self._states, self._controls = plan.motion(
+            np.clip(self._t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+        )
+        roll, pitch, yaw = np.moveaxis(self._states[..., ATTITUDE], -1, 0)
+        ahead, left = np.sin(pitch) * np.cos(roll), np.sin(roll)
+        sy, cy = np.sin(yaw), np.cos(yaw)
+        up = np.cos(pitch) * np.cos(roll)
+        along = np.stack([cy * ahead + sy * left, sy * ahead - cy * left, up], axis=-1)
+        self._force_N = self._controls[..., :1] * along  # (V, N, 3)
+        wind = plan.quadrotor.wind
+        self._share = np.broadcast_to(wind.share(-self._states[..., POSITION][..., 2]), roll.shape)
+
+    def needed(self, wind_ned_mps: Array) -> Array:
+        """The charge (V,), for the wind (2,), north and east, at the planned wind's reference height."""
+        plan, q = self._plan, self._plan.quadrotor
+        more_mps = np.asarray(wind_ned_mps) - [q.wind.north_mps, q.wind.east_mps]
+        force_N = self._force_N.copy()
+        force_N[..., :2] += self._share[..., None] * (np.array(q.drag_Nspm[:2]) * more_mps)
+        controls = self._controls.copy()
+        controls[..., 0] = np.linalg.norm(force_N, axis=-1)
+        drawn_W = _drawn_W(plan, self._states, controls)
+        power = plan.scenario.vehicle.power
+        assert power is not None
+        return np.asarray(np.trapezoid(drawn_W, self._t_s, axis=-1) / _J_PER_WH / power.battery_Wh)
 
 
 def drag_energy_J(plan: Plan) -> Array:

@@ -13,9 +13,10 @@ from gcs.flight.monitoring.preflight_check import refuse_no_go
 from gcs.flight.setup.preflight import preflight
 from gcs.frames import ned_to_geodetic
 from gcs.link.protocols.timesync import TimeSample
-from gcs.link.session.status_report import VehicleReport
+from gcs.link.session.status_report import ReportedWind, VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import charge_needed, energy_Wh
+from gcs.plan.verification.wind_envelope import proved_mps, wind_envelope
 from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
 
@@ -68,6 +69,7 @@ def moved(plan, row, north_m, down_m=0.0):
         ("local frame", lambda plan: {"origin": moved(plan, 1, 6.0)}),
         ("battery", lambda plan: {"battery_share": 0.3}),
         ("battery", lambda plan: {"battery_share": None}),
+        ("wind", lambda plan: {"wind": ReportedWind(1.05 * wind_envelope(plan).ok_from(40.0), 40.0)}),
         ("clock", lambda plan: {"timesync": None}),
         ("clock", lambda plan: {"timesync": TimeSample(0.0, 1.5)}),
     ],
@@ -79,6 +81,18 @@ def test_every_check_can_say_no(simulation1_plan, reports, name, change):
     assert [(c.sysid, c.name) for c in checks if not c.ok] == [(sysid, name)]
     with pytest.raises(FlightError, match=f"no-go: vehicle {sysid}: {name}: "):
         refuse_no_go(checks)
+
+
+def test_a_wind_inside_the_envelope_is_a_go_and_is_shown_beside_it(simulation1_plan, reports):
+    sysid, allowed_mps = simulation1_plan.sysids[1], wind_envelope(simulation1_plan).ok_from(40.0)
+    reports[sysid] = replace(reports[sysid], wind=ReportedWind(0.95 * allowed_mps, 40.0))
+    checks = [c for c in preflight(simulation1_plan, reports) if c.name == "wind"]
+    assert all(c.ok for c in checks)
+    (told,) = [c.measured for c in checks if c.sysid == sysid]
+    assert told == f"{0.95 * allowed_mps:.1f} m/s from 40°, up to {proved_mps(allowed_mps)} m/s from there"
+    assert {c.measured for c in checks if c.sysid != sysid} == {"not reported"}
+    everywhere_mps = wind_envelope(simulation1_plan).wind_ok_mps
+    assert f"up to {proved_mps(everywhere_mps)} m/s from every direction" in checks[0].required
 
 
 def test_a_vehicle_far_from_its_pad_is_told_by_how_much(simulation1_plan, reports):

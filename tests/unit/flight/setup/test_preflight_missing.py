@@ -22,7 +22,7 @@ from gcs.flight.monitoring.preflight_check import NOT_REPORTED, CheckName, check
 from gcs.flight.setup.preflight import preflight
 from gcs.frames import ned_to_geodetic
 from gcs.link.protocols.timesync import TimeSample
-from gcs.link.session.status_report import VehicleReport
+from gcs.link.session.status_report import ReportedWind, VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
@@ -47,6 +47,7 @@ FAILS = {
     "working": (),
     "capacity_parameter": (),
     "capacity_mAh": (),
+    "wind": (),
 }
 
 
@@ -67,6 +68,7 @@ def full(plan: Plan, row: int) -> VehicleReport:
         home=here, position=here, origin=here, satellites=14, fix_type=3, battery_share=1.0, battery_V=12.4, loss=0.0,
         timesync=TimeSample(5.0, 0.02), heartbeat_age_s=0.3, working=("gyro",), mentioned_sensors=("radio control",),
         capacity_parameter="BAT1_CAPACITY", capacity_mAh=2200.0,
+        wind=ReportedWind(0.2, 240.0),
     )  # fmt: skip
 
 

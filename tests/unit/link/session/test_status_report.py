@@ -19,7 +19,15 @@ from gcs.errors import PeerTimeout
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.takeoff_landing import FlightVehicle, lacks, until_ready
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.link.session.status_report import FRESH_S, VehicleReport, measure_clock, newest_message, status_report
+from gcs.link.session.status_report import (
+    FRESH_S,
+    ReportedWind,
+    VehicleReport,
+    measure_clock,
+    newest_message,
+    reported_wind,
+    status_report,
+)
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
@@ -228,3 +236,28 @@ def test_waiting_and_reporting_have_one_definition_of_ready(flags: int, autopilo
     assert waited == autopilot.traits.link.estimator.is_ready(
         autopilot.traits.link.estimator.message.name, {"flags": flags}
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "age_s", "expected"),
+    [
+        ("WIND", {"direction": -120.0, "speed": 5.0, "speed_z": 0.0}, 0.0, ReportedWind(5.0, 240.0)),
+        ("WIND_COV", {"wind_x": 3.0, "wind_y": 4.0, "wind_z": 0.0}, 0.0, ReportedWind(5.0, 233.130102)),
+        ("WIND_COV", {"wind_x": -6.0, "wind_y": 0.0, "wind_z": 0.0}, 0.0, ReportedWind(6.0, 0.0)),
+        ("WIND_COV", {"wind_x": float("nan"), "wind_y": 4.0, "wind_z": 0.0}, 0.0, None),
+        ("WIND", {"direction": 90.0, "speed": 5.0, "speed_z": 0.0}, FRESH_S + 1.0, None),
+    ],
+)
+def test_wind_is_where_it_comes_from_in_either_message(
+    name: str, fields: dict[str, Any], age_s: float, expected: ReportedWind | None
+) -> None:
+    async def story() -> ReportedWind | None:
+        heartbeat = {"type": 2, "base_mode": 1, "custom_mode": 0, "system_status": 3, "autopilot": 3}
+        session = VehicleSession(Message("HEARTBEAT", heartbeat, 1, 1), lambda _: None)
+        session.receive(Message(name, fields, 1, 1), asyncio.get_running_loop().time())
+        await asyncio.sleep(age_s)
+        return reported_wind(session)
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        found = runner.run(story())
+    assert found == (None if expected is None else pytest.approx(expected))
