@@ -12,8 +12,10 @@ from pathlib import Path
 
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
+from gcs.errors import UsageError
 from gcs.mission.export.atomic_folder import refuse_foreign, replaced
 from gcs.mission.export.bspline_smoothing import SmoothPath, smoothed
+from gcs.mission.export.flight_volumes import ProvedVolumes, VolumeOrder, flight_volumes
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
 from gcs.mission.export.mission_files import MadeMissions, MissionOrder, make_missions
 from gcs.mission.export.plan_curves import plan_curves
@@ -47,6 +49,7 @@ def export(
     timed: bool = True,
     gates: int = 0,
     start_s: int | None = None,
+    volumes: VolumeOrder | None = None,
     report: Report | None = None,
 ) -> ExportIndex:
     """Write the files of these formats (names, or rows of your own; docs/formats.md) and index.json into `folder`.
@@ -54,8 +57,8 @@ def export(
     The folder holds the old export until the new one is complete. Autopilots (one for all vehicles or one each) and
     rate are the scenario's unless given. `smooth_m` smooths the setpoints to within this distance of the plan. `timed`
     missions have speeds corrected for the autopilot; others have the plan's own speeds. `start_s` is the time of day
-    (UTC, s) at which all vehicles leave the hover; `gates` need it. The plan is verified first, unless you pass the
-    `report` of `gcs.verify`, with which a failed plan is written too.
+    (UTC, s) at which all vehicles leave the hover; `gates` need it. The format f3548 needs `volumes`. The plan is
+    verified first, unless you pass the `report` of `gcs.verify`, with which a failed plan is written too.
 
     Missions that are not fit to fly are left out, and the index says why; `NotWritten` is raised if nothing else was
     asked for. Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates.
@@ -73,6 +76,7 @@ def export(
         timed=timed,
         gates=gates,
         start_s=start_s,
+        volumes=volumes,
         report=report,
     ).write(folder)
 
@@ -88,10 +92,12 @@ def prepared(
     timed: bool = True,
     gates: int = 0,
     start_s: int | None = None,
+    volumes: VolumeOrder | None = None,
     report: Report | None = None,
 ) -> PreparedExport:
     """What `export` would write, with its separations, before anything is written. Arguments and errors are its own."""
     wanted = DEFAULT if formats is None else select_formats(formats)
+    refuse_unordered(wanted, volumes)
     if not isinstance(report, Report):  # the stored verdict of a file is none
         report = verify(plan)
         if not report.ok:
@@ -100,13 +106,21 @@ def prepared(
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     order = MissionOrder(autopilots, altitude, timed, gates, start_s)
     order.refuse_impossible()
+    proved = None if volumes is None else flight_volumes(plan, volumes)
     safety = build_safety(plan, autopilots)
     path = None if smooth_m is None else smoothed(plan, smooth_m)
     made = make_missions(plan, order, safety, wanted)
     if made.refusal is not None and all(row.content is Content.MISSION for row in wanted):
         raise made.refusal
     rows = separations(plan, report, autopilots, made, safety.returns)
-    return PreparedExport(wanted, altitude, _Material(plan, autopilots, safety, rate_hz, path), made, rows)
+    return PreparedExport(wanted, altitude, _Material(plan, autopilots, safety, rate_hz, path, proved), made, rows)
+
+
+def refuse_unordered(wanted: Iterable[Format], volumes: VolumeOrder | None) -> None:
+    """Raise `UsageError` for volumes in space and time without what a plan does not say about them."""
+    if volumes is None and any(row.content is Content.VOLUMES for row in wanted):
+        text = "volumes need the instant of the take-off, and the height of mean sea level above the ellipsoid"
+        raise UsageError(text, hint="give --takeoff 2026-11-28T10:30:00Z and --geoid METRES (volumes=VolumeOrder(...))")
 
 
 @dataclass(frozen=True)
@@ -151,6 +165,7 @@ class PreparedExport:
                 "" if made.refusal is None else made.refusal.message,
                 made.missions,
                 self.separations,
+                material.proved,
             )
             files.write_index(index_document(index, material.plan))
         return index
@@ -170,6 +185,7 @@ class _Material:
     safety: Safety
     rate_hz: float
     path: SmoothPath | None
+    proved: ProvedVolumes | None
 
     @property
     def by_stem(self) -> dict[str, Autopilot]:
@@ -223,4 +239,5 @@ _VALUES: dict[Content, Callable[[_Material], _Values]] = {
     Content.MAP: lambda m: iter([(FLEET, build_map(m.plan, m.safety.fence.geofence))]),
     Content.PIECES: lambda m: ((vehicle_name(each.sysid), each) for each in plan_curves(m.plan, quintics=True)),
     Content.SHOW: _show,
+    Content.VOLUMES: lambda m: iter([] if m.proved is None else [(FLEET, m.proved.intent)]),
 }
