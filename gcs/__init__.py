@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gcs.flight.setup.simulator_process import Emulated as Emulated
     from gcs.link.session.connection import Connection as Connection
     from gcs.mission.export.export import export as export
+    from gcs.mission.export.flight_volumes import VolumeOrder as VolumeOrder
     from gcs.mission.export.index import ExportIndex as ExportIndex
     from gcs.mission.export.setpoint_stream import build_stream as build_stream
     from gcs.mission.model import Altitude as Altitude
@@ -91,6 +92,7 @@ _HOME = {
     "Truth": "gcs.flight.assessment.judge",
     "VehicleMission": "gcs.mission.model",
     "Verdict": "gcs.flight.assessment.judge",
+    "VolumeOrder": "gcs.mission.export.flight_volumes",
     "Watcher": "gcs.flight.monitoring.progress",
     "WindBorder": "gcs.plan.verification.wind_envelope",
     "WindEnvelope": "gcs.plan.verification.wind_envelope",

@@ -39,6 +39,7 @@ CHAPTERS = {
         "Autopilot",
         "Altitude",
         "ExportIndex",
+        "VolumeOrder",
         "build_missions",
         "VehicleMission",
         "build_stream",

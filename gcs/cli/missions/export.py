@@ -18,6 +18,7 @@ from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import datetime
 
     from gcs.mission.export.index import ExportIndex
     from gcs.mission.export.separations import Separation
@@ -82,6 +83,34 @@ def export(
             shown="the end of the take-off",
         ),
     ] = None,
+    takeoff: Annotated[
+        str | None,
+        shared.option(
+            "Instant (UTC) at which the take-off begins, for the volumes of f3548.",
+            metavar="YYYY-MM-DDTHH:MM:SSZ",
+            shown="no volumes",
+        ),
+    ] = None,
+    geoid: Annotated[
+        float | None,
+        shared.option(
+            "Height of mean sea level above the WGS-84 ellipsoid at the flight, for the volumes of f3548.",
+            metavar="METRES",
+            limits=(-110, 110, "m"),
+        ),
+    ] = None,
+    volumes: Annotated[
+        int,
+        shared.option("Largest number of volumes of f3548: more are tighter.", metavar="N", limits=(1, 100, "")),
+    ] = 10,
+    late: Annotated[
+        float,
+        shared.option(
+            "The volumes of f3548 also hold a flight that is up to so much late.",
+            metavar="SECONDS",
+            limits=(0.0, 3600.0, "s"),
+        ),
+    ] = 0.0,
     unverified: shared.UnverifiedOption = False,
     json: shared.JsonOption = False,
     debug: shared.DebugOption = False,
@@ -96,12 +125,16 @@ def export(
     gcs export field --to out --format plan --format kml
 
     gcs export field --to out --gates 3 --start 10:30:00
+
+    gcs export field --to out --format f3548 --takeoff 2026-11-28T10:30:00Z --geoid 47.9
     """
     screen = Screen(json=json)
     start_s = None if start is None else _seconds_of_day(start)
+    begins = None if takeoff is None else _instant(takeoff)
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
     from gcs.mission.export.export import ExportOptions, prepared
+    from gcs.mission.export.flight_volumes import VolumeOrder
     from gcs.mission.model import Altitude
     from gcs.scenario.values.si import autopilots
     from gcs.util.long_work import shown
@@ -115,11 +148,15 @@ def export(
         timed=not untimed,
         gates=gates,
         start_s=start_s,
+        volumes=None if begins is None or geoid is None else VolumeOrder(begins, geoid, volumes, late),
     )
 
     def refuse(scenario: Scenario) -> None:
         options.order(options.firmware or autopilots(scenario))
         refuse_foreign(to.resolve())
+        options.refuse_unordered()
+        if (takeoff is not None or geoid is not None) and all(row.name != "f3548" for row in options.wanted):
+            raise UsageError("--takeoff and --geoid are for the format f3548", hint="add --format f3548")
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
@@ -142,6 +179,8 @@ def export(
             f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
             f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
         )
+    if index.volumes is not None:
+        screen.say(str(index.volumes))
     _say_verified(screen, index)
     _say_timing(screen, index)
     _say_returns(screen, index, plan)
@@ -160,6 +199,7 @@ def export(
             "refused": index.refused or None,
             "findings": [] if index.report is None else [f.data() for f in index.report.findings],
             "returns": asdict(index.safety.returns),
+            "volumes": None if index.volumes is None else index.volumes.data(),
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
         }
     )
@@ -241,6 +281,16 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
         screen.warn(LAND_INSTEAD)
     for text in place_warnings(plan, returns, index.autopilots):
         screen.warn(text)
+
+
+def _instant(text: str) -> datetime:
+    """An instant with its time zone. Raises `UsageError`."""
+    from gcs.scenario.sources.geozones import utc_of
+
+    try:
+        return utc_of(text)
+    except ValueError as error:
+        raise UsageError(f"--takeoff {text}: {error}", hint="give 2026-11-28T10:30:00Z, for example") from None
 
 
 def _seconds_of_day(text: str) -> int:

@@ -70,6 +70,8 @@ def show(
     for name, text in found.items():
         screen.say(f"  {_LABELS.get(name, name):<{width}}  {text}")
     places = pads_of(scenario)
+    for sentence in scenario.geozones:
+        screen.say(sentence)
     say_pads(screen, places)
     if plan is not None and plan.passages:
         screen.show(route_table(plan))
@@ -93,7 +95,14 @@ def show(
         screen.say(f"pads: {pads}")
     ends = _ends(scenario)
     files = {"picture": picture, "pads_file": pads, "coverage_picture": coverage}
-    data = {"name": scenario.name, **found, **ends, "pads": places, "greatest_motion": motion}
+    data = {
+        "name": scenario.name,
+        **found,
+        **ends,
+        "geozones": list(scenario.geozones),
+        "pads": places,
+        "greatest_motion": motion,
+    }
     data |= surveyed | {name: file for name, file in files.items() if file is not None}
     if page and plan is not None:
         from gcs.flight.scene.plan_scene import scene_of_plan

@@ -78,6 +78,8 @@ def plan_for(
             refuse(scenario)
         for question in doubts(scenario):
             screen.warn(question)
+        for sentence in scenario.geozones:
+            screen.say(sentence)
         watch.lap("scenario")
         with _progress(screen) as on_round:
             plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1)

@@ -12,8 +12,10 @@ from pathlib import Path
 
 from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
+from gcs.errors import UsageError
 from gcs.mission.export.atomic_folder import refuse_foreign, replaced
 from gcs.mission.export.bspline_smoothing import SmoothPath, smoothed
+from gcs.mission.export.flight_volumes import ProvedVolumes, VolumeOrder, flight_volumes
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
 from gcs.mission.export.mission_files import MadeMissions, MissionOrder, make_missions
 from gcs.mission.export.plan_curves import plan_curves
@@ -47,6 +49,19 @@ class ExportOptions:
     timed: bool = True
     gates: int = 0
     start_s: int | None = None
+    volumes: VolumeOrder | None = None
+
+    @property
+    def wanted(self) -> tuple[Format, ...]:
+        """The formats to write."""
+        return DEFAULT if self.formats is None else select_formats(self.formats)
+
+    def refuse_unordered(self) -> None:
+        """Raise `UsageError` for volumes in space and time without what a plan does not say about them."""
+        if self.volumes is None and any(row.content is Content.VOLUMES for row in self.wanted):
+            text = "volumes need the instant of the take-off, and the height of mean sea level above the ellipsoid"
+            hint = "give --takeoff 2026-11-28T10:30:00Z and --geoid METRES (volumes=VolumeOrder(...))"
+            raise UsageError(text, hint=hint)
 
     def order(self, firmware: FleetFirmware) -> MissionOrder:
         """The missions that are asked for, for these autopilots. Raises what `MissionOrder.refuse_impossible` does."""
@@ -67,6 +82,7 @@ def export(
     timed: bool = True,
     gates: int = 0,
     start_s: int | None = None,
+    volumes: VolumeOrder | None = None,
     report: Report | None = None,
 ) -> ExportIndex:
     """Write the files of these formats (names, or rows of your own; docs/formats.md) and index.json into `folder`.
@@ -74,8 +90,8 @@ def export(
     The folder holds the old export until the new one is complete. Autopilots (one for all vehicles or one each) and
     rate are the scenario's unless given. `smooth_m` smooths the setpoints to within this distance of the plan. `timed`
     missions have speeds corrected for the autopilot; others have the plan's own speeds. `start_s` is the time of day
-    (UTC, s) at which all vehicles leave the hover; `gates` need it. The plan is verified first, unless you pass the
-    `report` of `gcs.verify`, with which a failed plan is written too.
+    (UTC, s) at which all vehicles leave the hover; `gates` need it. The format f3548 needs `volumes`. The plan is
+    verified first, unless you pass the `report` of `gcs.verify`, with which a failed plan is written too.
 
     Missions that are not fit to fly are left out, and the index says why; `NotWritten` is raised if nothing else was
     asked for. Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates.
@@ -83,13 +99,14 @@ def export(
     `VerificationError` if the plan, its landing or the smoothed path violate a limit.
     """
     refuse_foreign(Path(folder).resolve())
-    options = ExportOptions(formats, firmware, altitude, setpoint_rate_hz, smooth_m, timed, gates, start_s)
+    options = ExportOptions(formats, firmware, altitude, setpoint_rate_hz, smooth_m, timed, gates, start_s, volumes)
     return prepared(plan, options, report).write(folder)
 
 
 def prepared(plan: Plan, options: ExportOptions, report: Report | None = None) -> PreparedExport:
     """What `export` would write, with its separations, before anything is written. Raises what `export` does."""
-    wanted = DEFAULT if options.formats is None else select_formats(options.formats)
+    wanted = options.wanted
+    options.refuse_unordered()
     if not isinstance(report, Report):  # the stored verdict of a file is none
         report = verify(plan)
         if not report.ok:
@@ -97,13 +114,15 @@ def prepared(plan: Plan, options: ExportOptions, report: Report | None = None) -
     rate_hz = options.setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
     autopilots = one_each(plan.autopilots if options.firmware is None else options.firmware, len(plan.sysids))
     order = options.order(autopilots)
+    proved = None if options.volumes is None else flight_volumes(plan, options.volumes)
     safety = build_safety(plan, autopilots)
     path = None if options.smooth_m is None else smoothed(plan, options.smooth_m)
     made = make_missions(plan, order, safety, wanted)
     if made.refusal is not None and all(row.content is Content.MISSION for row in wanted):
         raise made.refusal
     rows = separations(plan, report, autopilots, made, safety.returns)
-    return PreparedExport(wanted, options.altitude, _Material(plan, autopilots, safety, rate_hz, path), made, rows)
+    material = _Material(plan, autopilots, safety, rate_hz, path, proved)
+    return PreparedExport(wanted, options.altitude, material, made, rows)
 
 
 @dataclass(frozen=True)
@@ -148,6 +167,7 @@ class PreparedExport:
                 "" if made.refusal is None else made.refusal.message,
                 made.missions,
                 self.separations,
+                material.proved,
             )
             files.write_index(index_document(index, material.plan))
         return index
@@ -167,6 +187,7 @@ class _Material:
     safety: Safety
     rate_hz: float
     path: SmoothPath | None
+    proved: ProvedVolumes | None
 
     @property
     def by_stem(self) -> dict[str, Autopilot]:
@@ -220,4 +241,5 @@ _VALUES: dict[Content, Callable[[_Material], _Values]] = {
     Content.MAP: lambda m: iter([(FLEET, build_map(m.plan, m.safety.fence.geofence))]),
     Content.PIECES: lambda m: ((vehicle_name(each.sysid), each) for each in plan_curves(m.plan, quintics=True)),
     Content.SHOW: _show,
+    Content.VOLUMES: lambda m: iter([] if m.proved is None else [(FLEET, m.proved.intent)]),
 }

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
+from gcs.mission.export.flight_volumes import ProvedVolumes
 from gcs.mission.export.separations import Separation
 from gcs.mission.machine_independent import rounded, rounded_down
 from gcs.mission.model import Altitude, VehicleMission
@@ -49,6 +50,7 @@ class ExportIndex:
     refused: str = ""  # why the missions of the default formats are left out
     missions: tuple[VehicleMission, ...] = field(default=(), repr=False)
     separations: tuple[Separation, ...] = ()
+    volumes: ProvedVolumes | None = None
 
     def firmware_data(self, sysids: Sequence[int]) -> str | dict[str, str]:
         """The autopilot of all vehicles, or that of each by system id, for index.json and `--json`."""
@@ -86,6 +88,8 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, object]:
     }
     if index.smoothing is not None:
         document["smoothing"] = rounded(asdict(index.smoothing))
+    if index.volumes is not None:
+        document["volumes"] = index.volumes.data()
     return document
 
 

@@ -29,11 +29,12 @@ class Content(StrEnum):
     MAP = "gcs.mission.formats.maps.tracks.MapFile"
     PIECES = "gcs.mission.formats.vehicle_curve.VehicleCurve"
     SHOW = "gcs.mission.formats.vehicle_curve.ShowFile"
+    VOLUMES = "gcs.mission.formats.flight_volume.OperationalIntent"
 
     @property
     def per_vehicle(self) -> bool:
         """Whether each vehicle has a file; else one file holds the formation."""
-        return self not in (Content.MAP, Content.SHOW)
+        return self not in (Content.MAP, Content.SHOW, Content.VOLUMES)
 
     @property
     def per_autopilot(self) -> bool:
@@ -53,6 +54,7 @@ class Format:
     reader: Function | None = None  # required for missions: every exported mission is read back and flown
     default: bool = False  # written where no format is requested
     fenced: bool = False  # mission files hold the geofence and the rally points too
+    asked: bool = False  # only where it is named: it needs what "all" cannot know
     begins: bytes = b""  # first bytes of a mission file; none: any file that no other format begins
 
     def file_name(self, stem: str, firmware: Autopilot) -> str:
@@ -96,6 +98,7 @@ _GEOJSON = "Tracks, plan times, route points and the geofence, for GIS programs 
 _KML = "Tracks in time, route points and the geofence, for Google Earth"
 _PIECES = "Polynomials from take-off to landing, as uav_trajectories and Crazyswarm have them, within 1 mm of the plan"
 _SKYC = "Show for Skybrush, without lights, within 1 mm of the plan"
+_F3548 = "Volumes in space and time (ASTM F3548) that hold all vehicles, proved; needs `--takeoff` and `--geoid`"
 _PARAMETER_FILES = {known: str(known.traits.parameter_file) for known in Autopilot}
 FORMATS = (
     _row("plan", "qgc_plan:mission", Content.MISSION, _PLAN, default=True, fenced=True),
@@ -111,6 +114,7 @@ FORMATS = (
     _row("geojson", "maps.geojson:geojson", Content.MAP, _GEOJSON),
     _row("pieces", "pieces_csv:pieces", Content.PIECES, _PIECES, ".pieces.csv"),
     _row("skyc", "skyc:show", Content.SHOW, _SKYC),
+    _row("f3548", "f3548:operational_intent", Content.VOLUMES, _F3548, ".f3548.json", asked=True),
 )
 DEFAULT = tuple(row for row in FORMATS if row.default)
 
@@ -121,7 +125,8 @@ def vehicle_name(sysid: int) -> str:
 
 
 def select_formats(wanted: Iterable[str | Format]) -> tuple[Format, ...]:
-    """The rows of these formats: those of the table in its order, then the caller's own; "all" means the table.
+    """The rows of these formats: those of the table in its order, then the caller's own; "all" means the table,
+    without rows that must be named.
 
     Raises `UsageError` for an unknown name, for a mission format without a reader, and for two formats that would
     write the same file.
@@ -134,7 +139,7 @@ def select_formats(wanted: Iterable[str | Format]) -> tuple[Format, ...]:
             own += [one] if one not in (*FORMATS, *own) else []
             names |= {one.name} if one in FORMATS else set()
         elif one == ALL:
-            names |= set(table)
+            names |= {row.name for row in FORMATS if not row.asked}
         elif one in table:
             names.add(one)
         else:

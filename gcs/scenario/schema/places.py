@@ -6,7 +6,7 @@
 import itertools
 import re
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import shapely
 from pydantic import Field
@@ -105,9 +105,10 @@ class Terrain(Part):
 
 
 class NoFlyZone(Part):
-    """A no-fly zone of unlimited height: a disk (Eq. 21) or a polygon. It may move."""
+    """A no-fly zone of unlimited height: a disk (Eq. 21) or a polygon, which may move; or the geozones of a file."""
 
     degree_keys = (CENTRE, POLYGON)
+    file_keys: ClassVar[tuple[str, ...]] = ("flown_utc", "permitted", "geoid_m")
 
     north_m: Coordinate | None = Field(default=None, description="disk: centre, m north of the origin")
     east_m: Coordinate | None = Field(default=None, description="disk: centre, m east of the origin")
@@ -122,8 +123,32 @@ class NoFlyZone(Part):
         max_length=_LISTED_MAX,
         description="displacement over time, linear in between: [t s, north m, east m], in order of time",
     )
+    file: str | None = left_out(
+        "instead of a disk or polygon: path of a file of geozones (ED-269 or ED-318), relative to the scenario's folder"
+    )
+    flown_utc: tuple[str, str] | None = left_out(
+        "with file: from when until when the plan may be flown, as 2026-11-28T10:00:00Z; "
+        "left out: all zones hold at all times"
+    )
+    permitted: tuple[str, ...] | None = Field(
+        default=None,
+        max_length=_LISTED_MAX,
+        exclude_if=lambda names: names is None,
+        description="with file: identifiers of the zones that you are permitted to enter",
+    )
+    geoid_m: Annotated[Number, Field(ge=-110, le=90)] | None = left_out(
+        "with file: height of mean sea level above the WGS-84 ellipsoid at the origin; left out: whatever it may be, m"
+    )
 
     def _disagreements(self) -> Findings:
+        if self.file is not None:
+            for key in ("north_m", "east_m", "radius_m", "polygon_m", "moves"):
+                if getattr(self, key):
+                    yield (key,), "stands beside file, whose zones have places of their own", "remove one of the two"
+            return
+        for key in self.file_keys:
+            if getattr(self, key) is not None:
+                yield (key,), "is about the zones of a file", "give file too, or remove it"
         disk = {"north_m": self.north_m, "east_m": self.east_m, "radius_m": self.radius_m}
         lacking = [key for key, value in disk.items() if value is None]
         if self.polygon_m is None:

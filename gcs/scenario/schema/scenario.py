@@ -367,6 +367,12 @@ class Scenario(Part):
     limits: LimitsTable
     terrain: Terrain = Terrain()
     no_fly: Annotated[tuple[NoFlyZone, ...], Field(max_length=256)] = ()
+    geozones: tuple[str, ...] = Field(
+        default=(),
+        max_length=1000,
+        exclude_if=lambda notes: not notes,
+        description="how the zones of a file were taken, in sentences; the program writes it",
+    )
     keep_in: tuple[KeepIn, ...] = Field(default=(), max_length=16, exclude_if=lambda areas: not areas)
     wind: PlannedWind | None = None
     start: Boundary

@@ -19,6 +19,7 @@ from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 from gcs.scenario.sources.bundled_missions import FILE_NAME, bundled_mission, bundled_names
+from gcs.scenario.sources.geozone_tables import as_entry, with_geozones
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.ground_heights import (
     above_ground,
@@ -189,7 +190,11 @@ def _judged(data: Table, folder: Path, certain: set[Key]) -> tuple[Scenario | No
     scenario, lacking = _with_relief(scenario, folder)
     if not lacking:
         scenario, lacking = above_ground(scenario)
-    return scenario, lacking or [in_ground_keys(one, scenario) for one in check(scenario, certain=certain)]
+    rows = list(range(len(scenario.no_fly)))
+    if not lacking:
+        scenario, lacking, rows = with_geozones(scenario, folder)
+    found = lacking or [in_ground_keys(one, scenario) for one in check(scenario, certain=certain)]
+    return scenario, [as_entry(one, data, rows) for one in found]
 
 
 def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:
@@ -336,6 +341,8 @@ def _sound_tables(data: Table) -> Table:
             sound[name] = TypeAdapter[Any](field.annotation or Any).validate_python(data[name])
         except ValidationError:
             continue
+    if any(zone.file is not None for zone in sound.get("no_fly", ())):
+        del sound["no_fly"]  # its zones are read once all tables are valid
     return sound
 
 

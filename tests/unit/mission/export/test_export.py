@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,11 @@ from gcs.errors import FileFormatError, NotWritten, UsageError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
+from gcs.mission.export.flight_volumes import VolumeOrder
 from gcs.mission.formats.param import read_parameters
 from gcs.mission.formats.qgc_plan import read_mission
 from gcs.mission.formats.qgc_wpl import read_fence, read_rally, read_waypoints
-from gcs.mission.formats.registry import FORMATS
+from gcs.mission.formats.registry import FLEET, FORMATS
 from gcs.mission.formats.tables.csv_table import read_csv
 from gcs.mission.formats.tables.history_csv import COLUMNS as HISTORY_COLUMNS
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
@@ -91,11 +93,12 @@ def test_every_format_reads_back_what_it_wrote(hop: Plan, tmp_path: Path) -> Non
     """Each row by its own writer and reader, for both autopilots."""
     for firmware in Autopilot:
         folder = tmp_path / firmware.key
-        export(hop, folder, formats=FORMATS, firmware=firmware, setpoint_rate_hz=1, timed=False)
+        volumes = VolumeOrder(datetime(2026, 11, 28, 10, 30, tzinfo=UTC), 47.9)
+        export(hop, folder, formats=FORMATS, firmware=firmware, setpoint_rate_hz=1, timed=False, volumes=volumes)
         for row in FORMATS:
             if row.reader is None:
                 continue
-            name = row.file_name("uav1", firmware)
+            name = row.file_name("uav1" if row.content.per_vehicle else FLEET, firmware)
             data = (folder / name).read_bytes()
             written = row.write(row.read(data, name, firmware))
             assert (written.encode() if isinstance(written, str) else written) == data, name

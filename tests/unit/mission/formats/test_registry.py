@@ -30,7 +30,8 @@ def test_formats_by_name() -> None:
     assert names(DEFAULT) == ["plan", "waypoints", "setpoints"]
     assert select_formats([]) == ()
     assert names(select_formats(["kml", "plan", "kml"])) == ["plan", "kml"]
-    assert select_formats(["all"]) == select_formats(FORMATS) == FORMATS
+    assert select_formats(["all"]) == tuple(row for row in FORMATS if not row.asked)
+    assert select_formats(FORMATS) == FORMATS
     assert names(select_formats([OWN, "kml", OWN])) == ["kml", "own"]
     with pytest.raises(UsageError, match="no format 'dxf'"):
         select_formats(["plan", "dxf"])
