@@ -5,6 +5,7 @@ Shapes are figures that stand where their sheets put them, or are taken along a 
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -73,26 +74,48 @@ class SheetFlight:
         """Whether each shape stands in the places of its sheet: there is no way along which it could be taken."""
         return bool(self.shapes) and self.distance_m == 0.0 and self.end_deg is None
 
-    @property
+    @cached_property
     def figures_m(self) -> tuple[Array, ...]:
-        """The places (V, 3) of each figure, north, east and up from the origin."""
+        """The places (V, 3) of each figure, north, east and up from the origin, in the order of the vehicles.
+
+        Each vehicle takes the place that makes the sum of all squared ways least. Of places sqrt(2) times a distance
+        apart, no two vehicles come nearer than that distance then, and the leader can only have such a place here: the
+        planner assigns the places of all others, and by their ways as seen from the leader that is the same choice.
+        """
         lowest_m = min((float(sheet.places_m[:, 2].min()) for sheet in self.shapes), default=0.0)
         lift_m = np.array([0.0, 0.0, self.height_m if lowest_m < _AIR_M else 0.0])
-        return tuple((sheet.places_m + lift_m).round(3) + 0.0 for sheet in self.shapes)
+        before_m, figures_m = self._start_m, []
+        for sheet in self.shapes:
+            places_m = (sheet.places_m + lift_m).round(3) + 0.0
+            before_m = places_m[linear_sum_assignment(cdist(before_m, places_m, "sqeuclidean"))[1]]
+            figures_m.append(before_m)
+        return tuple(figures_m)
+
+    @property
+    def _start_m(self) -> Array:
+        """The places (V, 3) over the pads."""
+        leader_m = np.array([*self.positions.places_m[0, :2], self.height_m]).round(3) + 0.0
+        return np.asarray(leader_m + self.positions.offsets_m)
+
+    @property
+    def _shapes_m(self) -> list[Array]:
+        """The offsets (V, 3) of each shape from its leader."""
+        if self.is_show:
+            return [(places_m - places_m[0]).round(3) + 0.0 for places_m in self.figures_m]
+        return [sheet.offsets_m for sheet in self.shapes]
 
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION is the table [formation]."""
-        starts_m = self.positions.places_m
         way = self.course_deg, self.distance_m, self.height_m, self.end_deg
         straight = FirstFlight(1, "line", 10.0, *way, limits=self.limits).keys()
         course = math.radians(self.course_deg)
-        leader_m = np.array([*starts_m[0, :2], self.height_m]).round(3) + 0.0
+        leader_m = self._start_m[0]
         way_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course), 0.0]), 2)
         end_m = leader_m + way_m
-        shapes_m = [sheet.offsets_m for sheet in (self.positions, *self.shapes)]
         if self.is_show:
-            flown_m = np.concatenate([leader_m + shapes_m[0], *self.figures_m])
+            flown_m = np.concatenate([self._start_m, *self.figures_m])
         else:
+            shapes_m = [self.positions.offsets_m, *self._shapes_m]
             flown_m = np.concatenate([place + shape for place in (leader_m, end_m) for shape in shapes_m])
         room_m = np.array(_ROOM_M)
         low = 10.0 * np.floor((np.minimum(flown_m.min(axis=0), 0.0) - room_m) / 10.0)
@@ -110,7 +133,7 @@ class SheetFlight:
             more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
         names = ", ".join([START_SHAPE, *(sheet.name for sheet in self.shapes)])
         return straight | {
-            "TITLE": f"{counted(len(starts_m), 'quadrotor')}, shapes {names}",
+            "TITLE": f"{counted(len(self.positions.sysids), 'quadrotor')}, shapes {names}",
             "FLIGHT": repr(flight_s if self.is_show else self._along_s(flight_s, float(straight["FLIGHT"]))),
             "START": f"start = {{ position_m = {_numbers(leader_m)}{yaw} }}  ",
             "END": ('end = "start"' if self.is_show else f"end = {{ {', '.join(end)}{yaw} }}") + more,
@@ -146,12 +169,12 @@ class SheetFlight:
         for sysid, offset_m in zip(ids, self.positions.offsets_m, strict=True):
             lines.append(f"  {{ sysid = {sysid}, position_m = {_numbers(leader_m + offset_m)} }},")
         lines.append("]")
-        for sheet in self.shapes:
-            lines += ["", "[[formation.shape]]", f'name = "{sheet.name}"', "offsets_m = [  # north, east, up"]
-            lines += [f"  {_numbers(offset_m)}," for offset_m in sheet.offsets_m]
+        targets = [(sheet.name, offsets_m) for sheet, offsets_m in zip(self.shapes, self._shapes_m, strict=True)]
+        for name, offsets_m in targets:
+            lines += ["", "[[formation.shape]]", f'name = "{name}"', "offsets_m = [  # north, east, up"]
+            lines += [f"  {_numbers(offset_m)}," for offset_m in offsets_m]
             lines.append("]")
         durations_s = (float(math.ceil(seconds)) for seconds in self.changes_s or ())
-        targets = [(sheet.name, sheet.offsets_m) for sheet in self.shapes]
         if targets:
             lines += ["", '# To turn a shape: kind = "rotate", angle_deg = 72.0, at_s between the times below.']
             targets.append((START_SHAPE, self.positions.offsets_m))
