@@ -20,7 +20,6 @@ from gcs.types import Array
 SLACK_M = 1e-9
 # Where room is made, it is this much more than required, so that rounding decides nothing.
 _ROOM = 1.01
-_ONE_LANE = "in one altitude lane"
 _MOST_SPREAD = 4.0  # times the shape's size: beyond that it is no longer the same flight
 
 
@@ -51,10 +50,10 @@ def reshape(
 ) -> Reshaped:
     """The change from offsets (V, 3) to targets (V, 3), no two vehicles nearer than the separation at any instant.
 
-    Straight by the fastest assignment (Eq. 14), else straight by the least sum of squares, else in one altitude lane,
-    else the shortest of three: in several lanes, one after another in turns, spread out while they cross. `fixed`:
-    every vehicle to the target of its own row. Raises `Infeasible`, naming two vehicles by their `sysids`, when the
-    shapes themselves are too tight or no path keeps the separation.
+    Straight by the fastest assignment (Eq. 14), else straight by the least sum of squares, else the shortest of three:
+    in altitude lanes, one after another in turns, spread out while they cross. `fixed`: every vehicle to the target of
+    its own row. Raises `Infeasible`, naming two vehicles by their `sysids`, when the shapes themselves are too tight or
+    no path keeps the separation.
     """
     if np.any(targets_ned_m[leader] != 0.0) or np.any(offsets_ned_m[leader] != 0.0):
         raise ValueError("offsets are from the leader: its own must be zero, before and after")
@@ -74,8 +73,6 @@ def reshape(
         if made.least_distance_m >= separation_m - SLACK_M:
             return made
     laned = [_in_lanes(offsets_ned_m, targets_ned_m, places, leader, separation_m) for places in tries]
-    if one := [made for made in laned if made is not None and made.way == _ONE_LANE]:
-        return one[0]
     turned = [_in_turns(offsets_ned_m, targets_ned_m, places, separation_m) for places in tries]
     nearest, roomiest = max(
         ((least_distance(offsets_ned_m, targets_ned_m[places]), places) for places in tries),
@@ -125,7 +122,7 @@ def _in_lanes(offsets: Array, targets: Array, places: Places, leader: int, separ
     lanes = find_lanes(offsets, end, leader, separation_m)
     if isinstance(lanes, Deadlock):
         return None
-    words = _ONE_LANE if lanes.count == 1 else f"in {lanes.count} altitude lanes"
+    words = "in one altitude lane" if lanes.count == 1 else f"in {lanes.count} altitude lanes"
     made = _flown([offsets, lanes.risen_ned_m, lanes.crossed_ned_m, end], places, words)
     return made if made.least_distance_m >= separation_m - SLACK_M else None
 

@@ -4,9 +4,12 @@ A turn is a set of vehicles that fly in step while all others stand, at their ol
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.plan.formation.separation import near_point, pairs_nearer_than
 from gcs.types import Array
+
+Flags = NDArray[np.bool_]
 
 
 def find_turns(start_ned_m: Array, end_ned_m: Array, separation_m: float) -> list[Array] | None:
@@ -36,7 +39,7 @@ def find_turns(start_ned_m: Array, end_ned_m: Array, separation_m: float) -> lis
     return stops
 
 
-def _turn(left: Array, together: Array, before: Array) -> Array:
+def _turn(left: Flags, together: Flags, before: Flags) -> Flags:
     """Which of the vehicles left (V,) fly next, all in step; the others of them can follow."""
     turn = left.copy()
     while turn.any():
