@@ -17,7 +17,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
 
-_SHOWN = 4  # formations at most
+_SHOWN = 6  # formations at most
 _PANEL_IN, _SIDE_IN, _TOP_IN = 2.9, 0.8, 0.95
 _ROOM, _LEAST_ROOM_M = 0.16, 0.6
 _SHAPE = (0.5, 1.5)  # height over width of a panel

@@ -6,7 +6,7 @@ import numpy as np
 
 from gcs.types import Array
 
-_UPRIGHT = 0.3  # height over width: flatter shapes are seen from above
+_UPRIGHT, _THIN = 0.3, 1.5  # height over width, and over depth: flatter and deeper shapes are seen from above
 _AXES_DEG = {0: "north", 90: "east"}
 
 
@@ -37,7 +37,7 @@ FROM_ABOVE = ShapeView(np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), ("e
 
 
 def view_of(places_ned_m: Array) -> ShapeView:
-    """The view of a shape (V, 3): from above; from the side where it is higher than deep, and not flat."""
+    """The view of a shape (V, 3): from above; from the side where it is thin, and not flat."""
     places_ned_m = places_ned_m[np.isfinite(places_ned_m).all(axis=1)]
     if len(places_ned_m) < 2:
         return FROM_ABOVE
@@ -45,7 +45,7 @@ def view_of(places_ned_m: Array) -> ShapeView:
     along, across = np.linalg.svd(level)[2]
     along = along * (-1.0 if along[int(np.abs(along).argmax())] < 0.0 else 1.0)  # north or east is to the right
     height_m = float(np.ptp(places_ned_m[:, 2]))
-    if height_m <= max(_UPRIGHT * float(np.ptp(level @ along)), float(np.ptp(level @ across))):
+    if height_m <= max(_UPRIGHT * float(np.ptp(level @ along)), _THIN * float(np.ptp(level @ across))):
         return FROM_ABOVE
     towards_deg = round(float(np.degrees(np.arctan2(along[1], along[0])))) % 360
     label = _AXES_DEG.get(towards_deg, f"{towards_deg}°")
