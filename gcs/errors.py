@@ -82,6 +82,16 @@ class PlanningError(GcsError):
         return failure
 
 
+class OutOfTime(PlanningError):
+    """Planning has no time left; the reason is what it was at."""
+
+    @classmethod
+    def because(cls, reason: str, *, hint: str = "", legs: Iterable[int] = ()) -> Self:
+        """The failure "no plan in the time given"."""
+        more = "give more time (--limit), or plan less: fewer points or loops, one objective, a shorter flight"
+        return super().because(f"the time limit of planning has passed, while {reason}", hint=hint or more, legs=legs)
+
+
 class Infeasible(PlanningError):
     """The problem has no solution. The message names the constraint that cannot be met."""
 

@@ -36,6 +36,9 @@ from gcs.scenario.values.si import (
     steady_wind,
 )
 from gcs.types import Array
+from gcs.util.long_work import within
+
+LIMIT_S = 1800.0  # of planning, in all: far longer than any plan that succeeds
 
 
 def make_plan(
@@ -45,16 +48,30 @@ def make_plan(
     every_way: bool = False,
     workers: int = 1,
     extra_objectives: tuple[ObjectiveTerm, ...] = (),
+    limit_s: float = LIMIT_S,
 ) -> Plan:
     """The plan of the whole flight of a scenario, not verified yet. Raises PlanningError where there is none.
 
     `every_way` optimises all routes that the search finds, not only those that can still win. With more than one
     `workers`, processes optimise routes in parallel where that is quicker; the plan is the same. A program that asks
     for more than one must be importable (`if __name__ == "__main__"`). `extra_objectives` are terms of the objective
-    beside those of `gcs.plan.ocp.objectives.TERMS`, for the flight from T0 to the arrival.
+    beside those of `gcs.plan.ocp.objectives.TERMS`, for the flight from T0 to the arrival. All routes together take at
+    most `limit_s` seconds: then the best plan so far is returned, or OutOfTime raised where there is none.
     """
-    began = time.perf_counter()
     _check_landing(scenario)
+    with within(limit_s):
+        return _made(scenario, on_round, extra_objectives, every_way=every_way, workers=workers)
+
+
+def _made(
+    scenario: Scenario,
+    on_round: Callable[[MeshRound], None],
+    extra_objectives: tuple[ObjectiveTerm, ...],
+    *,
+    every_way: bool,
+    workers: int,
+) -> Plan:
+    began = time.perf_counter()
 
     def flight(inflated: Scenario) -> tuple[Optimum, tuple[Alternative, ...]]:
         problem = flight_problem(inflated, extra_objectives)

@@ -1,10 +1,15 @@
-"""What long work is doing: code at any depth reports it, and the command that began the work shows it now and then."""
+"""What long work is doing: code at any depth reports it, and the command that began the work shows it now and then.
+
+A time limit is kept where work is reported.
+"""
 
 import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+
+from gcs.errors import OutOfTime
 
 _FIRST_S, _GROWTH, _LONGEST_S = 1.5, 1.5, 15.0  # between two lines: short work is silent, long work fills no page
 
@@ -46,7 +51,30 @@ def shown(
         _LISTENER.reset(token)
 
 
+_END_S: ContextVar[float] = ContextVar("end", default=math.inf)  # by time.monotonic
+
+
+@contextmanager
+def within(limit_s: float) -> Iterator[None]:
+    """Give the work inside so much time, and no more than it has already."""
+    token = _END_S.set(min(_END_S.get(), time.monotonic() + limit_s))
+    try:
+        yield
+    finally:
+        _END_S.reset(token)
+
+
+def left_s() -> float:
+    """The time that the work has left, s; infinite without a limit."""
+    return _END_S.get() - time.monotonic()
+
+
 def report(what: str | Callable[[], str]) -> None:
-    """Say what the work is at; a function is only called if somebody is shown it. Costs next to nothing otherwise."""
+    """Say what the work is at; a function is only called if somebody is shown it. Costs next to nothing otherwise.
+
+    Raises OutOfTime where the work has no time left.
+    """
+    if left_s() < 0.0:
+        raise OutOfTime.because(what if isinstance(what, str) else what())
     if (listener := _LISTENER.get()) is not None:
         listener.hear(what)

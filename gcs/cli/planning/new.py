@@ -56,7 +56,13 @@ def new(
         ),
     ] = None,
     distance: Annotated[
-        float | None, option("Length of the flight.", metavar="METRES", shown="300", limits=(1.0, 20_000.0, "m"))
+        float | None,
+        option(
+            "Length of the flight. 0: it ends where it begins.",
+            metavar="METRES",
+            shown="300; 0 with --shapes",
+            limits=(0.0, 20_000.0, "m"),
+        ),
     ] = None,
     end: Annotated[
         str | None,
@@ -78,7 +84,7 @@ def new(
     shapes: Annotated[
         list[Path] | None,
         option(
-            "With --positions: sheet with a shape to take on the way. Repeat it for several.",
+            "With --positions: sheet with the places of a figure. Repeat it for several.",
             metavar="FILE.csv",
             shown=False,
         ),
@@ -156,7 +162,8 @@ def new(
 
     With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); errors in a sheet are reported
     with their rows. --spacing is then the least distance allowed, at all times, and --count the required number of
-    vehicles.
+    vehicles. Each shape is a figure that stands where its sheet puts it; with --distance, --course or --end the
+    formation takes it on its way, wherever it is then.
 
     With --route the formation flies along a route that was drawn, or recorded, in another program. Items that are not
     carried over are printed, each with number and name. The origin is the planned home, else the first point; --at

@@ -89,7 +89,7 @@ def flight_of_sheets(
         read.positions,
         read.shapes,
         wanted.get("course_deg", plain.course_deg),
-        wanted.get("distance_m", plain.distance_m),
+        wanted.get("distance_m", 0.0 if shapes and "course_deg" not in wanted else plain.distance_m),
         wanted.get("height_m", read.height_m or plain.height_m),
         wanted.get("end_deg"),
         limits=limits,
@@ -101,6 +101,10 @@ def flight_of_sheets(
     ):
         screen.say(f"WARNING: {positions} has no vehicle {', '.join(map(str, holes))}; --count N makes that a mistake")
     flight = with_its_changes(flight, wanted.get("spacing_m"), screen)
+    if flight.is_show:
+        screen.say("figures stand where their sheets put them; --distance takes them along a way instead")
+    elif shapes:
+        screen.say("shapes are taken along the way, without their places; --distance 0 puts them where the sheets do")
     if flight.is_close:
         screen.say('vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"')
     if at is not None or read.origin is None:

@@ -26,6 +26,10 @@ def plan(
     alternatives: Annotated[
         bool, option("Optimise every route class through the map and show its cost.", "--alternatives")
     ] = False,
+    limit: Annotated[
+        float,
+        option("Longest time of planning, all routes together.", metavar="SECONDS", limits=(1.0, 86_400.0, "s")),
+    ] = 1800.0,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -47,7 +51,9 @@ def plan(
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    made, report = plan_for(mission, screen, watch, unverified=True, alternatives=alternatives, from_the_air=True)
+    made, report = plan_for(
+        mission, screen, watch, unverified=True, alternatives=alternatives, from_the_air=True, limit_s=limit
+    )
     path = plan_path(to, Path("plans") / f"{made.scenario.name}{SUFFIX}")
     save_plan(made, report, path)
     watch.lap("write")

@@ -10,7 +10,7 @@ from pathlib import Path
 from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError
 from gcs.plan.plan_file import is_plan_file, load_plan, read_plan
-from gcs.plan.planner import make_plan
+from gcs.plan.planner import LIMIT_S, make_plan
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.schema.scenario import Scenario
@@ -50,6 +50,7 @@ def plan_for(
     unverified: bool = False,
     alternatives: bool = False,
     from_the_air: bool = False,
+    limit_s: float = LIMIT_S,
     refuse: Callable[[Scenario], None] | None = None,
 ) -> tuple[Plan, Report]:
     """The plan of a mission folder, a scenario file or a plan file, with the report of its verification, made now.
@@ -57,7 +58,7 @@ def plan_for(
     `alternatives` optimises every route class through the map, for comparison. `refuse` gets the scenario before
     anything is planned or verified, and raises where this command cannot work. Raises VerificationError for a plan
     that failed verification, unless `unverified`. Raises UsageError for one that begins in flight, unless
-    `from_the_air`.
+    `from_the_air`; OutOfTime where planning finds nothing in `limit_s`.
     """
     if is_plan_file(mission):
         if refuse is not None:
@@ -82,7 +83,7 @@ def plan_for(
             screen.say(sentence)
         watch.lap("scenario")
         with _progress(screen) as on_round:
-            plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1)
+            plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1, limit_s=limit_s)
             watch.lap("optimise")
             report = verify(plan)
         watch.lap("verify")

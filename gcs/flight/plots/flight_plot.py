@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, save, settle
 from gcs.flight.plots.flight_map import FlightMap
 from gcs.flight.plots.map_layers import map_size_in
+from gcs.flight.plots.shape_view import view_of
 from gcs.flight.plots.tracks_view import draw_tracks
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
 
-_SHOWN = 4  # formations at most
+_SHOWN = 6  # formations at most
 _PANEL_IN, _SIDE_IN, _TOP_IN = 2.9, 0.8, 0.95
 _ROOM, _LEAST_ROOM_M = 0.16, 0.6
 _SHAPE = (0.5, 1.5)  # height over width of a panel
@@ -68,32 +69,38 @@ def draw_formation(
     instants_s = instants_s or tuple(share * scenario.time.flight_s for share in (0.0, 1 / 3, 2 / 3, 1.0))
     at = [int(np.argmin(np.abs(t_s - instant))) for instant in instants_s]
     leader = tracks_ned_m[sysids.index(scenario.formation.leader)]
-    places = [(tracks_ned_m[:, n] - leader[n])[:, 1::-1] for n in at]  # east and north of the leader
+    offsets = [tracks_ned_m[:, n] - leader[n] for n in at]
+    views = [view_of(beside) for beside in offsets]
+    places = [view.flat(beside) for view, beside in zip(views, offsets, strict=True)]
     low, high = _frame(np.stack(places))
     height_in = _PANEL_IN * float((high - low)[1] / (high - low)[0])
     size = (len(at) * _PANEL_IN + _SIDE_IN, height_in + _TOP_IN)
     figure, panels = plt.subplots(
         1, len(at), figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"
     )
-    for axes, n, beside in zip(panels[0], at, places, strict=True):
+    sides = any(view.is_side for view in views)
+    for axes, n, beside, view in zip(panels[0], at, places, views, strict=True):
         for colour, place in zip(colours(sysids), beside, strict=True):
-            axes.plot(*place, "o", ms=8, color=colour, zorder=5)
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="east of leader, m")
-        head(axes, f"t = {t_s[n]:.0f} s\n{_draw_course(axes, t_s, leader, n)}", _PANEL_IN, 10.0)
+            axes.plot(*place, "o", ms=8 if len(sysids) <= NAMED else 4, color=colour, zorder=5)
+        right, up = view.labels
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel=f"{right} of leader, m")
+        course = _draw_course(axes, t_s, leader, n, arrow=not view.is_side)
+        head(axes, f"t = {t_s[n]:.0f} s{f', {view.words}' if sides else ''}\n{course}", _PANEL_IN, 10.0)
         axes.grid(alpha=0.3)
-    panels[0][0].set_ylabel("north of leader, m")
+        if sides or axes is panels[0][0]:
+            axes.set_ylabel(f"{up} of leader, m" if not view.is_side else "above the leader, m")
     settle(figure)
     labels = Labels(figure)
     for axes, beside in zip(panels[0], places, strict=True):
         labels.avoid_points(axes, beside)
         labels.avoid_arrows(axes)
-        for sysid, place in zip(sysids, beside, strict=True):
-            labels.place(axes, str(sysid), (float(place[0]), float(place[1])), needed=len(sysids) <= NAMED)
+        for sysid, place in zip(sysids, beside, strict=True) if len(sysids) <= NAMED else ():
+            labels.place(axes, str(sysid), (float(place[0]), float(place[1])), needed=True)
     return figure
 
 
 def _frame(places: Array) -> tuple[Array, Array]:
-    """The least and the greatest east and north (2,) of places (T, V, 2), with room, in a shape that can be read."""
+    """The least and the greatest of both axes (2,) of places (T, V, 2), with room, in a shape that can be read."""
     low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
     room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
     size = high - low + 2.0 * room_m
@@ -102,8 +109,8 @@ def _frame(places: Array) -> tuple[Array, Array]:
     return middle - 0.5 * wanted, middle + 0.5 * wanted
 
 
-def _draw_course(axes: Axes, t_s: Array, leader_ned_m: Array, at: int) -> str:
-    """Draw an arrow along the leader's course; return course and speed in words."""
+def _draw_course(axes: Axes, t_s: Array, leader_ned_m: Array, at: int, *, arrow: bool) -> str:
+    """Draw an arrow along the leader's course, where the view has one; return course and speed in words."""
     around = np.flatnonzero(np.abs(t_s - t_s[at]) <= _AROUND_S)
     first, last = around[0], around[-1]
     moved = (leader_ned_m[last] - leader_ned_m[first])[:2]
@@ -111,7 +118,8 @@ def _draw_course(axes: Axes, t_s: Array, leader_ned_m: Array, at: int) -> str:
     if not speed_mps > _STILL_MPS:
         return "hovers"
     along = _ARROW_PT * moved[::-1] / float(np.linalg.norm(moved))
-    arrow = {"arrowstyle": "<|-", "color": "black", "lw": 1.3, "shrinkA": 0.0, "shrinkB": 5.0}
-    axes.annotate("", (0.0, 0.0), xytext=tuple(along), textcoords="offset points", arrowprops=arrow, zorder=4)
+    if arrow:
+        look = {"arrowstyle": "<|-", "color": "black", "lw": 1.3, "shrinkA": 0.0, "shrinkB": 5.0}
+        axes.annotate("", (0.0, 0.0), xytext=tuple(along), textcoords="offset points", arrowprops=look, zorder=4)
     course_deg = round(float(np.degrees(np.arctan2(moved[1], moved[0])))) % 360
     return f"course {course_deg}°, {speed_mps:.1f} m/s"

@@ -14,6 +14,7 @@ from gcs.flight.plots import map_layers
 from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
+from gcs.flight.plots.shape_view import ShapeView, view_of
 from gcs.flight.scene.ground_area import area_of
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.timeline import AUTO
@@ -30,9 +31,7 @@ _LEAST_IN = 6.0  # height of them
 _BESIDE_IN, _AROUND_IN, _TALLEST_IN = 0.7, 1.05, 3.4  # axis beside a panel; axis and title below and above it
 _PANELS = 6  # at most
 _ROOM, _LEAST_ROOM_M = 1.16, 2.0
-_UPRIGHT = 0.3  # height over width: flatter shapes are seen from above
 _LARGE_PT, _SMALL_PT = 8.0, 4.0
-_AXES_DEG = {0: "north", 90: "east"}
 
 
 def save_overview(scenario: Scenario, plan: Plan | None, path: Path) -> None:
@@ -138,7 +137,7 @@ class ShownShape:
     name: str
     t_s: float
     right_up_m: Array
-    labels: tuple[str, str]
+    view: ShapeView
 
 
 def shapes_of(plan: Plan) -> tuple[ShownShape, ...]:
@@ -155,19 +154,11 @@ def shapes_of(plan: Plan) -> tuple[ShownShape, ...]:
 
 
 def seen(name: str, t_s: float, offsets_ned_m: Array) -> ShownShape:
-    """Return a shape (V, 3) from above; from the side where it is higher than deep, and not flat."""
-    level, up_m = offsets_ned_m[:, :2] - offsets_ned_m[:, :2].mean(axis=0), -offsets_ned_m[:, 2]
-    along, across = np.linalg.svd(level)[2]
-    along = along * (-1.0 if along[int(np.abs(along).argmax())] < 0.0 else 1.0)  # north or east is to the right
-    right_m = level @ along
-    height_m = float(np.ptp(up_m))
-    if height_m > max(_UPRIGHT * float(np.ptp(right_m)), float(np.ptp(level @ across))):
-        towards_deg = round(float(np.degrees(np.arctan2(along[1], along[0])))) % 360
-        places, labels = np.stack([right_m, up_m], axis=1), (_AXES_DEG.get(towards_deg, f"{towards_deg}°"), "up")
-    else:
-        places, labels = level[:, ::-1], ("east", "north")
+    """Return a shape (V, 3) in its plane."""
+    view = view_of(offsets_ned_m)
+    places = view.flat(offsets_ned_m)
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    return ShownShape(name, t_s, places - middle, labels)
+    return ShownShape(name, t_s, places - middle, view)
 
 
 def draw_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], width_in: float) -> None:
@@ -177,12 +168,11 @@ def draw_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[Shown
     for axes, shape in zip(panels, shapes, strict=True):
         for colour, place in zip(colours(sysids), shape.right_up_m, strict=True):
             axes.plot(*place, "o", ms=size_pt, color=colour, zorder=5)
-        right, up = shape.labels
+        right, up = shape.view.labels
         axes.set(xlim=(-reach_m, reach_m), ylim=(-reach_m, reach_m), aspect="equal", xlabel=f"{right}, m")
         axes.set_ylabel(f"{up}, m")
         axes.grid(alpha=0.3)
-        view = "from above" if up == "north" else "from the side"
-        head(axes, f"{shape.name}\nt = {shape.t_s:.0f} s, {view}", width_in, 9.0)
+        head(axes, f"{shape.name}\nt = {shape.t_s:.0f} s, {shape.view.words}", width_in, 9.0)
 
 
 def label_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], labels: Labels) -> None:

@@ -19,6 +19,7 @@ from scipy.spatial.distance import pdist
 from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import NAMED, Labels, Look, colours, head, settle
 from gcs.flight.plots.flight_map import FlightMap, vehicle_entries
+from gcs.flight.plots.shape_view import view_of
 from gcs.flight.recording.recording import nearest_m
 from gcs.flight.scene.ground_area import Area, ground_grid, outlines
 from gcs.plan.formation.timeline import Move
@@ -28,7 +29,7 @@ from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, Scenario
 from gcs.types import Array
 
-_HIGH = 0.25  # height of the box over its longer side
+_HIGH = 0.25  # height of the box over its longer side; more where that would make heights smaller than they are
 _TICKS = 4
 _PANEL_IN, _BETWEEN_IN = (4.3, 2.2), 0.95  # a close-up, and the room of its titles
 _CELLS = 101  # of the ground along a side
@@ -84,14 +85,15 @@ def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
     _draw_wind(axes, scenario, area, tracks_ned_m[..., :2], top_m)
     sides_m = (high - low)[::-1] / float(np.max(high - low))
     height_m = max(top_m, axes.get_zlim()[1]) - lowest_m
-    times = _HIGH * float(np.max(high - low)) / height_m
+    times = max(_HIGH * float(np.max(high - low)) / height_m, 1.0)
+    high_box = times * height_m / float(np.max(high - low))
     axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), zlim=(lowest_m, lowest_m + height_m))
     axes.set_xlabel("east, m", labelpad=16.0)
     axes.set_ylabel("north, m", labelpad=16.0)
     axes.set_zlabel("height, m", labelpad=2.0)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(_TICKS))
-    axes.set_box_aspect((*sides_m, _HIGH), zoom=1.1)
+    axes.set_box_aspect((*sides_m, high_box), zoom=1.1)
     axes.view_init(elev=35, azim=-60)
     entries = [
         *vehicle_entries(sysids),
@@ -99,7 +101,8 @@ def _draw_in_space(axes: Axes3D, chart: FlightMap, scenario: Scenario) -> None:
         *map_layers.wind_entry(scenario, in_space=True),
     ]
     axes.legend(handles=entries, fontsize=8, loc="upper left", ncols=2)
-    head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
+    scale = f"heights are drawn {times:.1f} times as large" if times > 1.0 else "true to scale"
+    head(axes, f"{scenario.title or scenario.name}\n({scale})", 7.0)
 
 
 def _draw_wind(axes: Axes3D, scenario: Scenario, area: Area, flat_ned_m: Array, top_m: float) -> None:
@@ -210,35 +213,50 @@ def close_ups(
 
 
 def draw_close_up(axes: Axes, scenario: Scenario, chart: FlightMap, what: CloseUp) -> None:
-    """Draw a part of the flight as a map: vehicles are hollow where it begins, and filled where it ends."""
+    """Draw a part of the flight: vehicles are hollow where it begins, and filled where it ends.
+
+    It is a map, or a view from the side where the formation stands upright at the end, or at the instant shown.
+    """
     t_s, tracks_ned_m = chart.t_s, chart.tracks_ned_m
     during = np.flatnonzero((t_s >= what.begin_s) & (t_s <= what.end_s))
-    tracks = tracks_ned_m[:, during, 1::-1]
+    view = view_of(_places_at(chart, what))
+    tracks = view.flat(tracks_ned_m[:, during])
     at = int(np.argmin(np.abs(t_s - what.at_s))) if what.at_s is not None else int(during[-1])
     low, high = np.nanmin(tracks, axis=(0, 1)), np.nanmax(tracks, axis=(0, 1))
     room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
     scale = float(np.max((high - low + 2.0 * room_m) / np.array(_PANEL_IN)))
     half, middle = 0.5 * scale * np.array(_PANEL_IN), 0.5 * (low + high)
     low, high = middle - half, middle + half
-    map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
-    map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
-    for colour, track, place in zip(colours(chart.sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
+    if not view.is_side:
+        map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
+        map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
+    for colour, track, place in zip(colours(chart.sysids), tracks, view.flat(tracks_ned_m[:, at]), strict=True):
         axes.plot(*track.T, color=colour, lw=1.2)
         axes.plot(*track[0], "o", color=colour, mfc="white", ms=4.5)
         axes.plot(*place, "o", color=colour, ms=5.5, zorder=5)
     if what.pair is not None:
-        axes.plot(*tracks_ned_m[list(what.pair), at, 1::-1].T, color="black", lw=1.0, zorder=4)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="east, m", ylabel="north, m")
+        axes.plot(*view.flat(tracks_ned_m[list(what.pair), at]).T, color="black", lw=1.0, zorder=4)
+    right, up = view.labels
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel=f"{right}, m")
+    axes.set_ylabel("height, m" if view.is_side else f"{up}, m")
     axes.locator_params(nbins=5)
     axes.grid(alpha=0.3)
     when = "" if what.at_s is None else f"\nat t = {what.at_s:.1f} s"
-    head(axes, what.title + when, _PANEL_IN[0], 9.0)
+    head(axes, what.title + when + (f", {view.words}" if view.is_side else ""), _PANEL_IN[0], 9.0)
 
 
 def label_close_up(axes: Axes, labels: Labels, chart: FlightMap, what: CloseUp) -> None:
-    """Write the number of every vehicle beside it."""
-    instant_s, sysids = what.end_s if what.at_s is None else what.at_s, chart.sysids
-    places = chart.tracks_ned_m[:, int(np.argmin(np.abs(chart.t_s - instant_s))), 1::-1]
+    """Write the number of every vehicle beside it; of many vehicles those of the nearest two."""
+    at_ned_m = _places_at(chart, what)
+    places = view_of(at_ned_m).flat(at_ned_m)
     labels.avoid_points(axes, places)
-    for sysid, place in zip(sysids, places, strict=True):
-        labels.place(axes, str(sysid), (float(place[0]), float(place[1])), needed=len(sysids) <= NAMED)
+    few = len(chart.sysids) <= NAMED
+    rows = range(len(chart.sysids)) if few else what.pair or ()
+    for row in rows:
+        labels.place(axes, str(chart.sysids[row]), (float(places[row, 0]), float(places[row, 1])), needed=True)
+
+
+def _places_at(chart: FlightMap, what: CloseUp) -> Array:
+    """Where the vehicles are (V, 3) at the instant of a close-up, else at its end."""
+    instant_s = what.end_s if what.at_s is None else what.at_s
+    return np.asarray(chart.tracks_ned_m[:, int(np.argmin(np.abs(chart.t_s - instant_s)))])

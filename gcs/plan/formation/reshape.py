@@ -12,7 +12,8 @@ from gcs.plan.formation.altitude_lanes import Deadlock, find_lanes
 from gcs.plan.formation.assignment import Places, bottleneck, least_squares
 from gcs.plan.formation.separation import least_distance, least_gap, near_point
 from gcs.plan.formation.shape import Shape
-from gcs.plan.formation.transforms import straight
+from gcs.plan.formation.transforms import reshape_paths_m, straight
+from gcs.plan.formation.turns import find_turns
 from gcs.types import Array
 
 # Places written with two decimals should not fail for the last bit of their differences.
@@ -32,6 +33,11 @@ class Reshaped:
     way: str  # for people
     least_distance_m: float  # between any two vehicles on any leg
 
+    @property
+    def longest_m(self) -> float:
+        """The length of the longest path of each leg, all together."""
+        return sum(float(reshape_paths_m(leg.at(0.0), leg.at(1.0)).max()) for leg in self.legs)
+
 
 def reshape(
     offsets_ned_m: Array,
@@ -44,9 +50,10 @@ def reshape(
 ) -> Reshaped:
     """The change from offsets (V, 3) to targets (V, 3), no two vehicles nearer than the separation at any instant.
 
-    Straight by the fastest assignment (Eq. 14), else straight by the least sum of squares, else in altitude lanes,
-    else spread out while they cross. `fixed`: every vehicle to the target of its own row. Raises `Infeasible`, naming
-    two vehicles by their `sysids`, when the shapes themselves are too tight or no path keeps the separation.
+    Straight by the fastest assignment (Eq. 14), else straight by the least sum of squares, else the shortest of three:
+    in altitude lanes, one after another in turns, spread out while they cross. `fixed`: every vehicle to the target of
+    its own row. Raises `Infeasible`, naming two vehicles by their `sysids`, when the shapes themselves are too tight or
+    no path keeps the separation.
     """
     if np.any(targets_ned_m[leader] != 0.0) or np.any(offsets_ned_m[leader] != 0.0):
         raise ValueError("offsets are from the leader: its own must be zero, before and after")
@@ -66,23 +73,19 @@ def reshape(
         if made.least_distance_m >= separation_m - SLACK_M:
             return made
     laned = [_in_lanes(offsets_ned_m, targets_ned_m, places, leader, separation_m) for places in tries]
-    found = [made for made in laned if made is not None]
-    if found:
-        return min(found, key=lambda made: made[0])[1]
+    turned = [_in_turns(offsets_ned_m, targets_ned_m, places, separation_m) for places in tries]
     nearest, roomiest = max(
         ((least_distance(offsets_ned_m, targets_ned_m[places]), places) for places in tries),
         key=lambda pair: pair[0][0],
     )
-    if nearest[0] * _MOST_SPREAD >= separation_m * _ROOM:
-        factor = separation_m * _ROOM / nearest[0]
-        end = targets_ned_m[roomiest]
-        words = f"spread out to {factor:.2f} times the size, across, together again"
-        return _flown([offsets_ned_m, factor * offsets_ned_m, factor * end, end], roomiest, words)
+    spread = _spread(offsets_ned_m, targets_ned_m, roomiest, nearest[0], separation_m)
+    if found := [made for made in (*laned, *turned, spread) if made is not None]:
+        return min(found, key=lambda made: made.longest_m)
     distance_m, i, j = nearest
     free = 'leave out assignment = "fixed", ' if fixed else ""
     raise Infeasible(
         f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and no altitude lane "
-        f"above the others exists; separation_min_m is {separation_m:g} m",
+        f"above the others exists, nor an order of turns; separation_min_m is {separation_m:g} m",
         hint=f"give the shapes a larger spacing, {free}or add an intermediate shape",
     )
 
@@ -113,17 +116,30 @@ def _tries(
         return
 
 
-def _in_lanes(
-    offsets: Array, targets: Array, places: Places, leader: int, separation_m: float
-) -> tuple[int, Reshaped] | None:
-    """The number of lanes and the change through them; None where there are none."""
+def _in_lanes(offsets: Array, targets: Array, places: Places, leader: int, separation_m: float) -> Reshaped | None:
+    """The change through altitude lanes; None where there are none."""
     end = targets[places]
     lanes = find_lanes(offsets, end, leader, separation_m)
     if isinstance(lanes, Deadlock):
         return None
     words = "in one altitude lane" if lanes.count == 1 else f"in {lanes.count} altitude lanes"
     made = _flown([offsets, lanes.risen_ned_m, lanes.crossed_ned_m, end], places, words)
-    return (lanes.count, made) if made.least_distance_m >= separation_m - SLACK_M else None
+    return made if made.least_distance_m >= separation_m - SLACK_M else None
+
+
+def _in_turns(offsets: Array, targets: Array, places: Places, separation_m: float) -> Reshaped | None:
+    """The change of some vehicles after others; None where no order is found."""
+    stops = find_turns(offsets, targets[places], separation_m - SLACK_M)
+    return None if stops is None else _flown(stops, places, f"straight, in {len(stops) - 1} turns")
+
+
+def _spread(offsets: Array, targets: Array, places: Places, nearest_m: float, separation_m: float) -> Reshaped | None:
+    """The change at a larger size, by the nearest that two vehicles come without it; None where that is too large."""
+    if nearest_m * _MOST_SPREAD < separation_m * _ROOM:
+        return None
+    factor, end = separation_m * _ROOM / nearest_m, targets[places]
+    words = f"spread out to {factor:.2f} times the size, across, together again"
+    return _flown([offsets, factor * offsets, factor * end, end], places, words)
 
 
 def _flown(stops: list[Array], places: Places, way: str) -> Reshaped:

@@ -13,11 +13,11 @@ from typing import TextIO, cast
 import casadi as ca
 import numpy as np
 
-from gcs.errors import Infeasible, PlanningError
+from gcs.errors import Infeasible, OutOfTime, PlanningError
 from gcs.plan.nlp.transcription import Program
 from gcs.plan.trajectory.constraint_id import ConstraintId
 from gcs.types import Array
-from gcs.util.long_work import report
+from gcs.util.long_work import left_s, report
 
 # MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
 # would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.
@@ -60,6 +60,7 @@ WARM_OPTIONS: Options = {
 _NEAR_OPTIONS = {"ipopt.mu_init": 1e-3}
 # CasADi ends a solve at Ctrl-C, suppresses the exception and reports this status; nothing else causes it.
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
+_OUT_OF_TIME = "User_Requested_Stop"  # by the callback
 _CASADI = "CasADi - "  # begins its messages
 _IN_WORDS = {
     "Infeasible_Problem_Detected": "no flight near the initial guess satisfies all constraints",
@@ -144,6 +145,8 @@ class _Iterations(ca.Callback):
     def eval(self, _: Sequence[ca.DM]) -> list[int]:
         """Called after every iteration."""
         self.done += 1
+        if left_s() < 0.0:
+            return [1]  # an exception would not come through
         report(lambda: f"solving: iteration {self.done} of at most {OPTIONS['ipopt.max_iter']}")
         return [0]
 
@@ -174,6 +177,8 @@ def run(solver: Solver, program: Program, guess: Mapping[str, Array | list[float
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if stats["return_status"] == _INTERRUPTED:
         raise KeyboardInterrupt
+    if stats["return_status"] == _OUT_OF_TIME:
+        raise OutOfTime.because(f"solving, after {solver.iterations.done} iterations")
     if not stats["success"]:
         raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])
     return Solution(

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from gcs.errors import PlanningError
+from gcs.errors import OutOfTime, PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum
 from gcs.plan.ocp.objective_sum import least_cost, refuse_false_bounds
 from gcs.plan.ocp.problem import Problem
@@ -23,6 +23,7 @@ from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.leg_lines import LegLimits
 from gcs.plan.trajectory.plan import Alternative, MeshRound
+from gcs.util.long_work import left_s, within
 
 # A shortened route on the grid is longer than the shortest one on the same sides, by up to this factor.
 GRID_EXCESS = 1.02
@@ -64,10 +65,17 @@ def best_class(
                 if least_objective(problem, routes[n]) < limit and (all_routes or not is_spare(problem, routes, n))
             ]
             if is_faster(len(worth), workers, first_s):
-                ahead = dict(zip(worth, run_all(_flight, [(problem, routes[n]) for n in worth], workers), strict=True))
+                ahead = dict(
+                    zip(worth, run_all(_flight, [(problem, routes[n], left_s()) for n in worth], workers), strict=True)
+                )
         began = time.perf_counter()
         try:
             found = _result(ahead[number], on_round) if number in ahead else _optimised(problem, route, on_round)
+        except OutOfTime as late:
+            if best is None:
+                raise
+            tried += [Alternative(left.length_m, None, late.message) for left in routes[number:]]
+            break
         except PlanningError as failure:
             first_s = max(first_s, time.perf_counter() - began)
             failures.append(failure)
@@ -139,10 +147,12 @@ def _without_limits(problem: Problem, legs: Collection[int]) -> Problem:
     return replace(problem, lines=tuple(x.opened(beside=True, above=True) if n in legs else x for n, x in lines))
 
 
-def _flight(task: tuple[Problem, Route]) -> Optimum | PlanningError:
-    """The optimum of one route, or its failure; runs in a worker process."""
+def _flight(task: tuple[Problem, Route, float]) -> Optimum | PlanningError:
+    """The optimum of one route, or its failure; runs in a worker process, which has so much time left."""
+    problem, route, limit_s = task
     try:
-        return _optimised(*task, lambda _: None)
+        with within(limit_s):
+            return _optimised(problem, route, lambda _: None)
     except PlanningError as failure:
         return failure
 

@@ -1,7 +1,11 @@
-"""A flight whose formation and shapes come from sheets: its vehicles, its shapes, and a change to each in turn."""
+"""A flight whose formation and shapes come from sheets: its vehicles, its shapes, and a change to each in turn.
+
+Shapes are figures that stand where their sheets put them, or are taken along a straight way.
+"""
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -23,11 +27,16 @@ _HOLD_S = 10.0  # each shape stays so long
 _SEPARATION_M, _CROSSING = 5.0, 0.6  # unless asked for; vehicles that cross pass nearer than they stand
 _GNSS_APART_M = 5.0  # nearer vehicles need better sensors
 _ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
+_AIR_M = 1.0  # a sheet with lower places has its heights above the flight's, not above the origin
+_LEADER_SHARE, _LEADER_ENDS_S = 0.5, 6.0  # of its limits of speed, to the next figure; for both ends at rest
 
 
 @dataclass(frozen=True)
 class SheetFlight:
-    """A straight flight that starts in the places of a sheet, and takes the shape of each further sheet on its way."""
+    """A flight that starts in the places of a sheet, and takes the shape of each further sheet.
+
+    Without a way (`distance_m` 0) each stands in the places of its sheet, and the flight ends where it began.
+    """
 
     is_drawn: ClassVar[bool] = False
     positions: Sheet
@@ -45,7 +54,8 @@ class SheetFlight:
 
     def fitting(self, longest_s: float) -> str:
         """What to give in its place, where a battery is enough for `longest_s` from take-off to touch-down."""
-        return f"give fewer --shapes, a lower --height or a shorter --distance: {longest_s:.0f} s are enough for those"
+        way = "" if self.is_show else " or a shorter --distance"
+        return f"give fewer --shapes, a lower --height{way}: {longest_s:.0f} s are enough for those"
 
     @property
     def least_m(self) -> float:
@@ -59,22 +69,59 @@ class SheetFlight:
         """Whether vehicles stand too near for ordinary GNSS."""
         return self.least_m < _GNSS_APART_M
 
+    @property
+    def is_show(self) -> bool:
+        """Whether each shape stands in the places of its sheet: there is no way along which it could be taken."""
+        return bool(self.shapes) and self.distance_m == 0.0 and self.end_deg is None
+
+    @cached_property
+    def figures_m(self) -> tuple[Array, ...]:
+        """The places (V, 3) of each figure, north, east and up from the origin, in the order of the vehicles.
+
+        Each vehicle takes the place that makes the sum of all squared ways least. Of places sqrt(2) times a distance
+        apart, no two vehicles come nearer than that distance then, and the leader can only have such a place here: the
+        planner assigns the places of all others, and by their ways as seen from the leader that is the same choice.
+        """
+        lowest_m = min((float(sheet.places_m[:, 2].min()) for sheet in self.shapes), default=0.0)
+        lift_m = np.array([0.0, 0.0, self.height_m if lowest_m < _AIR_M else 0.0])
+        before_m, figures_m = self._start_m, []
+        for sheet in self.shapes:
+            places_m = (sheet.places_m + lift_m).round(3) + 0.0
+            before_m = places_m[linear_sum_assignment(cdist(before_m, places_m, "sqeuclidean"))[1]]
+            figures_m.append(before_m)
+        return tuple(figures_m)
+
+    @property
+    def _start_m(self) -> Array:
+        """The places (V, 3) over the pads."""
+        leader_m = np.array([*self.positions.places_m[0, :2], self.height_m]).round(3) + 0.0
+        return np.asarray(leader_m + self.positions.offsets_m)
+
+    @property
+    def _shapes_m(self) -> list[Array]:
+        """The offsets (V, 3) of each shape from its leader."""
+        if self.is_show:
+            return [(places_m - places_m[0]).round(3) + 0.0 for places_m in self.figures_m]
+        return [sheet.offsets_m for sheet in self.shapes]
+
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION is the table [formation]."""
-        starts_m = self.positions.places_m
         way = self.course_deg, self.distance_m, self.height_m, self.end_deg
         straight = FirstFlight(1, "line", 10.0, *way, limits=self.limits).keys()
         course = math.radians(self.course_deg)
-        leader_m = np.array([*starts_m[0, :2], self.height_m]).round(3) + 0.0
+        leader_m = self._start_m[0]
         way_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course), 0.0]), 2)
         end_m = leader_m + way_m
-        offsets_m = np.concatenate([sheet.offsets_m for sheet in (self.positions, *self.shapes)])
-        low, high = (bound(bound(leader_m, end_m), 0.0 * end_m) for bound in (np.minimum, np.maximum))
-        low, high = low + offsets_m.min(axis=0), high + offsets_m.max(axis=0)
+        if self.is_show:
+            flown_m = np.concatenate([self._start_m, *self.figures_m])
+        else:
+            shapes_m = [self.positions.offsets_m, *self._shapes_m]
+            flown_m = np.concatenate([place + shape for place in (leader_m, end_m) for shape in shapes_m])
         room_m = np.array(_ROOM_M)
-        low, high = 10.0 * np.floor((low - room_m) / 10.0), 10.0 * np.ceil((high + room_m) / 10.0)
-        lowest_m = self.height_m + float(offsets_m[:, 2].min())
-        highest_m = self.height_m + float(offsets_m[:, 2].max())
+        low = 10.0 * np.floor((np.minimum(flown_m.min(axis=0), 0.0) - room_m) / 10.0)
+        high = 10.0 * np.ceil((np.maximum(flown_m.max(axis=0), 0.0) + room_m) / 10.0)
+        lowest_m = float(flown_m[:, 2].min())
+        highest_m = self.height_m + float(self.positions.offsets_m[:, 2].max())
         flight_s, formation = self._formation(leader_m)
         yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {straight['YAW']}]" if straight["YAW"] != "0.0" else ""
         end = [f"position_m = {_numbers(end_m)}"]
@@ -86,10 +133,10 @@ class SheetFlight:
             more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
         names = ", ".join([START_SHAPE, *(sheet.name for sheet in self.shapes)])
         return straight | {
-            "TITLE": f"{counted(len(starts_m), 'quadrotor')}, shapes {names}",
-            "FLIGHT": repr(max(flight_s, float(straight["FLIGHT"]) + 5.0 * math.ceil(sum(self.changes_s or ()) / 5.0))),
+            "TITLE": f"{counted(len(self.positions.sysids), 'quadrotor')}, shapes {names}",
+            "FLIGHT": repr(flight_s if self.is_show else self._along_s(flight_s, float(straight["FLIGHT"]))),
             "START": f"start = {{ position_m = {_numbers(leader_m)}{yaw} }}  ",
-            "END": f"end = {{ {', '.join(end)}{yaw} }}{more}",
+            "END": ('end = "start"' if self.is_show else f"end = {{ {', '.join(end)}{yaw} }}") + more,
             "BOX_NORTH": _numbers([low[0], high[0]]),
             "BOX_EAST": _numbers([low[1], high[1]]),
             "BOX_HEIGHT": _numbers([0.0, max(40.0, high[2])]),
@@ -97,6 +144,9 @@ class SheetFlight:
             "SEPARATION": repr(self._separation_m()),
             "FORMATION": formation,
         }
+
+    def _along_s(self, shown_s: float, way_s: float) -> float:
+        return max(shown_s, way_s + 5.0 * math.ceil(sum(self.changes_s or ()) / 5.0))
 
     @property
     def usual_separation_m(self) -> float:
@@ -119,20 +169,38 @@ class SheetFlight:
         for sysid, offset_m in zip(ids, self.positions.offsets_m, strict=True):
             lines.append(f"  {{ sysid = {sysid}, position_m = {_numbers(leader_m + offset_m)} }},")
         lines.append("]")
-        for sheet in self.shapes:
-            lines += ["", "[[formation.shape]]", f'name = "{sheet.name}"', "offsets_m = [  # north, east, up"]
-            lines += [f"  {_numbers(offset_m)}," for offset_m in sheet.offsets_m]
+        targets = [(sheet.name, offsets_m) for sheet, offsets_m in zip(self.shapes, self._shapes_m, strict=True)]
+        for name, offsets_m in targets:
+            lines += ["", "[[formation.shape]]", f'name = "{name}"', "offsets_m = [  # north, east, up"]
+            lines += [f"  {_numbers(offset_m)}," for offset_m in offsets_m]
             lines.append("]")
-        t_s, before_m = _HOLD_S, self.positions.offsets_m
         durations_s = (float(math.ceil(seconds)) for seconds in self.changes_s or ())
-        targets = [(sheet.name, sheet.offsets_m) for sheet in self.shapes]
         if targets:
             lines += ["", '# To turn a shape: kind = "rotate", angle_deg = 72.0, at_s between the times below.']
             targets.append((START_SHAPE, self.positions.offsets_m))
-        for name, offsets_m in targets:
+        places_m = [leader_m, *(places[0] for places in self.figures_m), leader_m]
+        t_s, before_m = 0.0 if self.is_show else _HOLD_S, self.positions.offsets_m
+        route: list[str] = []
+        for number, (name, offsets_m) in enumerate(targets):
             lines += ["", "[[formation.change]]", 'kind = "reshape"', f'to = "{name}"', f"at_s = {t_s}"]
-            t_s, before_m = t_s + next(durations_s, _change_s(before_m, offsets_m)) + _HOLD_S, offsets_m
+            t_s, before_m = t_s + next(durations_s, _change_s(before_m, offsets_m)), offsets_m
+            if self.is_show:
+                t_s += self._leader_s(places_m[number + 1] - places_m[number])
+                place = f"position_m = {_numbers(places_m[number + 1])}"
+                route += ["", "[[route]]", f'name = "{name}"', place, f"at_s = {t_s}", f"hold_s = {_HOLD_S}"]
+            t_s += _HOLD_S
+        if self.is_show:  # the last of these places is the end
+            t_s -= _HOLD_S
+            note = (
+                "# Where the leader is in each figure. hold_s: how long the figure stands; at_s: when it is complete."
+            )
+            lines += ["", note, *route[1:-6]]
         return t_s, "\n".join(lines) + "\n"
+
+    def _leader_s(self, way_m: Array) -> float:
+        """Time for the leader's way to its place in the next figure, s."""
+        mps = _LEADER_SHARE * np.array(self.limits.speed_ned_mps)
+        return float(math.ceil(np.max(np.abs(way_m) / mps) + _LEADER_ENDS_S)) if way_m.any() else 0.0
 
 
 def _change_s(before_m: Array, after_m: Array) -> float:

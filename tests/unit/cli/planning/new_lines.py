@@ -35,7 +35,7 @@ def _first(dice: Random) -> Iterator[str]:
         yield from ("--at", f"{_LAT_DEG},{_LON_DEG}", "--end", ",".join(f"{deg:.5f}" for deg in ends))
         return
     yield from _some(dice, 0.5, "--course", "east", "30", "sw", "-100", "181.7")
-    yield from _some(dice, 0.8, "--distance", 1, 5, 40, 120, 400, 1000, 2000, 3000, 3300, 5000)
+    yield from _some(dice, 0.8, "--distance", 0, 1, 5, 40, 120, 400, 1000, 2000, 3000, 3300, 5000)
     yield from _some(dice, 0.3, "--at", *(f"{_LAT_DEG},{_LON_DEG},{alt_m}" for alt_m in (0, 800, 2500, 4500)))
 
 
@@ -61,7 +61,7 @@ def _sheets(dice: Random) -> Iterator[str]:
             dice.shuffle(rows)
         _sheet(f"shape{number}.csv", rows)
         yield from ("--shapes", f"shape{number}.csv")
-    yield from _some(dice, 0.7, "--distance", 1, 30, 100, 200, 600)
+    yield from _some(dice, 0.7, "--distance", 0, 1, 30, 100, 200, 600)
     yield from _some(dice, 0.4, "--spacing", 0.5 * step_m, 0.8 * step_m, step_m)
     yield from _some(dice, 0.3, "--height", 8, 20, 50, 100)
     yield from _some(dice, 0.3, "--course", "east", "30", "sw")

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 from gcs.cli import main
 from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.plan.formation.timeline import made_changes
+from gcs.plan.plan_file import load_plan
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.values import si
 from gcs.util.bounded_file import POSITION_SHEET
@@ -73,7 +75,7 @@ def test_a_spacing_that_no_change_of_shape_keeps_is_written_as_less_and_told_why
     assert gcs(f"new kept {line} 1.5") == 0
     assert load_scenario("kept").limits.separation_min_m == 1.5
     assert "separation_min_m is 1.5 m, as --spacing asks" in capsys.readouterr().out
-    assert gcs(f"new less {line} 1.8") == 0
+    assert gcs(f"new less {line} 1.8 --distance 30") == 0
     assert load_scenario("less").limits.separation_min_m == 1.53
     told = (
         'separation_min_m is 1.53 m, less than --spacing 1.8, with which reshape to "upright": vehicles 1 and 2 would'
@@ -91,6 +93,49 @@ def test_places_rounded_to_millimetres_have_the_spacing_that_they_were_drawn_wit
     assert gcs("new ring --positions pads.csv --shapes ring.csv --spacing 5") == 0
     assert 4.995 <= load_scenario("ring").limits.separation_min_m <= 5.0
     assert "as --spacing asks" in capsys.readouterr().out
+
+
+def test_a_figure_stands_where_its_sheet_puts_it_and_holds() -> None:
+    """Without a way the leader hovers at its own place of each sheet while the figure stands."""
+    line = "--at 46.95,7.44,540 --positions grid.csv --shapes star.csv --shapes ring.csv"
+    assert gcs(f"new show {line} --height 25 --spacing 2") == 0
+    scenario = load_scenario("show")
+    assert scenario.start.position_m == scenario.end.position_m == (GRID[0][2], GRID[0][1], 25.0)
+    begins_s = [change.at_s or 0.0 for change in scenario.formation.change]
+    changes_s = [change.duration_s for change in made_changes(scenario)]
+    for number, (point, rows) in enumerate(zip(scenario.route, (STAR, RING), strict=True)):
+        drawn = np.array([(y, x, z) for _, x, y, z in rows])
+        figure = np.array(point.position_m) + np.array(scenario.formation.shape[number].offsets_m)
+        assert cdist(drawn, figure).min(axis=1).max() < 2e-3
+        assert point.at_s is not None and point.hold_s == 10.0
+        assert begins_s[number] + changes_s[number] < point.at_s  # complete, and then it stands
+        assert begins_s[number + 1] == point.at_s + point.hold_s
+    assert begins_s[-1] + changes_s[-1] < scenario.time.flight_s
+
+
+def test_figures_drawn_at_height_0_stand_at_the_height_of_the_flight() -> None:
+    sheet("flat.csv", [(n, x, y, 0.0) for n, x, y, _ in RING])
+    assert gcs("new show --positions grid.csv --shapes flat.csv --height 30") == 0
+    assert load_scenario("show").route[0].position_m[2] == 30.0
+
+
+def test_pads_of_2_m_are_enough_for_figures_of_less(capsys: pytest.CaptureFixture[str]) -> None:
+    """Forty from a grid into an upright ring, a spacing that its straight ways do not keep."""
+    sheet("pads.csv", [(n, 2.0 * (n % 8), 2.0 * (n // 8), 0.0) for n in range(40)])
+    turns = [n * math.pi / 20 for n in range(40)]
+    sheet("upright.csv", [(n, 7.0 + 12.0 * math.cos(a), 4.0, 40.0 + 12.0 * math.sin(a)) for n, a in enumerate(turns)])
+    assert gcs("new show --positions pads.csv --shapes upright.csv --spacing 1.5") == 0
+    assert "separation_min_m is 1.5 m, as --spacing asks" in capsys.readouterr().out
+    changes = made_changes(load_scenario("show"))
+    assert all(change.least_gap_m >= 1.5 for change in changes)
+    assert max(change.duration_s for change in changes) < 40.0  # not up through nine lanes, and down again
+
+
+def test_a_flight_may_end_where_it_begins() -> None:
+    assert gcs("new hover --distance 0 --count 4") == 0
+    scenario = load_scenario("hover")
+    assert scenario.start.position_m == scenario.end.position_m
+    assert gcs("new grid --positions grid.csv --distance 0") == 0
 
 
 def test_a_change_takes_the_time_that_it_needs_and_no_vehicle_climbs_too_fast_in_it() -> None:
@@ -120,6 +165,22 @@ def test_the_same_sheet_in_degrees_is_the_same_formation(capsys: pytest.CaptureF
     assert gcs("new here --positions degrees.csv") == 0
     assert "the origin is the place of vehicle 1" in capsys.readouterr().out
     assert load_scenario("here").origin.lat_deg == pytest.approx(float(lat[0]), abs=1e-8)
+
+
+@pytest.mark.slow
+def test_a_planned_figure_stands_in_the_places_of_its_sheet() -> None:
+    sheet("four.csv", [(n, 6.0 * n, 0.0, 0.0) for n in range(4)])
+    square = [(n, 20.0 + 8.0 * (n % 2), -9.0, 15.0 + 8.0 * (n // 2)) for n in range(4)]
+    sheet("square.csv", square)
+    assert gcs("new small --positions four.csv --shapes square.csv") == 0
+    assert gcs("plan small --to small.skein") == 0
+    plan, scenario = load_plan("small.skein")[0], load_scenario("small")
+    complete_s = scenario.route[0].at_s
+    assert complete_s is not None
+    drawn_ned_m = np.array([(y, x, -z) for _, x, y, z in square])
+    for t_s in (complete_s, complete_s + 5.0, complete_s + 10.0):
+        flown_ned_m = plan.motion(np.array([t_s]))[0][:, 0, :3]
+        assert cdist(drawn_ned_m, flown_ned_m).min(axis=1).max() < 0.01
 
 
 @pytest.mark.slow

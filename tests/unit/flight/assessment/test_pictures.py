@@ -205,7 +205,27 @@ def test_a_ring_that_stands_upright_is_seen_from_the_side(bearing_deg: float, to
     along, bearing = 20.0 * np.cos(turns), np.radians(bearing_deg)
     ring = np.stack([along * np.cos(bearing), along * np.sin(bearing), -20.0 * np.sin(turns)], axis=1)
     shape = seen("ring", 60.0, ring + 7.0)
-    assert shape.labels == (to_the_right, "up")
+    assert shape.view.labels == (to_the_right, "up")
     assert np.linalg.norm(shape.right_up_m, axis=1) == pytest.approx(np.full(40, 20.0))
     low = seen("stairs", 60.0, ring * [1.0, 1.0, 0.1])
-    assert low.labels == ("east", "north")
+    assert low.view.labels == ("east", "north")
+
+
+def test_a_flown_ring_of_forty_that_stands_upright_is_drawn_round_and_without_forty_numbers(plan: Plan) -> None:
+    """From above it is a line, on which no number could be read."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    ring = np.stack([np.zeros(40), 12.0 * np.cos(turns), -60.0 - 12.0 * np.sin(turns)], axis=1)
+    t_s, sysids = np.arange(0.0, 20.0, 0.5), tuple(range(1, 41))
+    tracks = np.repeat(ring[:, None], len(t_s), axis=1)
+    formation = draw_formation(plan.scenario, sysids, t_s, tracks, (0.0, 10.0))
+    space = draw_tracks(plan.scenario, sysids, t_s, tracks, (Move(**{**vars(CHANGE), "start_s": 5.0, "end_s": 10.0}),))
+    close_up = next(axes for axes in space.axes if "shrink" in axes.get_title())
+    for axes in (*formation.axes, close_up):
+        assert "from the side" in axes.get_title()
+        places = np.array([line.get_xydata()[-1] for line in axes.lines if len(line.get_xydata()) == 1])
+        assert np.ptp(places, axis=0) == pytest.approx([24.0, 24.0])
+        assert axes.get_aspect() == 1.0
+        assert not any(text.get_text().isdigit() for text in axes.texts)
+    assert "(true to scale)" in space.axes[0].get_title()
+    plt.close(formation)
+    plt.close(space)

@@ -75,9 +75,9 @@ def test_a_way_through_the_leader_is_not_taken() -> None:
 
 
 def test_in_lanes_only_those_in_conflict_rise_and_the_others_go_straight_below() -> None:
-    """Two exchange places, a third moves beside them."""
+    """Two exchange places through one another, a third moves beside them."""
     here = ned((0, 0, 0), (0, 4, 2), (0, 8, 0), (20, 0, 1))
-    there = ned((0, 0, 0), (0, 8, 0), (0, 4, 0), (24, 0, 3))
+    there = ned((0, 0, 0), (0, 8, 0), (0, 4, 2), (24, 0, 3))
     made = reshape(here, there, 0, 1.0, fixed=True)
     assert made.way == "in one altitude lane"
     up, across, down = made.legs
