@@ -53,7 +53,7 @@ from gcs.flight.setup.build_loads import (
     refuse_other_autopilots,
     refuse_without_timed_start,
 )
-from gcs.flight.setup.preflight import go_or_no_go, waived_events
+from gcs.flight.setup.preflight import confirmed_event, go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.protocols.mission.strategy import SentAs, sent_data, sent_words
@@ -379,7 +379,8 @@ class _LinkedFlight:
             for event in waived_events(self.checks, sessions):
                 self.journal.on_event(event)
             await self._before.read(sessions, self._loaded)
-            await watcher.confirm()
+            by = await watcher.confirm()
+            self.journal.on_event(confirmed_event(by, sessions))
         fleet.check()
         fleet.freeze()
         return charge

@@ -11,10 +11,12 @@ import sys
 import tempfile
 import threading
 from collections import deque
+from collections.abc import Iterable
 from contextlib import suppress
 from importlib.util import find_spec
+from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, Any, Self
 
 from gcs.errors import GcsError, UsageError
 from gcs.page.page_orders import MESSAGE_BYTES, PageAsk
@@ -48,6 +50,7 @@ class PageFeed:
         self._frames: deque[tuple[PageFrame, bytes]] = deque(maxlen=_EVENTS)
         self._picture: bytes | None = None
         self._asks: deque[PageAsk] = deque(maxlen=_ASKS)
+        self.readers = 0  # browsers that show the page
         self._closed = False
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the page)
         self._process = subprocess.Popen(
@@ -78,6 +81,19 @@ class PageFeed:
         """Add an event to the page's log."""
         with self._wake:
             self._frames.append((PageFrame.EVENT, event))
+            self._wake.notify()
+
+    def put(self, name: str, value: Any) -> None:
+        """Have something plain stand beside the scene, in place of what had this name; None takes it away."""
+        with self._wake:
+            self._frames.append((PageFrame.BOARD, json.dumps({name: value}).encode()))
+            self._wake.notify()
+
+    def offer(self, files: Iterable[Path]) -> None:
+        """Have the page offer these files, each by its name, and no others."""
+        paths = {file.name: str(file.resolve()) for file in files}
+        with self._wake:
+            self._frames.append((PageFrame.FILES, json.dumps(paths).encode()))
             self._wake.notify()
 
     def asks(self) -> list[PageAsk]:
@@ -156,6 +172,8 @@ class PageFeed:
             while (frame := read_frame(pipe, MESSAGE_BYTES)) is not None:  # type: ignore[arg-type]
                 if frame[0] is PageFrame.ASK:
                     self._asks.append(PageAsk.of(frame[1]))
+                elif frame[0] is PageFrame.READERS:
+                    self.readers = int(frame[1])
         is_there.set()
 
     def _said(self) -> str:

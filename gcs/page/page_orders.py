@@ -1,53 +1,68 @@
-"""What the page asks of the flight: orders, each confirmed by a second message. The flight decides and answers.
+"""What the page asks of the flight: the word that arms, and orders, each confirmed by a second message.
 
-Messages are small, few and checked on both sides. A page that hears no answer says so; the flight never waits for one.
+The flight decides and answers. Messages are small, few and checked on both sides. A page that hears no answer says so;
+the flight never waits for one.
 """
 
 import asyncio
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 MESSAGE_BYTES = 8192
 WORDS = ("hold", "land", "return", "continue")
-_VEHICLES, _LARGEST = 255, 2**31
+_VEHICLES, _LARGEST, _LONGEST = 255, 2**31, 64
 _WAITING = 8  # messages without an answer
 _ANSWER_S = 5.0
 
 
 @dataclass(frozen=True)
 class PageAsk:
-    """An order that is to be said in numbers, or the number of the one said that is to be given."""
+    """An order that is to be said in numbers, the number of the one said that is to be given, or a typed word."""
 
     number: int
     order: str = ""
     vehicles: tuple[int, ...] = ()  # system ids; none: all
     confirms: int | None = None
+    word: str = ""
+    client: str = ""  # the address of the browser, by the page's process
 
     @classmethod
     def of(cls, data: bytes) -> "PageAsk":
-        """Read a message. Raises ValueError for anything else than one of the two forms."""
+        """Read a message. Raises ValueError for anything else than one of the three forms."""
         if len(data) > MESSAGE_BYTES:
             raise ValueError("too long")
         try:
             found = json.loads(data)
         except RecursionError:
             raise ValueError("too deep") from None
-        if not isinstance(found, dict) or not found.keys() <= {"number", "order", "vehicles", "confirms"}:
+        if not isinstance(found, dict) or not found.keys() <= _KEYS:
             raise ValueError("no order")
         number, confirms = found.get("number", 0), found.get("confirms")
         order, vehicles = found.get("order", ""), found.get("vehicles", [])
-        known = confirms is None and order in WORDS and isinstance(order, str)
-        if not (known or (_is_number(confirms) and not order and not vehicles)) or not _is_number(number):
+        word, client = found.get("word", ""), found.get("client", "")
+        if not (_is_number(number) and _is_text(order) and _is_text(word) and _is_text(client)):
             raise ValueError("no order")
         if not isinstance(vehicles, list) or len(vehicles) > _VEHICLES or not all(map(_is_number, vehicles)):
             raise ValueError("no vehicles")
-        return cls(number, order, tuple(vehicles), confirms)
+        forms = (order in WORDS, _is_number(confirms), bool(word))
+        if sum(forms) != 1 or (order and not forms[0]) or (confirms is not None and not forms[1]):
+            raise ValueError("no order, or several")
+        if vehicles and not order:
+            raise ValueError("vehicles without an order")
+        return cls(number, order, tuple(vehicles), confirms, word, client)
 
     def data(self) -> bytes:
         """Return it as a message."""
         return json.dumps(asdict(self)).encode()
+
+
+_KEYS = frozenset(PageAsk.__dataclass_fields__)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= _LONGEST
 
 
 def _is_number(value: object) -> bool:
@@ -63,8 +78,8 @@ class PageOrders:
         self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._loop: asyncio.AbstractEventLoop | None = None
 
-    async def ask(self, body: bytes) -> dict[str, Any]:
-        """Return the flight's answer. Raises ValueError for a message that is none."""
+    async def ask(self, body: bytes, client: str = "") -> dict[str, Any]:
+        """Return the flight's answer to a browser at the address `client`. Raises ValueError for no message."""
         asked = PageAsk.of(body)
         if len(self._waiting) >= _WAITING:
             return {"may": False, "text": "the flight has not answered the orders before this one"}
@@ -73,7 +88,7 @@ class PageOrders:
         number = self._count
         answer = self._waiting[number] = self._loop.create_future()
         try:
-            self._send(PageAsk(number, asked.order, asked.vehicles, asked.confirms).data())
+            self._send(replace(asked, number=number, client=client).data())
             return await asyncio.wait_for(answer, _ANSWER_S)
         except (OSError, TimeoutError):
             return {"may": False, "text": "the flight does not answer: its events say whether the order was given"}

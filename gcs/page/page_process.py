@@ -9,13 +9,14 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
-from fastapi.responses import JSONResponse
+from fastapi.responses import FileResponse, JSONResponse
 from nicegui import ui
 
 from gcs.page.formation_view import FormationView
@@ -36,12 +37,18 @@ class _Reader:
     is_ready: bool = True
 
 
+Out = Callable[[PageFrame, bytes], None]
+
+
 class PageReaders:
     """The open views, and what each has of the state."""
 
-    def __init__(self, state: PageState) -> None:
+    def __init__(self, state: PageState, send_out: Out) -> None:
+        """`send_out` gets how many browsers show the page, whenever that changes."""
         self._state = state
+        self._send_out = send_out
         self._readers: dict[FormationView, _Reader] = {}
+        self._count = 0
 
     def drawn(self, view: FormationView, events: int) -> None:
         """Take in that a view has drawn what it got, and has so many events."""
@@ -53,20 +60,30 @@ class PageReaders:
         while True:
             await asyncio.sleep(_STEP_S)
             self.send()
+            self.count()
+
+    def count(self) -> None:
+        """Send out how many browsers are connected, if that has changed."""
+        count = sum(view.client.has_socket_connection for view in self._readers)
+        if count != self._count:
+            self._count = count
+            with suppress(OSError):  # the flight has ended
+                self._send_out(PageFrame.READERS, str(count).encode())
 
     def send(self) -> None:
         """Send what is new to every view that waits for it."""
         self._readers = {view: reader for view, reader in self._readers.items() if not view.is_deleted}
         for view, reader in self._readers.items():
             if reader.is_ready and reader.sent != self._state.number:
-                reader.sent, reader.is_ready = self._state.number, False
-                view.receive(self._state.since(reader.events))
+                before, reader.sent, reader.is_ready = reader.sent, self._state.number, False
+                view.receive(self._state.since(reader.events, before))
 
 
-def application(state: PageState, orders: PageOrders) -> FastAPI:
-    """Return the page without its guard."""
+def application(state: PageState, send_out: Out) -> FastAPI:
+    """Return the page without its guard. `send_out` writes to the flight."""
+    orders = PageOrders(lambda data: send_out(PageFrame.ASK, data))
     state.on_answer = orders.answer
-    readers = PageReaders(state)
+    readers = PageReaders(state, send_out)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -80,6 +97,13 @@ def application(state: PageState, orders: PageOrders) -> FastAPI:
     def scene() -> Response:
         return Response(state.whole(), media_type="application/json", headers={"Cache-Control": "no-store"})
 
+    @app.get("/files/{name}")
+    def file(name: str) -> Response:
+        path = state.files.get(name)
+        if path is None:
+            return Response(status_code=404)
+        return FileResponse(path, filename=name, headers={"Cache-Control": "no-store"})
+
     @app.post("/orders")
     async def order(request: Request) -> Response:
         body = b""
@@ -88,7 +112,7 @@ def application(state: PageState, orders: PageOrders) -> FastAPI:
             if len(body) > MESSAGE_BYTES:
                 return Response(status_code=413)
         try:
-            return JSONResponse(await orders.ask(body))
+            return JSONResponse(await orders.ask(body, request.client.host if request.client else ""))
         except ValueError:
             return Response(status_code=400)
 
@@ -121,9 +145,10 @@ def serve() -> None:
         token, state = begun
         address, orders_from_afar = json.loads(sys.argv[1])
         with socket.create_server((_ADDRESS, 0)) as listening:
-            orders = PageOrders(lambda data: write_frame(out, PageFrame.ASK, data))
             port = int(listening.getsockname()[1])
-            guard = PageGuard(application(state, orders), token, port, address, orders_from_afar=orders_from_afar)
+            guard = PageGuard(
+                application(state, partial(write_frame, out)), token, port, address, orders_from_afar=orders_from_afar
+            )
             also = [socket.create_server((address, port))] if address else []
             config = uvicorn.Config(guard, log_level="warning", access_log=False, proxy_headers=False)
             server, at_end = uvicorn.Server(config), threading.Event()

@@ -18,7 +18,10 @@ class PageState:
 
     scene: bytes
     newest: bytes | None = None
-    number: int = 0  # of pictures and events, so far
+    number: int = 0  # of pictures, events and changes of the board, so far
+    board: dict[str, bytes] = field(default_factory=dict)
+    changed: dict[str, int] = field(default_factory=dict)  # `number` after the last change of each on the board
+    files: dict[str, str] = field(default_factory=dict)  # path of each that may be read, by name
     events: list[bytes] = field(default_factory=list)
     past: list[bytes] = field(default_factory=list)
     on_answer: Callable[[bytes], None] | None = None  # to an order
@@ -35,6 +38,13 @@ class PageState:
             if self.on_answer is not None:
                 self.on_answer(data)
             return
+        if kind is PageFrame.FILES:
+            self.files = json.loads(data)
+            return
+        if kind is PageFrame.BOARD:
+            for name, value in json.loads(data).items():
+                self.changed = {**self.changed, name: self.number + 1}
+                self.board = {**self.board, name: json.dumps(value).encode()}
         if kind is PageFrame.EVENT:
             self.events.append(data)
         elif kind is PageFrame.PICTURE:
@@ -46,12 +56,18 @@ class PageState:
         """Return all that a page needs that opens now, as one JSON object."""
         parts = {"pictures": [*self.past, *([self.newest] if self.newest else [])], "events": self.events}
         lists = b",".join(b'"%s":[%s]' % (name.encode(), b",".join(list(one))) for name, one in parts.items())
-        return b'{"scene":%s,%s}' % (self.scene, lists)
+        return b'{"scene":%s,%s,"board":%s}' % (self.scene, lists, self._board(0))
 
-    def since(self, events: int) -> str:
-        """Return the newest picture, and the events after the first `events`, as one JSON object."""
+    def since(self, events: int, number: int = 0) -> str:
+        """Return the newest picture, events after the first `events`, and the board's changes after `number`: JSON."""
         later = b",".join(self.events[events:])
-        return (b'{"picture":%s,"events":[%s]}' % (self.newest or b"null", later)).decode()
+        newest = self.newest or b"null"
+        return (b'{"picture":%s,"events":[%s],"board":%s}' % (newest, later, self._board(number))).decode()
+
+    def _board(self, after: int) -> bytes:
+        board, changed = self.board, self.changed
+        parts = (b'"%s":%s' % (name.encode(), value) for name, value in board.items() if changed[name] > after)
+        return b"{%s}" % b",".join(parts)
 
     def _keep(self, picture: bytes) -> None:
         t_s = json.loads(picture).get("t_s")

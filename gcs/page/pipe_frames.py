@@ -14,8 +14,11 @@ class PageFrame(StrEnum):
     SCENE = "s"  # second
     PICTURE = "p"
     EVENT = "e"
+    BOARD = "b"  # what stands beside the scene, by name: each replaces the one before
+    FILES = "f"  # paths of files that the page offers, by name
     ASK = "a"  # from the page
     ANSWER = "r"  # to it
+    READERS = "v"  # from the page: how many browsers show it
 
 
 def write_frame(pipe: BinaryIO, kind: PageFrame, data: bytes) -> None:

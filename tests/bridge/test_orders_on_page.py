@@ -66,17 +66,17 @@ def test_all_hold_go_on_and_return_as_ordered_on_the_page(hop: Plan, hop_skein: 
             page.go("about:blank")
             said = command.stdout.read()
             assert command.wait() == 9, said
-            assert "return ordered by the page" in said
+            assert "return ordered by the page at 127.0.0.1" in said
         finally:
             command.kill()
     (folder,) = [one for one in tmp_path.iterdir() if one.is_dir()]
     events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
     asked = [one["data"] for one in events if "asked to" in one["what"]]
     assert [(one["order"], one["vehicles"], one["by"]) for one in asked] == [
-        ("hold", [1, 2, 3], "the page"),
-        ("continue", [1, 2, 3], "the page"),
-        ("return", [2], "the page"),
-        ("return", [1, 3], "the page"),  # those that fly the plan: 2 returns already
+        ("hold", [1, 2, 3], "the page at 127.0.0.1"),
+        ("continue", [1, 2, 3], "the page at 127.0.0.1"),
+        ("return", [2], "the page at 127.0.0.1"),
+        ("return", [1, 3], "the page at 127.0.0.1"),  # those that fly the plan: 2 returns already
     ]
     import numpy as np
 

@@ -113,6 +113,13 @@ def fly(
     page_control: Annotated[
         bool, shared.option("With --page-address: orders are taken from other machines too.", "--page-control")
     ] = False,
+    page_keep: Annotated[
+        bool,
+        shared.option(
+            "With --page: after the flight the page stays until Ctrl-C, also without a browser or a terminal.",
+            "--page-keep",
+        ),
+    ] = False,
     yes_arm: Annotated[bool, shared.option("With --link: arm without confirmation.", "--yes-arm")] = False,
     unverified: shared.UnverifiedOption = False,
     json: shared.JsonOption = False,
@@ -142,7 +149,7 @@ def fly(
         refuse_without_nicegui()
         if json:
             raise UsageError("--page and --json exclude each other: nobody would read the page's address")
-    _check_page(page, page_address, page_control)
+    _check_page(page, page_address, page_control, page_keep)
     if share is not None and not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
     known = shared.connection(link, systems, signing_key_file, transfer, radio) if link else None
@@ -188,14 +195,23 @@ def fly(
         plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
     )
     return fly_and_judge(
-        run, screen, watch, asks=not yes_arm, page=page, page_address=page_address, page_control=page_control
+        run,
+        screen,
+        watch,
+        asks=not yes_arm,
+        page=page,
+        page_address=page_address,
+        page_control=page_control,
+        page_keep=page_keep,
     )
 
 
-def _check_page(page: bool, address: str, control: bool) -> None:
+def _check_page(page: bool, address: str, control: bool, keep: bool) -> None:
     """Raise UsageError for options of a page that there is not, or for an address that is none."""
     if address and not page:
         raise UsageError("--page-address needs a page", hint="add --page")
+    if keep and not page:
+        raise UsageError("--page-keep needs a page", hint="add --page")
     if control and not address:
         raise UsageError("--page-control is for other machines: this one may always order", hint="give --page-address")
     if address:

@@ -4,6 +4,7 @@ import asyncio
 import math
 import sys
 from contextlib import nullcontext
+from pathlib import Path
 
 from rich.live import Live
 from rich.markup import escape
@@ -14,8 +15,9 @@ from gcs.cli.flights.live_page import LivePage, live_page
 from gcs.cli.flights.report import verdict_table
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
-from gcs.errors import JudgementError, UsageError, counted
+from gcs.errors import GcsError, JudgementError, UsageError, counted
 from gcs.flight.assessment.criterion import FlightOutcome
+from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.lateness import skew_s
 from gcs.flight.monitoring.preflight_check import PreflightCheck, complete
 from gcs.flight.monitoring.progress import Event, InFlight, Snapshot, Watcher
@@ -58,20 +60,47 @@ class FlightView(Watcher):
     def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
         """Show the pre-flight table (GO or NO-GO)."""
         show_checks(self._screen, checks)
+        if self._page is not None:
+            self._page.checks(checks, checks_title(checks))
 
-    async def confirm(self) -> None:
-        """Wait until you type the confirmation, after the pre-flight table. Raises `UsageError` for anything else."""
+    async def confirm(self) -> str:
+        """Wait until you type the confirmation here or on the page, and return where: the first counts.
+
+        Raises `UsageError` for anything else that is typed here, and where nobody can type it.
+        """
         if not self._question:
-            return
+            return "--yes-arm"
         if self._live is not None:
             self._live.stop()
         self._screen.ask(self._question)
-        if await typed_line() != CONFIRMATION:
+        ways = [asyncio.ensure_future(self._typed_here())]
+        if self._page is not None:
+            ways.append(asyncio.ensure_future(self._page.typed(CONFIRMATION, self._question)))
+        try:
+            while ways:
+                done, _ = await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+                if by := next((one.result() for one in done if one.result()), ""):
+                    break
+                ways = [one for one in ways if one not in done]
+            else:
+                hint = "type it at the prompt, or give --yes-arm"
+                raise UsageError(f"not armed: '{CONFIRMATION}' was not typed", hint=hint)
+        finally:
+            await ended(*ways)
+        if self._live is not None:
+            self._live.start()
+        return by
+
+    async def _typed_here(self) -> str:
+        """Where the word was typed; empty without an input, when the page alone is left."""
+        line = await typed_line()
+        if line is not None and line != CONFIRMATION:
             raise UsageError(
                 f"not armed: '{CONFIRMATION}' was not typed", hint="type it at the prompt, or give --yes-arm"
             )
-        if self._live is not None:
-            self._live.start()
+        if line is None and self._page is not None:
+            self._screen.say("no input here: the word can be typed on the page")
+        return "" if line is None else "the terminal"
 
     def event(self, event: Event) -> None:
         """Add an event to the log of the page."""
@@ -108,12 +137,14 @@ def fly_and_judge(
     page: bool = False,
     page_address: str = "",
     page_control: bool = False,
+    page_keep: bool = False,
 ) -> int:
     """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
     Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation. With
-    `page` the flight is shown on a page as well, until this returns; at `page_address` also to other machines, which
-    may order with `page_control`.
+    `page` the flight is shown on a page as well; at `page_address` also to other machines, which may order with
+    `page_control`. After the flight the page stays while a browser shows it, if standard input is a terminal; with
+    `page_keep` until Ctrl-C in any case.
     """
     question = ""
     if asks and run.link is not None:
@@ -123,10 +154,20 @@ def fly_and_judge(
         live_page(run.plan, screen.say, page_address, orders_from_afar=page_control)
         if page
         else nullcontext() as shown,
-        screen.without_waiting(),
     ):
-        flown = fly_run(run, FlightView(screen, watch, question, shown))
-    _show(screen, flown)
+        try:
+            with screen.without_waiting():
+                flown = fly_run(run, FlightView(screen, watch, question, shown))
+        except GcsError as failure:
+            if shown is not None:
+                folder = None if failure.folder is None else Path(failure.folder)
+                shown.report("flight FAILED", f"{failure.message} {failure.hint}".strip(), None, folder)
+                _keep_page(screen, shown, failure, keep=page_keep)
+            raise
+        _show(screen, flown)
+        if shown is not None:
+            shown.report(_ended_words(flown.verdict), _failed_words(flown.verdict), flown.verdict, flown.folder)
+            _keep_page(screen, shown, None, keep=page_keep)
     if page:
         screen.say(f"the page has ended; gcs replay {flown.folder} --page shows the flight again")
     screen.say(f"time: {watch}")
@@ -134,15 +175,34 @@ def fly_and_judge(
     return screen.ended(_failure(flown))
 
 
-def _failure(flown: Flown) -> JudgementError | None:
-    verdict = flown.verdict
-    if verdict is None or verdict.outcome is not FlightOutcome.FAILED:
-        return None
-    said = "; ".join(
+def _keep_page(screen: Screen, page: LivePage, failure: GcsError | None, *, keep: bool) -> None:
+    if not page.stays(keep=keep):
+        return
+    if failure is not None:  # it is printed once more, with its hint, at the very end
+        screen.warn(failure.message)
+    until = "Ctrl-C" if keep else "its browser is closed, or Ctrl-C"
+    screen.say(f"the page stays, with the report, until {until}")
+    page.stay(keep=keep)
+
+
+def _ended_words(verdict: Verdict | None) -> str:
+    if verdict is None:
+        return "flight not known: its telemetry is missing"
+    return f"flight {'FAILED' if verdict.outcome is FlightOutcome.FAILED else verdict.outcome}"
+
+
+def _failed_words(verdict: Verdict | None) -> str:
+    return "; ".join(
         f"{c.name} {c.value:.3f} {c.unit}, limit {limit_text(c)}"
-        for c in verdict.criteria
+        for c in (() if verdict is None else verdict.criteria)
         if c.outcome is FlightOutcome.FAILED
     )
+
+
+def _failure(flown: Flown) -> JudgementError | None:
+    said = _failed_words(flown.verdict)
+    if not said:
+        return None
     hint = f"read {flown.folder / 'report.md'} and its pictures"
     return JudgementError(f"the flight failed its criteria: {said}", hint=hint)
 
@@ -208,27 +268,31 @@ def _show(screen: Screen, flown: Flown) -> None:
     if flown.nearest:
         screen.say(f"least separation, from telemetry: {', '.join(map(str, flown.nearest))}")
     where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
-    screen.say(f"flight {'FAILED' if verdict.outcome is FlightOutcome.FAILED else verdict.outcome}.{where}")
+    screen.say(f"{_ended_words(verdict)}.{where}")
 
 
-async def typed_line() -> str:
-    """The next line of standard input without its line end; empty without an input. It may be cancelled at any time."""
+async def typed_line() -> str | None:
+    """The next line of standard input without its line end; None at its end. It may be cancelled at any time."""
     if sys.stdin is None or sys.stdin.closed:
-        return ""
+        return None
     loop = asyncio.get_running_loop()
     arrived = asyncio.Event()
     try:
         loop.add_reader(sys.stdin, arrived.set)
     except PermissionError:  # a file: its next line is there at once
-        return sys.stdin.readline().strip()
+        return _stripped(sys.stdin.readline())
     try:
         await arrived.wait()
     finally:
         loop.remove_reader(sys.stdin)
     try:
-        return sys.stdin.readline().strip()
+        return _stripped(sys.stdin.readline())
     except (OSError, ValueError):  # the terminal was closed
-        return ""
+        return None
+
+
+def _stripped(line: str) -> str | None:
+    return line.strip() if line else None
 
 
 def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
@@ -285,6 +349,11 @@ def _by_name(checks: tuple[PreflightCheck, ...]) -> dict[str, list[PreflightChec
     for check in complete(checks):
         rows.setdefault(check.name, []).append(check)
     return rows
+
+
+def checks_title(checks: tuple[PreflightCheck, ...]) -> str:
+    """Return GO or NO-GO, with what was waived."""
+    return _title(_by_name(checks))
 
 
 def _title(rows: dict[str, list[PreflightCheck]]) -> str:

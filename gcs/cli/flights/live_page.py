@@ -1,13 +1,22 @@
-"""The page of a flight under way: pictures several times a second, and every event. The flight never waits for it."""
+"""The page of a flight: its checks and the word that arms, pictures and events under way, and in the end its report.
+
+The flight never waits for it. After the flight it stays as long as a browser shows it, if somebody is at the terminal.
+"""
 
 import asyncio
+import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import NamedTuple
 
 from gcs.errors import GcsError
+from gcs.flight.assessment.criterion import FlightOutcome
+from gcs.flight.assessment.judge import Verdict
+from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight
+from gcs.flight.recording.flight_folder import limit_text
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.flight.scene.plan_scene import scene_of_plan
 from gcs.flight.scene.recording_scene import happening
@@ -19,7 +28,8 @@ from gcs.plan.trajectory.plan import Plan
 
 _STEP_S = 0.1  # between pictures at least
 _CONFIRM_S = 60.0  # an order that was said before that is said again
-_WHO = "the page"
+_LEFT_S = 10.0  # without a browser, after which a page of a flight that is over ends; one that loads again is back
+_LOOK_S = 0.2
 _SHARE = 0.05  # of the time at most goes into pictures: of a large fleet there are fewer
 
 
@@ -39,6 +49,61 @@ class LivePage:
         self._feed = feed
         self._say = say
         self._said: _Said | None = None  # not given yet
+        self._word = ""  # that arms, while it is waited for
+        self._typed_at = ""  # where it was typed
+
+    def checks(self, checks: tuple[PreflightCheck, ...], title: str) -> None:
+        """Show the pre-flight table, and whether it is a go."""
+        self._feed.put("checks", {"title": title, "rows": checks_data(checks)})
+
+    async def typed(self, word: str, question: str) -> str:
+        """Wait until the word was typed on the page; return where. Empty once the page has ended."""
+        self._word, self._typed_at = word, ""
+        self._feed.put("question", question)
+        try:
+            while not self._typed_at and not self._feed.has_ended:
+                await asyncio.sleep(_STEP_S)
+            return self._typed_at
+        finally:
+            self._word = ""
+            self._feed.put("question", None)
+
+    def report(self, outcome: str, text: str, verdict: Verdict | None, folder: Path | None) -> None:
+        """Show how the flight ended, by criterion, and offer the files of its folder."""
+        files = [] if folder is None else sorted(one for one in folder.iterdir() if one.is_file())
+        criteria = () if verdict is None else verdict.criteria
+        rows = [
+            {
+                "name": c.name,
+                "definition": c.name.definition,
+                "measured": f"{c.value:.3f} {c.unit}",
+                "vehicles": c.vehicles,
+                "t_s": c.t_s,
+                "limit": limit_text(c),
+                "verdict": c.verdict,
+                "is_bad": c.outcome is not FlightOutcome.OK,
+            }
+            for c in criteria
+        ]
+        self._feed.offer(files)
+        names = [one.name for one in files]
+        self._feed.put("report", {"outcome": outcome, "text": text, "criteria": rows, "files": names})
+
+    def stays(self, *, keep: bool) -> bool:
+        """Whether the page of a flight that is over has a reader, and somebody at the terminal; or is kept anyway."""
+        at_terminal = sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
+        return not self._feed.has_ended and (keep or (at_terminal and self._feed.readers > 0))
+
+    def stay(self, *, keep: bool) -> None:
+        """Return at Ctrl-C, when the page has ended, and unless it is kept when its last browser is closed."""
+        seen_s = time.monotonic()
+        with suppress(KeyboardInterrupt):
+            while not self._feed.has_ended and (keep or time.monotonic() - seen_s < _LEFT_S):
+                for asked in self._feed.asks():
+                    self._feed.answer(asked.number, "not given: the flight is over", may=False)
+                if self._feed.readers:
+                    seen_s = time.monotonic()
+                time.sleep(_LOOK_S)
 
     def event(self, event: Event) -> None:
         """Add an event to the page's log."""
@@ -46,6 +111,9 @@ class LivePage:
 
     def _answer(self, flight: InFlight, asked: PageAsk) -> tuple[str, bool]:
         """Say an order in numbers, or give the one that was said last, within a minute; with whether it may be."""
+        where = f"the page at {asked.client}" if asked.client else "the page"
+        if asked.word:
+            return self._take_word(asked.word, where)
         try:
             if asked.confirms is None:
                 order = AskedOrder(asked.order)
@@ -58,13 +126,21 @@ class LivePage:
             now = flight.forecast(said.order, said.vehicles)
             if set(now.vehicles) != set(said.vehicles):
                 return f"not given: by now {now.words}. Ask again", False
-            flight.ask(said.order, said.vehicles, by=_WHO)
+            flight.ask(said.order, said.vehicles, by=where)
         except GcsError as refusal:
             return f"{refusal.message} {refusal.hint}".strip(), False
         except Exception as failure:
             self._say(f"WARNING: an order of the page failed: {type(failure).__name__}: {failure}")
             return f"not given: {type(failure).__name__}", False
         return "ordered", True
+
+    def _take_word(self, word: str, where: str) -> tuple[str, bool]:
+        if not self._word:
+            return "not armed: nothing is to be confirmed. Every check has to pass first, and a word counts once", False
+        if word.strip() != self._word:
+            return f"not armed: the word is '{self._word}'", False
+        self._word, self._typed_at = "", where
+        return "confirmed", True
 
     async def run(self, flight: InFlight) -> None:
         """Send pictures, and take orders, until cancelled, or until the page ends."""

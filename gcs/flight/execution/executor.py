@@ -125,9 +125,10 @@ class ContingencyExecutor:
                     checked_s = now_s
                     self._report_clocks(now_s)
                     self._check(now_s, self._plan_time_s(now_s))
-                    if starting and self.policy.troubles:
+                    why = [self.describe(one) for one in self.policy.troubles] or [self.operator.aborted]
+                    if starting and why[0]:
                         raise FlightError(
-                            f"the start was aborted: {self.describe(self.policy.troubles[0])}.",
+                            f"the start was aborted: {why[0]}.",
                             hint="see events.jsonl in the flight's folder for incidents and orders",
                         )
         finally:

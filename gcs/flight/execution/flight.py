@@ -199,7 +199,7 @@ class FlightSequence:
 
     def _asked(self) -> ContingencyExecutor:
         if self._contingency is None:
-            raise FlightError("before T0 no order is taken.", hint="Ctrl-C ends the flight")
+            raise FlightError("before the take-off no order is taken.", hint="Ctrl-C ends the flight")
         return self._contingency
 
     async def each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
@@ -247,12 +247,12 @@ class FlightSequence:
         async with alongside(self.contingency.run()):
             await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
             await self.each(partial(climb_to_hover, landing=self.landing))
+            await self.contingency.operator.until_start()
             if charge is not None:
                 await check_hover(self._fleet, self.contingency.charge, charge, self._report)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
-            fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
-            t0_unix_s = await fly()
+            t0_unix_s = await (self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions)()
         self.enter_done()
         landing_unix_s = t0_unix_s + self.plan.landing_s
         self.raise_troubles()

@@ -1,5 +1,6 @@
 """What the operator may order in flight, from wherever: said in numbers beforehand, then decided by the policy."""
 
+import asyncio
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -36,7 +37,10 @@ class FlownForecast(OrderForecast):
 
 
 class OperatorOrders:
-    """The operator's orders in one flight. `ended` says which of them took vehicles off the plan."""
+    """The operator's orders in one flight, from the take-off on.
+
+    `ended` says which of them took vehicles off the plan, `aborted` which of them ended the start.
+    """
 
     def __init__(
         self,
@@ -51,6 +55,15 @@ class OperatorOrders:
         self._charge, self._watches, self._returns = charge, watches, returns
         self._held_from_s = math.nan  # fleet time since which a vehicle waits
         self.ended: list[str] = []
+        self.aborted = ""
+        self._may_start = asyncio.Event()
+        self._may_start.set()
+        self._starts = False
+
+    async def until_start(self) -> None:
+        """Wait, with all vehicles in the hover, while the operator holds the start. From then on it is not held."""
+        await self._may_start.wait()
+        self._starts = True
 
     def forecast(self, order: AskedOrder, sysids: Collection[int], now_s: float) -> FlownForecast:
         """Return what an order would do. Raises FlightError, with the reason, where no vehicle would obey."""
@@ -62,7 +75,7 @@ class OperatorOrders:
                 hint=f"it has {vehicles_named(sorted(known))}",
             )
         if self._fleet.monitor.t0_unix_s is None:
-            raise FlightError("before T0 no order is taken.", hint="Ctrl-C lands all vehicles on their pads")
+            return self._forecast_of_start(order, asked)
         asked = tuple(i for i in asked if self._fleet.vehicles[i].session.armed) or asked
         way = self._way(asked, now_s) if order is AskedOrder.CONTINUE else ""
         obey = self._policy.asked(order, asked, usable=not isinstance(way, str))
@@ -91,6 +104,9 @@ class OperatorOrders:
             on_event(Event(now_s, t_s, ALL_VEHICLES, what, f"refused: {refusal.message}", data))
             raise
         on_event(Event(now_s, t_s, ALL_VEHICLES, what, found.words, data))
+        if self._fleet.monitor.t0_unix_s is None:
+            self._order_start(order, by[:_WHO])
+            return found.vehicles
         before = {i for i, state in self._policy.states.items() if state in IN_FORMATION | {State.WAITING}}
         if State.WAITING not in self._policy.states.values():
             self._held_from_s = now_s
@@ -103,6 +119,37 @@ class OperatorOrders:
         if order in (AskedOrder.LAND, AskedOrder.RETURN) and (left := sorted(before & set(found.vehicles))):
             self.ended.append(f"{vehicles_named(left)}: {order.value} ordered by {by[:_WHO]} at t = {t_s:.1f} s")
         return found.vehicles
+
+    def _forecast_of_start(self, order: AskedOrder, asked: tuple[int, ...]) -> FlownForecast:
+        """Before T0 all vehicles start together, hover on, or land: an order to some would leave no formation."""
+        known, who = tuple(self._policy.states), vehicles_named(self._policy.states)
+        if State.STARTING not in self._policy.states.values():
+            raise FlightError("before the take-off no order is taken.", hint="Ctrl-C ends the flight")
+        if asked != known:
+            raise FlightError("before T0 an order is for all vehicles.", hint="name none of them, or land all")
+        if order in (AskedOrder.LAND, AskedOrder.RETURN):
+            return FlownForecast(known, f"the start is aborted: {self._words(AskedOrder.LAND, known)}")
+        held = not self._may_start.is_set()
+        if order is AskedOrder.CONTINUE:
+            if not held:
+                raise FlightError("no vehicle would continue: the start is not held.", hint=_HINTS[order])
+            return FlownForecast(known, f"the start goes on: T0 follows once {who} hover")
+        if self._fleet.options.mode is not FlightMode.STREAM:
+            raise FlightError(
+                "no vehicle would hold: missions on board start at a fixed time.", hint="order land to abort the start"
+            )
+        if held or self._starts:
+            why = "the start is held already" if held else "T0 is being fixed"
+            raise FlightError(f"no vehicle would hold: {why}.", hint="order it again after T0, or land")
+        return FlownForecast(known, f"the start waits: {self._words(order, known)}")
+
+    def _order_start(self, order: AskedOrder, by: str) -> None:
+        if order is AskedOrder.HOLD:
+            self._may_start.clear()
+        elif order is AskedOrder.CONTINUE:
+            self._may_start.set()
+        else:
+            self.aborted = f"{order.value} ordered by {by}"
 
     def _way(self, sysids: tuple[int, ...], now_s: float) -> Rejoin | str:
         states = self._policy.states

@@ -265,8 +265,9 @@ class Watcher:
     def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
         """Take the results of the pre-flight checks."""
 
-    async def confirm(self) -> None:
-        """Ask for permission to arm; the pre-flight checks have passed. Raises `UsageError` if it is denied."""
+    async def confirm(self) -> str:
+        """Return who permits to arm, for the record; the checks have passed. Raises `UsageError` if it is denied."""
+        return "the program"
 
     async def follow(self, flight: InFlight) -> None:
         """Run beside the flight until cancelled; `flight.snapshot()` returns how it stands."""

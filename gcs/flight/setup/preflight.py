@@ -22,7 +22,7 @@ from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import NOT_REPORTED, CheckName, PreflightCheck, refuse_no_go, waive
-from gcs.flight.monitoring.progress import Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Event
 from gcs.flight.setup.timing_check import timing_check
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -355,6 +355,13 @@ def waived_events(checks: Iterable[PreflightCheck], sessions: dict[int, VehicleS
         for c in checks
         if c.waived
     ]
+
+
+def confirmed_event(by: str, sessions: Mapping[int, VehicleSession]) -> Event:
+    """Return the event of the permission to arm, with who gave it."""
+    now_s = host_s(asyncio.get_running_loop())
+    known = [unix_s for s in sessions.values() if (unix_s := s.clock.now_unix_s(now_s)) is not None]
+    return Event(max(known, default=math.nan), math.nan, ALL_VEHICLES, f"may be armed, confirmed by {by or 'nobody'}")
 
 
 _KINDS = {

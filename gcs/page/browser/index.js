@@ -1,5 +1,6 @@
 // The page: scene in space, curves, table and log at one time, which is played, dragged, or now.
 
+import { Board } from "./board.js";
 import { Curves } from "./curves.js";
 import { EventLog } from "./event_log.js";
 import { Orders } from "./orders.js";
@@ -30,7 +31,7 @@ const PAGE = `
   <p class="notes"></p>
   <main>
     <section class="space" aria-label="scene in space"></section>
-    <aside><div class="command" hidden></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
+    <aside><div class="board"></div><div class="command" hidden></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
   </main>
   <footer>
     <div class="player">
@@ -69,7 +70,8 @@ class Page {
   async load() {
     const answer = await fetch("/scene");
     if (!answer.ok) throw new Error(`the scene was refused: ${answer.status}`);
-    this.scene = new SceneData(await answer.json());
+    const whole = await answer.json();
+    this.scene = new SceneData(whole);
     const { scene } = this;
     this.element.innerHTML = PAGE;
     this.find("h1").textContent = scene.name;
@@ -85,6 +87,8 @@ class Page {
       this.orders = new Orders(this.find(".command"), () => this.table.ticked());
       this.table.onTick = () => this.orders.name();
     }
+    this.board = new Board(this.find(".board"));
+    this.showBoard(whole.board);
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
     this.listen();
     this.setDark(window.matchMedia("(prefers-color-scheme: dark)").matches);
@@ -188,12 +192,19 @@ class Page {
   }
 
   // What the server sends of a flight under way.
-  receive({ picture, events }) {
+  receive({ picture, events, board }) {
     if (!this.scene) return;
+    this.showBoard(board);
     this.scene.events.push(...events);
     if (picture) this.scene.add(picture);
     this.hasNews = this.isBehind = true;
     if (document.hidden) this.onDrawn(this.scene.events.length); // a hidden page draws no frame
+  }
+
+  // A flight that is over takes no orders.
+  showBoard(changes) {
+    this.board.show(changes);
+    if (this.board.isOver) this.find(".command").hidden = true;
   }
 
   // Draw if anything has changed: a browser that draws in software takes its time from a flight on the same machine.

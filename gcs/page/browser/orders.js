@@ -32,7 +32,7 @@ export class Orders {
   }
 
   async ask(order) {
-    const { may, text, number } = await this.post({ order, vehicles: this.ticked() });
+    const { may, text, number } = await post({ order, vehicles: this.ticked() });
     this.result.textContent = may ? "" : text;
     if (!may) return;
     this.said = number;
@@ -42,17 +42,19 @@ export class Orders {
 
   async give() {
     this.dialog.close();
-    const { text } = await this.post({ confirms: this.said });
+    const { text } = await post({ confirms: this.said });
     this.result.textContent = text;
   }
 
-  async post(asked) {
-    try {
-      const answer = await fetch("/orders", { method: "POST", body: JSON.stringify(asked) });
-      if (answer.ok) return await answer.json();
-      return { may: false, text: `refused: ${(await answer.text()) || answer.status}` };
-    } catch {
-      return { may: false, text: "the page has no connection" };
-    }
+}
+
+// Ask the flight something, and return its answer.
+export async function post(asked) {
+  try {
+    const answer = await fetch("/orders", { method: "POST", body: JSON.stringify(asked) });
+    if (answer.ok) return await answer.json();
+    return { may: false, text: `refused: ${(await answer.text()) || answer.status}` };
+  } catch {
+    return { may: false, text: "the page has no connection" };
   }
 }

@@ -14,6 +14,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import suppress
 from http.client import HTTPConnection
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -59,8 +60,27 @@ def test_a_page_that_opens_late_gets_the_past_and_all_events() -> None:
     whole = json.loads(state.whole())
     assert whole["scene"] == {"name": "a plan"} and whole["events"] == [{"text": "is armed"}]
     assert [one["t_s"] for one in whole["pictures"]] == [0.0, 1.0, 2.5, 2.6]
-    assert json.loads(state.since(0)) == {"picture": {"t_s": 2.6}, "events": [{"text": "is armed"}]}
+    assert json.loads(state.since(0)) == {"picture": {"t_s": 2.6}, "events": [{"text": "is armed"}], "board": {}}
     assert json.loads(state.since(1))["events"] == []
+
+
+def test_what_stands_beside_the_scene_is_sent_whole_at_first_and_then_when_it_changes() -> None:
+    state, view = PageState(SCENE), View()
+    readers = PageReaders(state, lambda *_: None)
+
+    def boards() -> list[object]:
+        readers.drawn(view, 0)  # type: ignore[arg-type]
+        readers.send()
+        found, view.got = [json.loads(one)["board"] for one in view.got], []
+        return found
+
+    state.take(PageFrame.BOARD, b'{"checks":[1],"question":"arm?"}')
+    assert json.loads(state.whole())["board"] == {"checks": [1], "question": "arm?"}
+    assert boards() == [{"checks": [1], "question": "arm?"}]
+    state.take(PageFrame.PICTURE, picture(1.0))
+    assert boards() == [{}]
+    state.take(PageFrame.BOARD, b'{"question":null}')
+    assert boards() == [{"question": None}]
 
 
 def test_a_state_needs_token_and_scene() -> None:
@@ -85,7 +105,7 @@ class View:
 
 def test_a_reader_gets_the_newest_picture_when_it_has_drawn_the_last_and_no_other() -> None:
     state, slow, quick = PageState(SCENE), View(), View()
-    readers = PageReaders(state)
+    readers = PageReaders(state, lambda *_: None)
     for view in (slow, quick):
         readers.drawn(view, 0)  # type: ignore[arg-type]
     readers.send()
@@ -187,6 +207,30 @@ def test_an_order_of_the_page_reaches_the_flight_and_its_answer_the_page(feed: P
         with pytest.raises(urllib.error.HTTPError, match=str(status)):
             post(body)
     assert feed.asks() == []
+
+
+def test_the_page_offers_the_files_that_it_was_given_and_no_others(feed: PageFeed, tmp_path: Path) -> None:
+    (tmp_path / "report.md").write_text("all went well")
+    (tmp_path / "other.md").write_text("nobody's")
+    feed.offer([tmp_path / "report.md"])
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    opener.open(feed.url).read()
+    root, end_s = f"http://{urlsplit(feed.url).netloc}/files/", time.monotonic() + 20.0
+    while True:
+        try:
+            answer = opener.open(f"{root}report.md")
+            break
+        except urllib.error.HTTPError:
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+    assert answer.read() == b"all went well" and "attachment" in answer.headers["Content-Disposition"]
+    for other in ("other.md", "..%2Freport.md", "%2Fetc%2Fhostname", "../files/other.md", ""):
+        try:
+            assert b"formation_view" in opener.open(root + other).read(), "NiceGUI answers with the page"
+        except urllib.error.HTTPError as refused:
+            assert refused.code == 404
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(f"{root}report.md")
 
 
 def test_a_frozen_page_delays_nobody_and_gets_the_newest_picture_and_every_event_later(feed: PageFeed) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -130,23 +131,26 @@ def test_a_replay_is_played_dragged_and_sought_by_its_events(plan: Plan, shown: 
         assert shown.value("skein.t") == pytest.approx(40.0, abs=2.0)
 
 
+def picture(plan: Plan, t_s: float, aside_m: float) -> bytes:
+    """All vehicles where the plan has them at 50 s, and so far aside."""
+    places = plan.states(np.array([50.0]))[:, 0, POSITION] + (0.0, 3.0, 0.0)
+    vehicles = tuple(
+        VehiclePicture(
+            sysid,
+            (float(north), float(east) + aside_m, float(down)),
+            *(0.5, 7.0, "GUIDED", True, 63.0, 0.1, 0.02, 3.0, 20.0, plan.sysids[row - 1], 5.0),
+        )
+        for row, (sysid, (north, east, down)) in enumerate(zip(plan.sysids, places, strict=True))
+    )
+    return picture_json(FlightPicture(t_s, "flying: mission", vehicles, 5.0, (1, 2), 0.4))
+
+
 def test_a_silent_flight_under_way_shows_its_newest_picture_and_its_events(plan: Plan, shown: Browser) -> None:
     places = plan.states(np.array([50.0]))[:, 0, POSITION] + (0.0, 3.0, 0.0)
 
-    def picture(t_s: float, aside_m: float) -> bytes:
-        vehicles = tuple(
-            VehiclePicture(
-                sysid,
-                (float(north), float(east) + aside_m, float(down)),
-                *(0.5, 7.0, "GUIDED", True, 63.0, 0.1, 0.02, 3.0, 20.0, plan.sysids[row - 1], 5.0),
-            )
-            for row, (sysid, (north, east, down)) in enumerate(zip(plan.sysids, places, strict=True))
-        )
-        return picture_json(FlightPicture(t_s, "flying: mission", vehicles, 5.0, (1, 2), 0.4))
-
-    with page_of(scene_of_plan(plan, SceneKind.FLIGHT), shown, picture(49.0, -1.0)) as feed:
+    with page_of(scene_of_plan(plan, SceneKind.FLIGHT), shown, picture(plan, 49.0, -1.0)) as feed:
         feed.tell(event_json(Happening(49.5, 3, "is told to hold", is_bad=True)))
-        feed.show(picture(50.0, 0.0))
+        feed.show(picture(plan, 50.0, 0.0))
         shown.until("skein.t === 50 && skein.log.lines.length === 1")
         assert off_m(shown, places, plan.sysids) < 0.1
         assert shown.until("skein.table.rows.get(3).row.innerText.includes('GUIDED')")
@@ -155,11 +159,53 @@ def test_a_silent_flight_under_way_shows_its_newest_picture_and_its_events(plan:
         assert "least separation: 5.00 m (vehicles 1, 2)" in words and "formation error: 0.40 m" in words
         at(shown, 49.0)
         assert off_m(shown, places - (0.0, 1.0, 0.0), plan.sysids) < 0.1, "the past can be looked at"
-        feed.show(picture(51.0, 1.0))
+        feed.show(picture(plan, 51.0, 1.0))
         shown.until("skein.scene.newest.t_s === 51")
         assert shown.value("skein.t") == 49.0, "and stays until you ask for now"
         shown.value("document.querySelector('.live').click()")
         shown.until("skein.t === 51")
+
+
+def test_checks_the_word_that_arms_and_the_report_stand_beside_the_scene(
+    plan: Plan, shown: Browser, tmp_path: Path
+) -> None:
+    rows = [
+        {"sysid": sysid, "name": name, "measured": "12 %", "required": "30 %", "ok": ok, "warning": "", "waived": False}
+        for sysid in plan.sysids
+        for name, ok in (("home", True), ("battery", sysid != 2))
+    ]
+    (tmp_path / "map.png").write_bytes(b"no picture")
+    shown_board = "document.querySelector('.board')"
+    with page_of(scene_of_plan(plan, SceneKind.FLIGHT), shown, picture(plan, 50.0, 0.0)) as feed:
+        feed.put("checks", {"title": "NO-GO", "rows": rows})
+        assert "NO-GO" in shown.until(f"{shown_board}.querySelector('summary').innerText")
+        assert shown.value(f"{shown_board}.querySelectorAll('td.bad').length") == 1
+        assert shown.value(f"{shown_board}.querySelector('.question').hidden"), "nothing is to be confirmed"
+        feed.put("checks", {"title": "GO", "rows": [{**one, "ok": True} for one in rows]})
+        feed.put("question", "Type 'arm' to continue:")
+        shown.until(f"!{shown_board}.querySelector('.question').hidden")
+        shown.value(f"{shown_board}.querySelector('input').focus()")
+        for key in "arm":
+            shown.press(key)
+        assert shown.value("skein.t") == 50.0, "letters typed there are no keys of the page"
+        shown.press("Enter")
+        end_s = time.monotonic() + 20.0
+        while not (asks := feed.asks()):
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+        assert [(one.word, one.client) for one in asks] == [("arm", "127.0.0.1")]
+        feed.answer(asks[0].number, "confirmed", may=True)
+        feed.put("question", None)
+        shown.until(f"{shown_board}.querySelector('.question').hidden && !{shown_board}.querySelector('.checks').open")
+        assert feed.readers == 1
+        feed.offer([tmp_path / "map.png"])
+        criterion = {"name": "separation", "definition": "of centres", "measured": "0.8 m", "vehicles": "vehicles 1, 2"}
+        criterion |= {"t_s": 12.0, "limit": "at least 1.3 m", "verdict": "FAILED", "is_bad": True}
+        feed.put("report", {"outcome": "flight FAILED", "text": "", "criteria": [criterion], "files": ["map.png"]})
+        shown.until("document.querySelector('.command').hidden")
+        words = shown.value(f"{shown_board}.querySelector('.report').innerText")
+        assert "flight FAILED" in words and "0.8 m (vehicles 1, 2)" in words and "! FAILED" in words
+        assert shown.value(f"{shown_board}.querySelector('.report a').href").endswith("/files/map.png")
 
 
 def test_a_thousand_vehicles_leave_the_page_in_its_window(shown: Browser) -> None:

@@ -26,9 +26,10 @@ def test_the_page_knows_the_orders_of_the_flight() -> None:
         ({"order": "hold"}, PageAsk(0, "hold")),
         ({"order": "return", "vehicles": [3, 1]}, PageAsk(0, "return", (3, 1))),
         ({"number": 7, "confirms": 6}, PageAsk(7, confirms=6)),
+        ({"word": "arm", "client": "10.0.0.7"}, PageAsk(0, word="arm", client="10.0.0.7")),
     ],
 )
-def test_the_two_forms_of_a_message(message: dict[str, Any], expected: PageAsk) -> None:
+def test_the_three_forms_of_a_message(message: dict[str, Any], expected: PageAsk) -> None:
     found = PageAsk.of(json.dumps(message).encode())
     assert found == expected and PageAsk.of(found.data()) == expected
 
@@ -53,6 +54,13 @@ def test_the_two_forms_of_a_message(message: dict[str, Any], expected: PageAsk) 
         b'{"order":"land","number":"1"}',
         b'{"confirms":1,"vehicles":[1]}',
         b'{"confirms":true}',
+        b'{"word":"arm","order":"hold"}',
+        b'{"word":"arm","confirms":1}',
+        b'{"word":"arm","vehicles":[1]}',
+        b'{"word":["arm"]}',
+        b'{"word":""}',
+        b'{"word":"' + b"a" * 65 + b'"}',
+        b'{"order":"hold","client":7}',
         b'{"confirms":99999999999999}',
         b'{"order":"hold","vehicles":[' + b",".join([b"1"] * 300) + b"]}",
         b'{"order":"hold"}' + b" " * MESSAGE_BYTES,
@@ -90,6 +98,19 @@ def test_an_answer_goes_to_its_own_question_and_a_silent_flight_is_told(monkeypa
     first, second, third = asyncio.run(both())
     assert (first["text"], second["text"]) == ("hold", "land")
     assert third["may"] is False and "does not answer" in third["text"]
+
+
+def test_the_flight_is_told_the_address_of_the_browser_whatever_its_message_says() -> None:
+    sent: list[PageAsk] = []
+
+    async def one() -> None:
+        orders = PageOrders(lambda data: sent.append(PageAsk.of(data)))
+        asked = asyncio.ensure_future(orders.ask(b'{"word":"arm","client":"127.0.0.1"}', "192.0.2.9"))
+        await asyncio.sleep(0.0)
+        asked.cancel()
+
+    asyncio.run(one())
+    assert [(found.word, found.client) for found in sent] == [("arm", "192.0.2.9")]
 
 
 def test_more_orders_than_the_flight_answers_are_refused() -> None:

@@ -7,11 +7,19 @@ import json
 import math
 from collections.abc import Collection
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.flights.live_page import LivePage
-from gcs.errors import FlightError
+from gcs.cli.shared.console import Screen
+from gcs.cli.shared.plan_argument import Stopwatch
+from gcs.errors import FlightError, UsageError
+from gcs.flight.assessment.criterion import Criterion, CriterionName
+from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import (
     AskedOrder,
     Event,
@@ -66,6 +74,14 @@ class Feed:
         self.events: list[bytes] = []
         self.asked: list[PageAsk] = []
         self.answers: list[tuple[int, str, bool]] = []
+        self.board: dict[str, Any] = {}
+        self.readers = 0
+
+    def put(self, name: str, value: Any) -> None:
+        self.board[name] = value
+
+    def offer(self, files: Collection[Path]) -> None:
+        self.board["offered"] = [one.name for one in files]
 
     def asks(self) -> list[PageAsk]:
         asked, self.asked = self.asked, []
@@ -200,6 +216,126 @@ def test_an_order_goes_to_the_vehicles_that_were_said_or_to_none() -> None:
     assert page._answer(flight, PageAsk(3, "return")) == ("1 return", True)  # type: ignore[arg-type]
     assert page._answer(flight, PageAsk(4, confirms=3)) == ("ordered", True)  # type: ignore[arg-type]
     assert flight.asked == [("return", (1,), "the page")]
+
+
+def test_who_gave_an_order_is_named_by_the_address_of_the_browser() -> None:
+    feed, flight = Feed(), ControlledFlight()
+    feed.asked = [PageAsk(1, "land", (1,), client="192.0.2.9"), PageAsk(2, confirms=1, client="192.0.2.9")]
+    followed(feed, flight, 0.5)
+    assert flight.asked == [("land", (1,), "the page at 192.0.2.9")]
+
+
+def test_the_word_counts_once_it_is_asked_for_and_not_before() -> None:
+    feed, typed = Feed(), []
+    page = LivePage(feed, print)  # type: ignore[arg-type]
+
+    def answer(word: str) -> tuple[str, bool]:
+        return page._answer(Flight(), PageAsk(1, word=word, client="192.0.2.9"))
+
+    async def ask() -> None:
+        assert answer("arm")[1] is False, "before every check has passed nothing is asked"
+        asking = asyncio.ensure_future(page.typed("arm", "Type 'arm'"))
+        await asyncio.sleep(0.3)
+        assert feed.board == {"question": "Type 'arm'"} and not asking.done()
+        assert answer("Arm") == ("not armed: the word is 'arm'", False)
+        assert answer("arm") == ("confirmed", True)
+        assert answer("arm")[1] is False, "it counts once"
+        typed.append(await asking)
+        feed.has_ended = True
+        typed.append(await page.typed("arm", ""))
+
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(ask())
+    assert typed == ["the page at 192.0.2.9", ""] and feed.board == {"question": None}
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "by"),
+    [
+        ("arm", None, "the terminal"),
+        (None, "the page at ::1", "the page at ::1"),
+        ("arm", "", "the terminal"),
+        ("no", None, None),
+        (None, "", None),
+    ],
+    ids=["terminal", "page", "page ended", "another word", "neither"],
+)
+def test_the_word_is_typed_in_the_terminal_or_on_the_page_and_the_first_counts(
+    monkeypatch: pytest.MonkeyPatch, here: str | None, there: str | None, by: str | None
+) -> None:
+    """`there` is None where nobody types on the page, and empty where the page ends."""
+    page = LivePage(Feed(), print)  # type: ignore[arg-type]
+
+    async def typed(word: str, question: str) -> str:
+        return there if there is not None else await asyncio.Future()
+
+    async def line() -> str | None:
+        return here
+
+    monkeypatch.setattr(page, "typed", typed)
+    monkeypatch.setattr("gcs.cli.flights.fly_view.typed_line", line)
+    view = FlightView(Screen(), Stopwatch(0.0), "Type 'arm'", page)
+    if by is None:
+        with pytest.raises(UsageError, match="not armed"):
+            asyncio.run(view.confirm())
+    else:
+        assert asyncio.run(view.confirm()) == by
+
+
+def test_a_report_has_every_criterion_and_offers_the_files_of_the_flight(tmp_path: Path) -> None:
+    low = Criterion(CriterionName.SEPARATION, "m", 0.8, 1.3, at_least=True, sysid=1, t_s=12.0, other=2)
+    verdict = Verdict((low,), {1: 0.1}, {1: 0.2}, 0.1)
+    (tmp_path / "map.png").write_bytes(b"png")
+    (tmp_path / "export").mkdir()
+    feed = Feed()
+    LivePage(feed, print).report("flight FAILED", "too near", verdict, tmp_path)  # type: ignore[arg-type]
+    report = feed.board["report"]
+    assert (report["outcome"], report["files"], feed.board["offered"]) == ("flight FAILED", ["map.png"], ["map.png"])
+    (row,) = report["criteria"]
+    assert (row["measured"], row["vehicles"], row["verdict"], row["is_bad"]) == (
+        "0.800 m",
+        "vehicles 1, 2",
+        "FAILED",
+        True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("at_terminal", "readers", "keep", "stays"),
+    [(True, 1, False, True), (True, 0, False, False), (False, 1, False, False), (False, 0, True, True)],
+)
+def test_after_the_flight_the_page_stays_for_a_reader_and_somebody_at_the_terminal_or_when_kept(
+    monkeypatch: pytest.MonkeyPatch, at_terminal: bool, readers: int, keep: bool, stays: bool
+) -> None:
+    feed = Feed()
+    feed.readers = readers
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(closed=False, isatty=lambda: at_terminal))
+    page = LivePage(feed, print)  # type: ignore[arg-type]
+    assert page.stays(keep=keep) is stays
+    feed.has_ended = True
+    assert not page.stays(keep=keep)
+
+
+def test_a_page_that_stays_ends_after_its_last_browser_and_takes_no_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed, slept = Feed(), []
+    feed.asked = [PageAsk(7, "land")]
+    feed.readers = 1
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        if len(slept) == 3:
+            feed.readers = 0
+
+    now_s = iter(range(1000))
+    monkeypatch.setattr("gcs.cli.flights.live_page.time", SimpleNamespace(sleep=sleep, monotonic=lambda: next(now_s)))
+    LivePage(feed, print).stay(keep=False)  # type: ignore[arg-type]
+    assert feed.answers == [(7, "not given: the flight is over", False)] and 3 < len(slept) < 20
+
+    def stop(seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gcs.cli.flights.live_page.time", SimpleNamespace(sleep=stop, monotonic=lambda: next(now_s)))
+    LivePage(feed, print).stay(keep=True)  # type: ignore[arg-type]
 
 
 def test_an_order_that_was_said_too_long_ago_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:

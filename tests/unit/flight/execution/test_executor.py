@@ -271,6 +271,57 @@ def test_what_would_be_ordered_is_said_in_numbers(hop: Plan, hop_returns: Return
     assert fleet.events == [], "a forecast orders nothing"
 
 
+def test_before_t0_the_start_is_held_goes_on_or_is_aborted_for_all(hop: Plan, hop_returns: ReturnPlan) -> None:
+    said: dict[str, str] = {}
+
+    async def story(fleet: PointFleet) -> None:
+        operator = fleet.executor.operator
+        for sysids, order, why in (
+            ((2,), AskedOrder.LAND, "before T0 an order is for all vehicles"),
+            ((), AskedOrder.CONTINUE, "the start is not held"),
+        ):
+            with pytest.raises(FlightError, match=why):
+                fleet.executor.ask(order, sysids, "a test")
+        assert fleet.executor.ask(AskedOrder.HOLD, (1, 2, 3), "a test") == (1, 2, 3)
+        starting = asyncio.ensure_future(operator.until_start())
+        await asyncio.sleep(60.0)
+        assert not starting.done() and set(fleet.executor.policy.states.values()) == {State.STARTING}
+        with pytest.raises(FlightError, match="held already"):
+            fleet.executor.forecast(AskedOrder.HOLD, ())
+        for order in (AskedOrder.CONTINUE, AskedOrder.LAND, AskedOrder.RETURN):
+            said[order] = fleet.executor.forecast(order, ()).words
+        fleet.executor.ask(AskedOrder.CONTINUE, (), "a test")
+        await asyncio.wait_for(starting, 1.0)
+        with pytest.raises(FlightError, match="T0 is being fixed"):
+            fleet.executor.ask(AskedOrder.HOLD, (), "a test")
+        fleet.executor.ask(AskedOrder.RETURN, (), "the page at 192.0.2.9")
+        await asyncio.sleep(0.5)
+
+    fleet = flown(hop, hop_returns, story, starting=True, t_s=-3.0)
+    assert said["continue"] == "the start goes on: T0 follows once vehicles 1, 2, 3 hover"
+    assert said["land"].startswith("the start is aborted: vehicles 1, 2, 3 land in place, ")
+    assert said["return"] == said["land"], "their pads are below them"
+    assert isinstance(fleet.error, FlightError)
+    assert fleet.error.message == "the start was aborted: return ordered by the page at 192.0.2.9."
+    assert [event.rule.split(":")[0] for event in fleet.events] == [
+        *["refused"] * 2,
+        "the start waits",
+        "the start goes on",
+        "refused",
+        "the start is aborted",
+    ]
+    assert [point.modes_ordered for point in fleet.points.values()] == [[], [], []], "the flight lands them, not this"
+
+
+def test_missions_on_board_start_at_a_fixed_time_or_not_at_all(hop: Plan, hop_returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet) -> None:
+        with pytest.raises(FlightError, match="missions on board start at a fixed time"):
+            fleet.executor.forecast(AskedOrder.HOLD, ())
+        assert fleet.executor.forecast(AskedOrder.LAND, ()).vehicles == (1, 2, 3)
+
+    flown(hop, hop_returns, story, starting=True, options=FlightOptions(mode=FlightMode.MISSION), t_s=-3.0)
+
+
 def test_without_a_way_back_a_vehicle_lands(
     hop: Plan, hop_returns: ReturnPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
