@@ -61,6 +61,9 @@ def fly(
     nav: Annotated[
         str, typer.Option(help="Navigator for missions: own (that of the autopilot) or ideal (every leg on time).")
     ] = "own",
+    epoch: Annotated[
+        float | None, typer.Option(metavar="UNIX_S", help="GNSS time at the start.", show_default="now")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of sensor noise, boot clocks and link faults.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
     wind: Annotated[
@@ -120,6 +123,7 @@ def fly(
         speedup=rate,
         seed=seed,
         faults=parse_faults(texts, sysids(scenario)),
+        epoch_unix_s=epoch,
         record_truth=truth is not None,
         personality=None if autopilot is None else by_name(autopilot),
         wind=parse_wind(wind, gusts),

@@ -273,12 +273,15 @@ class _LinkedFlight:
         plan, order, journal, systems = self._plan, self.order, self.journal, self._known.systems
         async with AsyncExitStack() as stack:
             stack.enter_context(journal.record)
+            vehicles = None
+            if order.link is None:
+                vehicles = await stack.enter_async_context(simulator(self._simulated()))
             fleet = await stack.enter_async_context(
-                self._known.open(journal.on_frame, vehicles=plan.sysids, on_notice=journal.on_notice)
+                self._known.open(
+                    journal.on_frame, vehicles=plan.sysids, on_notice=journal.on_notice, emulated=vehicles
+                )
             )
             journal.keep_time(FleetTime(fleet.sessions, [systems.get(sysid, sysid) for sysid in plan.sysids]))
-            if order.link is None:
-                await stack.enter_async_context(simulator(self._simulated(fleet)))
             sessions = await fleet.vehicles(plan.sysids, order.options.find_timeout_s, systems=systems)
             flight = await self._flight(fleet, sessions)
             ctrl_c.again_calls(flight.landing.report_airborne)
@@ -293,10 +296,10 @@ class _LinkedFlight:
                 elif flight.step is Step.UPLOAD:
                     self._before.say_how_to_restore()
 
-    def _simulated(self, fleet: LinkedFleet) -> SimulatorOptions:
-        folder, port = self.folder, fleet.local_address[1]
+    def _simulated(self) -> SimulatorOptions:
+        folder = self.folder
         log, truth = folder / "simulator.log", folder / "truth.npz"
-        return SimulatorOptions(folder / SCENARIO, port, self.order.emulated, log, truth, self.navigator)
+        return SimulatorOptions(folder / SCENARIO, self.order.emulated, log, truth, self.navigator)
 
     async def _show(self, flight: FlightSequence) -> None:
         try:

@@ -4,12 +4,22 @@ A process that was stopped (SIGSTOP), swapped out, suspended with its computer, 
 timers due and all messages unread. The clock of this loop counts such a pause as `COUNTED_S`, so every timeout and age
 in the program measures its peers and never the program. The vehicles' own clocks, which run on during a pause, are
 compared with `host_s`, which counts everything.
+
+A loop may also follow the time of emulated vehicles. It then never waits in real time, except for work of this machine
+(threads, processes), for which emulated time stands.
 """
 
 import asyncio
+import math
 import selectors
 import time
-from typing import Any
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from typing import Any, Protocol, TypeVar, TypeVarTuple
+
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
 
 PULSE_S = 0.1  # the loop looks at its clock so often at least
 LATE_S = 1.0  # a look that is later by more than this is a standstill; so is a turn of the loop that takes longer
@@ -51,6 +61,24 @@ class SteadyClock:
         self._turn_counted_s = 0.0
         return now_s
 
+    def begin_anew(self, host_s: float) -> None:
+        """Count no pause up to now."""
+        self._host_s = self._turn_began_s = host_s
+        self.stood_s = self._turn_counted_s = 0.0
+
+
+class Leader(Protocol):
+    """Whose time a loop follows."""
+
+    @property
+    def now_s(self) -> float:
+        """Its time. It never runs back."""
+        ...
+
+    def comes_to(self, t_s: float) -> bool:
+        """Return whether it is `t_s` now, because nothing happens before; else a file becomes readable."""
+        ...
+
 
 def _host_clock_s() -> float:
     """The host's steady clock. Where the system has one, it goes on while the computer is suspended."""
@@ -65,12 +93,24 @@ class _Selector(selectors.DefaultSelector):
     def __init__(self) -> None:
         super().__init__()
         self.stalls = SteadyClock(_host_clock_s())
+        self.leader: Leader | None = None
+        self.works = 0  # of this machine, for which the leader's time stands
 
     def select(self, timeout: float | None = None) -> list[Any]:
+        if self.leader is not None:
+            return self._follow(self.leader, timeout)
         self.stalls.turn(_host_clock_s())
         found = super().select(PULSE_S if timeout is None else min(timeout, PULSE_S))
         self.stalls.turn(_host_clock_s())
         return found
+
+    def _follow(self, leader: Leader, timeout: float | None) -> list[Any]:
+        found = super().select(0.0)
+        if found or (timeout is not None and timeout <= 0.0):
+            return found
+        if not self.works and leader.comes_to(math.inf if timeout is None else leader.now_s + timeout):
+            return []
+        return super().select(PULSE_S)
 
 
 class SteadyLoop(asyncio.SelectorEventLoop):
@@ -78,6 +118,7 @@ class SteadyLoop(asyncio.SelectorEventLoop):
 
     def __init__(self) -> None:
         self._watched = _Selector()
+        self._ahead_s = 0.0  # of the host's time without pauses
         super().__init__(self._watched)
 
     @property
@@ -85,14 +126,66 @@ class SteadyLoop(asyncio.SelectorEventLoop):
         """The pauses of this process since the loop was made."""
         return self._watched.stalls
 
+    @property
+    def follows(self) -> bool:
+        """Whether the time is that of emulated vehicles."""
+        return self._watched.leader is not None
+
     def time(self) -> float:
-        """Return the host's time without pauses."""
-        return self.stalls.look(_host_clock_s())
+        """Return the host's time without pauses, or that of the leader."""
+        leader = self._watched.leader
+        return self.stalls.look(_host_clock_s()) + self._ahead_s if leader is None else leader.now_s
+
+    def follow(self, leader: Leader | None) -> None:
+        """Have the leader's time from now on; None: go on from it at the host's rate.
+
+        Timers that are set keep their times, which mean nothing to the leader: set none before.
+        """
+        now_s = self.time()
+        self._watched.leader = leader
+        self.stalls.begin_anew(_host_clock_s())
+        if leader is None:
+            self._ahead_s = now_s - self.stalls.look(_host_clock_s())
+
+    @contextmanager
+    def standing(self) -> Iterator[None]:
+        """The leader's time stands in this block, which waits for work of this machine."""
+        self._watched.works += 1
+        try:
+            yield
+        finally:
+            self._watched.works -= 1
+
+    def run_in_executor(self, executor: Executor | None, func: Callable[[*Ts], T], *args: *Ts) -> asyncio.Future[T]:
+        """Do as any loop; the leader's time stands until the thread has ended."""
+        future = super().run_in_executor(executor, func, *args)
+        self._watched.works += 1
+        future.add_done_callback(self._worked)
+        return future
+
+    def _worked(self, _: object) -> None:
+        self._watched.works -= 1
+
+
+@contextmanager
+def time_stands() -> Iterator[None]:
+    """Emulated time stands in this block, however long this machine works; real time goes on."""
+    loop = asyncio.get_running_loop()
+    if isinstance(loop, SteadyLoop):
+        with loop.standing():
+            yield
+    else:
+        yield
 
 
 def stalls_of(loop: asyncio.AbstractEventLoop) -> SteadyClock:
     """Return the pauses that a loop counted; none for another kind of loop."""
     return loop.stalls if isinstance(loop, SteadyLoop) else SteadyClock(0.0)
+
+
+def follows(loop: asyncio.AbstractEventLoop) -> bool:
+    """Return whether a loop has the time of emulated vehicles."""
+    return isinstance(loop, SteadyLoop) and loop.follows
 
 
 def host_s(loop: asyncio.AbstractEventLoop) -> float:

@@ -1,4 +1,7 @@
-"""Parses endpoint texts (`udpout:HOST:PORT`, `udpin:PORT`, `tcpin:PORT`, `pty`) and limits them to this machine."""
+"""Parses endpoint texts (`udpout:HOST:PORT`, `udpin:PORT`, `tcpin:PORT`, `pty`) and limits them to this machine.
+
+`lockstep:FD` is for a program that starts the vehicles and shares their time: see `LockstepEndpoint`.
+"""
 
 import ipaddress
 from dataclasses import dataclass
@@ -17,6 +20,7 @@ class EndpointKind(StrEnum):
     UDP_IN = "udpin"  # the vehicles wait for a ground station
     TCP_IN = "tcpin"
     PTY = "pty"  # a pseudo terminal, for a program on this machine
+    LOCKSTEP = "lockstep"  # an inherited socket, whose other end has a turn at every instant; `port` is its file
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,10 @@ def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> Endp
         raise UsageError(f"{text!r} does not name a link.", hint=_HINT) from None
     if kind is EndpointKind.PTY:
         return EndpointSpec(kind, path=rest, shared=shared)
+    if kind is EndpointKind.LOCKSTEP:
+        if not (rest.isascii() and rest.isdigit() and len(rest) < 9):
+            raise UsageError(f"{text!r} does not name a link: the file descriptor must be a number.", hint=_HINT)
+        return EndpointSpec(kind, port=int(rest), shared=True)
     if lacks_brackets(rest):
         raise UsageError(
             f"{text!r} does not name a link.", hint=f"write an IPv6 host in brackets, e.g. {kind}:[::1]:14550"

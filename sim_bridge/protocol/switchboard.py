@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from gcs.errors import LinkError
 from gcs.link.endpoints.addresses import Address, caller_host, host_port, plain_address, resolve_udp
+from gcs.link.endpoints.lockstep_endpoint import ADDRESS, FROM_STATION, FROM_VEHICLES, Turns
 from gcs.link.endpoints.ports import ByteStream, UdpPort
 from sim_bridge.protocol.endpoint_address import EndpointKind, EndpointSpec, PeerAddress, is_loopback
 
@@ -181,7 +182,56 @@ class PtyLine:
             self._link.unlink(missing_ok=True)
 
 
-Line = UdpLine | TcpLine | PtyLine  # `receive` never waits and never raises
+class LockstepLine:
+    """The vehicles' end of a `LockstepEndpoint`: frames wait for the end of a turn, which is that of a step."""
+
+    def __init__(self, spec: EndpointSpec, watch: selectors.BaseSelector) -> None:
+        """Take over the inherited file of the spec. Raises `LinkError`."""
+        try:
+            self._turns = Turns(socket.socket(fileno=spec.port), FROM_STATION)
+        except OSError as error:
+            raise LinkError(f"{spec} is not a socket of the program that started this: {error.strerror}.") from error
+        self._watch = watch
+        self._frames = bytearray()
+        self._until_s = -math.inf  # simulated time up to which the station would wait
+        self.waits = True  # for the station's turn, which is the first
+        watch.register(spec.port, selectors.EVENT_READ, self)
+        self.place = PeerAddress(str(spec.kind), "")
+
+    @property
+    def ended(self) -> bool:
+        """Whether the station has parted."""
+        return self._turns.ended
+
+    def receive(self, file: int) -> Iterator[tuple[bytes, Address]]:
+        """Return the frames of the station's turn, once it is complete."""
+        turn = self._turns.read()
+        if turn is not None:
+            (self._until_s,), frames = turn
+            self.waits = False
+            if frames:
+                yield frames, ADDRESS
+        elif self.ended:
+            self._watch.unregister(file)
+
+    def send(self, frames: Sequence[bytes], now_s: float) -> None:
+        """Keep frames for the end of the turn."""
+        for frame in frames:
+            self._frames += frame
+
+    def end_turn(self, t_s: float, next_s: float) -> None:
+        """All is said at simulated time `t_s`, and nothing before `next_s`: it is the station's turn, if need be."""
+        if self._frames or next_s > self._until_s:
+            self._turns.write(FROM_VEHICLES.pack(t_s, next_s, len(self._frames)) + self._frames)
+            self._frames.clear()
+            self.waits = True
+
+    def close(self) -> None:
+        """Release the file."""
+        self._turns.close()
+
+
+Line = UdpLine | TcpLine | PtyLine | LockstepLine  # `receive` never waits and never raises
 
 
 def datagrams(frames: Sequence[bytes]) -> Iterator[bytes]:
@@ -232,6 +282,11 @@ class Switchboard:
         for row in rows:
             self._lines_of[row].append(number)
 
+    @property
+    def lockstep(self) -> LockstepLine | None:
+        """The line to the station that shares the vehicles' time, if there is one."""
+        return next((line for line in self._lines if isinstance(line, LockstepLine)), None)
+
     def places(self, row: int) -> list[PeerAddress]:
         """Return the addresses of one vehicle."""
         return [self._lines[number].place for number in self._lines_of[row]]
@@ -278,4 +333,6 @@ class Switchboard:
 def _open(spec: EndpointSpec, row: int, name: str, watch: selectors.BaseSelector) -> Line:
     if spec.kind is EndpointKind.PTY:
         return PtyLine(spec, name, watch)
+    if spec.kind is EndpointKind.LOCKSTEP:
+        return LockstepLine(spec, watch)
     return (TcpLine if spec.kind is EndpointKind.TCP_IN else UdpLine)(spec, row, watch)

@@ -6,6 +6,9 @@ A step is 20 ms of simulated time. `speedup` sets how fast steps follow one anot
 - the ground station: above real time a vehicle that follows stamped setpoints waits for the next one, and all wait
   until the station has read what they sent (`Lockstep`, `GroundEcho`), so that a flight is the same at any speed-up;
 - the machine: a step it cannot do in time is made up for later, up to a limit (`Pace`).
+
+A station on a `lockstep` link has a turn at every instant instead, and no clock but the vehicles': wall time then only
+sets the pace, and the flight is the same to the last bit.
 """
 
 import math
@@ -40,6 +43,7 @@ REMIND_S = 0.03
 CATCH_UP_S = 0.1  # of wall time
 WAITING_RATE = 10.0
 OFF_S = 1.0  # duration of a restart
+_TURN_S = 0.1  # of wall time: so often `stop` is looked for in a turn of the station
 _READING = -1  # beside the rows that wait for setpoints: all wait until the ground station has read
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
@@ -74,13 +78,17 @@ class World:
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
         o = options
         self._factory = factory = VehicleFactory(scenario, o.personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
+        self._steps = 0
+        self._board = Switchboard(options.links, factory.sysids)
+        self._lockstep_line = self._board.lockstep
+        # Protocol timers run on the station's time.
+        self._clock = options.clock if self._lockstep_line is None else lambda: self.t_s
         self.sysids = factory.sysids
         self.airframes = factory.airframes
         self.vehicles = [factory.vehicle(row) for row in range(len(self.sysids))]
         if options.signing_key is not None:
             for vehicle in self.vehicles:
-                vehicle.sign(options.signing_key, signing_ticks(), options.clock())
-        self._steps = 0
+                vehicle.sign(options.signing_key, signing_ticks(), self._clock())
         self._stopped = False
         self._calls: deque[Callable[[], None]] = deque()
         self._pace = Pace(options.speedup)
@@ -89,8 +97,7 @@ class World:
         boot_s = [ms / 1000.0 for ms in factory.boot_ms]
         self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
         self.injector = FaultInjector(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
-        self._board = Switchboard(options.links, self.sysids)
-        self.traffic = Traffic(self._board, self.vehicles, self.injector, options.clock)
+        self.traffic = Traffic(self._board, self.vehicles, self.injector, self._clock)
         self.places: dict[int, list[PeerAddress]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
 
     def __enter__(self) -> Self:
@@ -129,7 +136,11 @@ class World:
                 self._calls.popleft()()
             now_s = self.options.clock()
             wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
-            if not wait_s and self.options.speedup > 1.0:
+            if self._lockstep_line is not None:
+                if self._lockstep_line.ended:
+                    return
+                wait_s = wait_s or (_TURN_S if self._lockstep_line.waits else 0.0)
+            elif not wait_s and self.options.speedup > 1.0:
                 wait_s = self._ground_wait_s(now_s)
             if wait_s > 0.0:
                 self._listen(wait_s)
@@ -139,7 +150,7 @@ class World:
     def step(self) -> None:
         """Run one control period without waiting: receive, decide, move, send."""
         self._listen(0.0)
-        now_s, t_s = self.options.clock(), self.t_s
+        now_s, t_s = self._clock(), self.t_s
         vehicles, landed = self.vehicles, self.airframes.landed.tolist()
         self.injector.step(t_s)
         self.traffic.carry(t_s, now_s)
@@ -149,6 +160,8 @@ class World:
                 self.traffic.send(row, messages, t_s)
             self._batch.put(row, vehicle.autopilot.path.piece)
         self._board.flush(now_s)
+        if self._lockstep_line is not None:  # the station may think while the bodies move
+            self._lockstep_line.end_turn(t_s, (self._steps + 1) / _STEPS_PER_S)
         if self.truth is not None:
             autopilots = [vehicle.autopilot for vehicle in vehicles]
             self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in autopilots])
@@ -166,6 +179,8 @@ class World:
         self.traffic.restarted(row)
 
     def _rate(self) -> float:
+        if self._lockstep_line is not None:
+            return self.options.speedup
         autopilots = [vehicle.autopilot for vehicle in self.vehicles]
         under_way = any(autopilot.flying for autopilot in autopilots) and not any(
             autopilot.awaits_orders for autopilot in autopilots

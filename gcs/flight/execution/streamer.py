@@ -25,10 +25,10 @@ from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 from gcs.util.aio import each, set_within, sleep_sharply
-from gcs.util.steady_loop import host_s, stalls_of
+from gcs.util.steady_loop import follows, host_s, stalls_of
 
 _LONGEST_WAIT_S = 0.05
-# Emulated time at any speed may have advanced since the last report: check often, send what may still be needed.
+# Emulated time that is not shared may have advanced since the last report: check often, send what may be needed yet.
 _EMULATED_WAIT_S, _EMULATED_KEEP_S = 0.002, 0.5
 _AHEAD_S = 0.5  # between the decision to start and the first setpoint
 _EMULATED_AHEAD_S = 3.0  # ten times as fast, and on a busy machine
@@ -283,7 +283,7 @@ class Streamer:
 
     async def _turn(self, scheduler: Scheduler) -> None:
         send_due(scheduler, self.streamed.values(), self._send, host_s(self._loop))
-        longest_s = _EMULATED_WAIT_S if self._emulated else _LONGEST_WAIT_S
+        longest_s = _EMULATED_WAIT_S if self._emulated and not follows(self._loop) else _LONGEST_WAIT_S
         pause_s = wait_s(scheduler, self.streamed.values(), host_s(self._loop), longest_s)
         if not self._emulated:
             await sleep_sharply(pause_s)

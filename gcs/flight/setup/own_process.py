@@ -14,6 +14,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import ParamSpec, TypeVar
 
+from gcs.util.steady_loop import time_stands
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -29,6 +31,18 @@ async def in_own_process(work: Callable[P, R], *args: P.args, **kwargs: P.kwargs
     caller is cancelled, and ends when this one does. Ctrl-C and SIGTERM do not end it. Raises `OwnProcessEnded`.
     """
     order = pickle.dumps((list(sys.path), pickle.dumps((work, args, kwargs))))
+    with time_stands():
+        answer = await _answer_of(order)
+    if not answer:
+        raise OwnProcessEnded(f"{work.__module__}.{work.__qualname__}: the process ended without a result")
+    fine, value = pickle.loads(answer)
+    if not fine:
+        raise value
+    result: R = value
+    return result
+
+
+async def _answer_of(order: bytes) -> bytes:
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", __name__),
         stdin=asyncio.subprocess.PIPE,  # stays open: it closes when the caller ends, and the process ends with it
@@ -41,19 +55,12 @@ async def in_own_process(work: Callable[P, R], *args: P.args, **kwargs: P.kwargs
         with suppress(ConnectionError):  # it has ended already; the answer is then empty
             process.stdin.write(order)
             await process.stdin.drain()
-        answer = await process.stdout.read()
+        return await process.stdout.read()
     finally:
         with suppress(ProcessLookupError):
             process.kill()  # it has no more to say
         process.stdin.close()
         await process.wait()
-    if not answer:
-        raise OwnProcessEnded(f"{work.__module__}.{work.__qualname__}: the process ended without a result")
-    fine, value = pickle.loads(answer)
-    if not fine:
-        raise value
-    result: R = value
-    return result
 
 
 def _serve() -> None:

@@ -10,6 +10,7 @@ import serial
 from gcs.errors import LinkError, ProtocolMisuse
 from gcs.link.endpoints.addresses import Address, caller_host, host_port, plain_address, resolve_udp
 from gcs.link.endpoints.base import DEFAULT_BAUD, LinkMode, LinkSpec, Receive, parse_link_spec
+from gcs.link.endpoints.lockstep_endpoint import LockstepEndpoint
 from gcs.link.endpoints.ports import BUFFER_BYTES, ByteStream, UdpPort
 
 _CONNECT_S = 5.0
@@ -169,7 +170,7 @@ class StreamEndpoint:
                 stream.close()
 
 
-Endpoint = UdpEndpoint | StreamEndpoint
+Endpoint = UdpEndpoint | StreamEndpoint | LockstepEndpoint
 
 
 def make_endpoint(spec: LinkSpec | str) -> Endpoint:

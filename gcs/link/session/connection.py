@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from gcs.errors import LinkError, UsageError
 from gcs.link.endpoints.base import LinkMode, LinkSpec, parse_link_spec
-from gcs.link.endpoints.endpoint import UdpEndpoint
+from gcs.link.endpoints.endpoint import Endpoint, UdpEndpoint
 from gcs.link.protocols.mission.strategy import Transfer
 from gcs.link.session.linked_fleet import FrameDirection, FrameHook, LinkedFleet, NoticeHook
 from gcs.link.wire.frame_scanner import frame_system
@@ -72,8 +72,11 @@ class Connection:
         *,
         vehicles: Collection[int] | None = None,
         on_notice: NoticeHook | None = None,
+        emulated: Endpoint | None = None,
     ) -> AsyncIterator[LinkedFleet]:
         """The open links of our own backend. `vehicles` are those of a plan: no other system gets a session.
+
+        `emulated` takes the place of the links.
 
         Raises `UsageError`, `LinkError`.
         """
@@ -81,7 +84,7 @@ class Connection:
         async with (
             copies_to(self.also_to, self.links) as copy,
             LinkedFleet(
-                self.links,
+                self.links if emulated is None else (emulated,),
                 on_frame=_also(copy, only, on_frame) if self.also_to else on_frame,
                 signing=signing_with(self.key, asyncio.get_running_loop().time()),
                 transfer=Transfer(self.transfer),

@@ -54,7 +54,9 @@ class VehicleSession:
         behaviour = link_behaviour(self.autopilot)
         self.estimator = behaviour.estimator
         self.ready_since_s: float | None = None  # event loop time since which its estimate is ready for flight
-        numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
+        # Other numbers than any session before, but the same in an emulated flight that is flown again.
+        drawn = random.Random(f"{asyncio.get_running_loop().time()!r} {self.station}")
+        numbers = FtpNumbers(drawn.randrange(1 << 16), drawn.randrange(1 << 8))
         self.exchange = Exchange(self.station, self.autopilot, timers=timers, numbers=numbers)
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and its arrival, event loop time
