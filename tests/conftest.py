@@ -61,6 +61,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     gc.set_threshold(5_000, 20, 20)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """A further case of a slow test is a long one: of two marks the later tier counts."""
+    if item.get_closest_marker("long"):
+        item.own_markers[:] = [mark for mark in item.own_markers if mark.name != "slow"]
+
+
 @pytest.fixture(autouse=True)
 def _nothing_kept_while_code_is_patched(request: pytest.FixtureRequest) -> Iterator[None]:
     if "monkeypatch" in request.fixturenames:

@@ -17,7 +17,7 @@ from tests.unit.docs.test_readme import BLOCKS
 MISSION = '"simulation1"'
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_example_plans_exports_and_flies(short_mission: Path, tmp_path: Path) -> None:
     """On a flight of half a minute instead of six."""
     (block,) = (b for b in BLOCKS["docs/tutorial.md"] if b.language == "python" and "gcs.fly(" in b.code)

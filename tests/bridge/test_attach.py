@@ -95,7 +95,7 @@ def test_it_returns(left_alone: tuple[World, Path]) -> None:
     assert np.abs(world.airframes.truth[:, :2] - pads).max() < 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_lands(left_alone: tuple[World, Path]) -> None:
     world, flights = left_alone
     (folder,) = flights.iterdir()

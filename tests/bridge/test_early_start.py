@@ -93,7 +93,7 @@ def test_six_missions_start_soon_after_the_last_vehicle_hovers(six: Plan) -> Non
     assert "start their missions at" in str(flown.events[0])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_if_one_vehicle_refuses_the_new_start_all_keep_the_old_one(hop: Plan) -> None:
     hovering = Hovering(refusing=2)
     flown = fly(

@@ -89,7 +89,7 @@ def sound(simulation1: Scenario) -> np.ndarray:
 @pytest.mark.parametrize(
     "texts",
     [
-        pytest.param(BAD_LINK, id="bad link", marks=pytest.mark.slow),
+        pytest.param(BAD_LINK, id="bad link", marks=pytest.mark.long),
         pytest.param(BAD_LINK + BROKEN, id="broken body too"),
     ],
 )

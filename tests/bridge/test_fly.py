@@ -167,7 +167,7 @@ def test_the_same_flight_at_any_speed_up(aside: Path, tmp_path: Path) -> None:
     assert np.abs(np.subtract(errors["8"], errors["max"])).max() < 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_waypoint_missions_hold_with_the_ideal_navigator_and_are_another_flight_with_the_autopilots_own(
     short_mission: Path, tmp_path: Path
 ) -> None:
@@ -288,7 +288,7 @@ def still(hop: Plan) -> Iterator[tuple[World, str]]:
         yield world, f"udpin:127.0.0.1:{port}"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_link_is_flown_like_the_simulation(
     hop_skein: Path, tmp_path: Path, still: tuple[World, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -77,7 +77,7 @@ def test_a_vehicle_without_time_to_brake_climbs(field: Scenario) -> None:
     assert least_distance_m(flown) > vehicle_size_m(flown.plan.scenario.vehicle)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_vehicle_with_time_to_brake_holds_and_returns(field: Scenario) -> None:
     flown = stopped_leader(leader_and(field, [-25.6, -8.5, 8.0]))
     assert flown.orders(2) == ["hold", "return"]

@@ -79,7 +79,7 @@ def flown_on(hop: Plan) -> Flown:
     return fly(hop, "2:die@24", "1:gnss-outage@24..28", "3:battery=0.18@24", on_loss=OnLoss.CONTINUE)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_vehicle_is_lost_the_others_go_on(flown_on: Flown) -> None:
     assert isinstance(flown_on.error, FlightError)
     assert flown_on.happened(2) == ["link lost", "vehicle lost"]
@@ -93,7 +93,7 @@ def test_a_short_outage_of_gnss(flown_on: Flown) -> None:
     assert flown_on.orders(1) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_low_battery_that_lasts_for_the_plan_changes_nothing(flown_on: Flown) -> None:
     """The choice is told with its numbers."""
     assert flown_on.orders(3) == []
@@ -126,7 +126,7 @@ def test_a_long_outage_of_gnss(link_back_soon: Flown) -> None:
     assert link_back_soon.world.airframes.landed.all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_link_that_comes_back_late(hop: Plan) -> None:
     flown = fly(hop, "3:silent@24..31")
     assert flown.orders(3) == ["return"]
@@ -136,7 +136,7 @@ def test_a_link_that_comes_back_late(hop: Plan) -> None:
     kept_apart(flown)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_low_battery_that_lasts_for_nothing_else_lands(hop: Plan) -> None:
     flown = fly(hop, "3:battery=0.112@20")
     assert flown.orders(3) == ["land"]
@@ -166,7 +166,7 @@ def test_on_board_missions_are_watched_as_well(on_board: Flown) -> None:
     assert on_board.error is not None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_jump_of_gnss_time_after_the_start_is_told_and_the_missions_go_on(on_board: Flown) -> None:
     assert on_board.happened(2) == ["has a GNSS time that is off by +20.0 s: it flies by its boot clock"]
     assert on_board.orders(1) == on_board.orders(2) == []

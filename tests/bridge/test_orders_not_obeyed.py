@@ -90,7 +90,7 @@ def test_a_px4_in_the_failsafe_of_its_fence_is_brought_back(px4_hop: Plan) -> No
     all_are_down(flown)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_vehicle_that_a_pilot_took_over_is_watched_and_gets_no_order(hop: Plan) -> None:
     """The pilot chooses RTL, as a failsafe would: no sign of a failsafe, and the sticks move."""
     begun: list[bool] = []
@@ -116,7 +116,7 @@ def test_a_vehicle_that_a_pilot_took_over_is_watched_and_gets_no_order(hop: Plan
     all_are_down(flown)  # the flight waited for it
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_progress_names_the_vehicle_that_a_pilot_still_flies_when_all_others_have_landed(field: Scenario) -> None:
     phases: list[str] = []
 

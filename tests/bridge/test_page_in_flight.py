@@ -40,7 +40,11 @@ def page_of(command: int) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [None, signal.SIGSTOP, signal.SIGKILL], ids=["shown", "frozen", "killed"])
+@pytest.mark.parametrize(
+    "number",
+    [pytest.param(None, marks=pytest.mark.long), signal.SIGSTOP, pytest.param(signal.SIGKILL, marks=pytest.mark.long)],
+    ids=["shown", "frozen", "killed"],
+)
 def test_a_flight_is_shown_and_goes_on_without_its_page(
     hop: Plan, hop_skein: Path, tmp_path: Path, number: signal.Signals | None
 ) -> None:

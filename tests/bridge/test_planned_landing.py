@@ -10,7 +10,7 @@ from gcs.scenario.schema.scenario import Scenario
 from tests.bridge.flying import fly, step_aside
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_the_last_vehicle_touches_down_at_the_end_of_the_plan(field: Scenario, autopilot: str) -> None:
     data = step_aside(field).model_dump(mode="json")

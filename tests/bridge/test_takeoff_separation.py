@@ -31,7 +31,7 @@ def test_a_vehicle_that_drifts_at_the_take_off_lands_before_it_meets_another(hop
     assert nearest.distance_m < 0.9 * pdist(hop.pads_ned_m).min()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_undisturbed_flight_tells_its_separations_from_the_take_off_to_the_ground(hop: Plan) -> None:
     flown = fly(hop)
     assert flown.error is None

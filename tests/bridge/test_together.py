@@ -59,7 +59,7 @@ def test_followers_do_not_add_an_error_that_all_make(hop: Plan, autopilot: str) 
     assert flown.formation_error_m()[during].max() < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed_5_m_off(
     hop: Plan, tmp_path: Path
 ) -> None:

@@ -72,7 +72,7 @@ def test_jumps_of_gnss_time_are_told_and_not_followed(
     assert furthest_m(world, hop, t0_unix_s) < NEAR_M
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing(
     vehicles: MakeVehicles, hop: Plan, hop_file: Path, tmp_path: Path
 ) -> None:

@@ -31,7 +31,7 @@ def test_a_vehicle_that_is_disarmed_in_the_air_by_another_station(hop: Plan) -> 
     assert flown.happened(2)[0] == "disarmed in the air"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_common_time_that_is_wrong_does_not_end_a_flight_as_if_it_were_flown(hop: Plan) -> None:
     """Should the common time jump by 20 s in spite of all, the vehicles' boot clocks say how long they flew."""
     jumped: list[bool] = []

@@ -169,7 +169,7 @@ def test_a_landing_that_fails_itself_is_begun_again(aside: Plan, kind: str) -> N
     assert "landing interrupted" in [event.what for event in flown.events]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_reports_that_fail_do_not_reach_the_flight(aside: Plan, caplog: pytest.LogCaptureFixture) -> None:
     """Neither the events nor the steps of this flight can be written anywhere."""
 

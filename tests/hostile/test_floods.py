@@ -52,7 +52,7 @@ def test_bytes_that_are_no_frames_hold_nothing_up(
     assert abs(world.airframes.truth[0, :2] - [60.0, 20.0]).max() < 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_heartbeats_of_all_other_systems_are_counted_and_told_once(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:

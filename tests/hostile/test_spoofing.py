@@ -113,7 +113,7 @@ def test_a_false_heartbeat_before_the_vehicle_is_heard_gives_way_to_the_vehicle(
     assert "no longer at" in told[0].text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_vehicle_that_restarts_at_another_port_proves_who_it_is(vehicles: MakeVehicles) -> None:
     told = list[LinkNotice]()
     world, port = vehicles("ardupilot")

@@ -97,7 +97,7 @@ def stopped_in_flight(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.long)])
 def test_stopped_in_flight_it_leads_all_back_to_the_plan(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:

@@ -24,6 +24,9 @@ from gcs.plan.trajectory.plan import Plan
 
 SHARE = 1e-9
 MISSIONS = ("simulation1", "ridge")
+EACH = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if at else pytest.mark.slow) for at, name in enumerate(MISSIONS)]
+)
 SHORT = "field"
 SEEDS = (1, 2)
 
@@ -72,8 +75,7 @@ def corrected(plan: Plan) -> TimedLegs:
     return corrected_legs(plan, plan.autopilots[0])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MISSIONS)
+@EACH
 def test_returns_fence_and_parameters(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(f"{name}/scenario.toml")
     first = build_safety(plan, plan.autopilots)
@@ -81,7 +83,7 @@ def test_returns_fence_and_parameters(plan_of: Callable[[str], Plan], name: str)
         assert_same_safety(build_safety(perturbed(plan, seed), plan.autopilots), first)
 
 
-@pytest.mark.parametrize("name", [SHORT, *(pytest.param(name, marks=pytest.mark.slow) for name in MISSIONS)])
+@pytest.mark.parametrize("name", [SHORT, *(pytest.param(name, marks=pytest.mark.long) for name in MISSIONS)])
 def test_waypoints_at_the_plans_speeds(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(f"{name}/scenario.toml")
     first = missions_of(plan, timed_legs)
@@ -89,8 +91,7 @@ def test_waypoints_at_the_plans_speeds(plan_of: Callable[[str], Plan], name: str
         assert_same_missions(missions_of(perturbed(plan, seed), timed_legs), first)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MISSIONS)
+@EACH
 def test_waypoints_at_corrected_speeds(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(f"{name}/scenario.toml")
     first = missions_of(plan, corrected)

@@ -91,7 +91,7 @@ def test_lanes_that_do_not_fit_under_the_ceiling_are_a_matter_of_height(simulati
     assert 2.0 < when_s < 60.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_lanes_between_ceiling_and_ground_are_a_matter_of_height_and_clearance(simulation1: Scenario) -> None:
     low: dict[str, Any] = {"limits": {"height_m": [0.0, 5.0], "clearance_min_m": 3.5}}
     begin = {"position_m": [2.0, 1.0, 4.0]}
@@ -143,7 +143,7 @@ def test_a_last_shape_of_vehicles_above_each_other_cannot_land(simulation1: Scen
     assert "add a [[formation.change]]" in error.hint
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simulation1: Scenario) -> None:
     """12 m and another 4.24 m at 1.5 m/s, the quintic's peak being 15/8 of the mean."""
     tilted = at({**UPRIGHT, "angle_deg": 45.0}, 3.0)

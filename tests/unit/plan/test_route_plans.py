@@ -60,7 +60,7 @@ def test_points_of_an_optimal_flight_at_its_times_change_nothing(through: PlanOf
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_route_and_its_mirror_image_take_mirrored_times(through: PlanOf) -> None:
     ends = {"start": {"position_m": [10.0, 20.0, 5.0]}, "end": {"position_m": [10.0, 60.0, 5.0]}}
     lower = {"position_m": [60.0, 60.0, 6.0]}
@@ -105,7 +105,7 @@ def test_the_leader_hovers_for_its_hold_in_wind_with_shear(through: PlanOf) -> N
     assert np.abs(states[0, 6:8]).max() > 1e-3  # it leans against the wind
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_other_arrival_at_a_hold_is_cheaper(simulation1: Scenario) -> None:
     def cost(**keys: float) -> float:
         point = {"position_m": [60.0, 20.0, 5.0], "hold_s": 6.0, **keys}
@@ -116,7 +116,7 @@ def test_no_other_arrival_at_a_hold_is_cheaper(simulation1: Scenario) -> None:
     assert found < later < much_later
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_rounds_that_end_where_they_began(through: PlanOf) -> None:
     start = {"position_m": [10.0, 20.0, 5.0]}
     plan = through(CORNER, FAR, loops=2, end=start, time={"flight_s": 120.0})
@@ -125,7 +125,7 @@ def test_two_rounds_that_end_where_they_began(through: PlanOf) -> None:
     assert off_m(plan).max() < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_zone_between_two_points_is_passed(through: PlanOf) -> None:
     zone = {"north_m": 60.0, "east_m": 40.0, "radius_m": 8.0}
     plan = through(CORNER, FAR, no_fly=[zone], vehicles=3)
@@ -135,7 +135,7 @@ def test_a_zone_between_two_points_is_passed(through: PlanOf) -> None:
     assert off_m(plan).max() < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_area_to_stay_in_bounds_the_turns(through: PlanOf) -> None:
     corners = [[5.0, 15.0], [60.5, 15.0], [60.5, 65.0], [5.0, 65.0]]
     plan = through(CORNER, FAR, keep_in=[{"polygon_m": corners}])

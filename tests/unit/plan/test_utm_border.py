@@ -75,7 +75,7 @@ def test_a_flight_across_the_border_is_the_same_from_either_raster(simulation1: 
     assert "height above ground" in {check.name for check in failures}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_its_waypoints_are_on_both_sides_of_the_border(simulation1: Scenario, tmp_path: Path) -> None:
     scenario = meadow(simulation1, limits={"north_m": [-10.0, 60.0], "east_m": [-20.0, 30.0]})
     plan = planned(tmp_path / "both", scenario, WEST)

@@ -112,7 +112,7 @@ def test_energy_is_spent_against_the_air(simulation1: Scenario) -> None:
     assert costs[0] > 1.5 * costs[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_wind_can_close_the_straight_way(simulation1: Scenario) -> None:
     """At 2.4 m/s north the vehicle has no tilt left for 4 m/s of wind on its nose; in still air it has."""
     short = {"time": {"flight_s": 20.0}}

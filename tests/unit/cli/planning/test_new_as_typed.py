@@ -114,7 +114,10 @@ def test_the_separation_beside_a_typed_spacing_is_told(capsys: pytest.CaptureFix
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize(("count", "course"), [(1, "north"), (5, "east"), (4, "225")])
+@pytest.mark.parametrize(
+    ("count", "course"),
+    [pytest.param(1, "north", marks=pytest.mark.long), (5, "east"), pytest.param(4, "225", marks=pytest.mark.long)],
+)
 def test_every_shape_plans_and_exports(shape: str, count: int, course: str) -> None:
     assert gcs(f"new x --count {count} --shape {shape} --spacing 6 --course {course} --distance 80") == 0
     assert gcs("plan x --to .") == 0

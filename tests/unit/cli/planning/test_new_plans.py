@@ -134,7 +134,7 @@ def test_how_many_batteries_the_flight_needs_is_printed(folder: None, capsys: py
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_new_writes_is_planned_and_verified(
     kind: str, seed: int, folder: None, capsys: pytest.CaptureFixture[str]

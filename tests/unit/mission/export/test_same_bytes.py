@@ -45,7 +45,7 @@ def assert_same(plan: Plan, tmp_path: Path, machines: list[dict[str, str]], smoo
         assert [name for name in first if first[name] != other[name]] == [], variables
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_oldest_processor_writes_the_same_bytes(hop: Plan, tmp_path: Path) -> None:
     assert_same(hop, tmp_path, [OLDEST], 0.5)
 

@@ -280,7 +280,7 @@ def test_parameters_in_the_autopilots_units(returns: ReturnPlan) -> None:
     assert all(len(name) <= 16 for name in (*ardupilot, *px4))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_large_fleet_returns_in_formation(simulation1_plan: Plan) -> None:
     """More vehicles than can be staggered: one height, the distances of the formation, looked at now and then."""
     plan = simulation1_plan

@@ -133,7 +133,7 @@ def test_limits_of_an_autopilot_are_those_of_the_plans_vehicles(small: Plan) -> 
     assert navigator_of(replace(small, scenario=tight), Autopilot.PX4) != navigator_of(small, Autopilot.PX4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
     with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m at .* s") as caught:
         export(field, tmp_path / "asked", formats=["plan"], firmware=Autopilot.PX4)
@@ -210,7 +210,7 @@ def test_too_many_gates(field: Plan) -> None:
         corrected_legs(field, Autopilot.ARDUPILOT, 30)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
     plan_of: Plans, monkeypatch: pytest.MonkeyPatch
 ) -> None:

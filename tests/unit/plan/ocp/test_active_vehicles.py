@@ -315,7 +315,7 @@ def _expanded(functions: PPoly, at_s: float) -> Array:
     return np.stack([functions(at_s, nu=n) / factorial[n] for n in range(degree, -1, -1)])[:, None]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("changes", [(), (at(SHRINK, 5.0),)], ids=["rigid", "shrinking"])
 def test_sixty_vehicles_clear_hills_that_a_few_are_watched_over(
     simulation1: Scenario, changes: tuple[dict[str, Any], ...]

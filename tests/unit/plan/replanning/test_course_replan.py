@@ -49,7 +49,7 @@ def test_the_new_plan_faces_its_course_and_is_verified(turning: Plan, at_s: floa
     assert f"leader 1 from ({state(turning, at_s)[0]:.1f}" in str(new)  # not where it would have been at T0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_turns_with_the_detour_round_a_new_zone(turning: Plan) -> None:
     ahead = state(turning, 25.0)
     zone = NoFlyZone(north_m=float(ahead[0]), east_m=float(ahead[1]) + 2.0, radius_m=2.0)

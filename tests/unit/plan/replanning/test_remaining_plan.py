@@ -66,7 +66,7 @@ def test_a_leader_on_its_track_flies_on_as_planned(plan: Plan, replanner: Replan
     np.testing.assert_allclose(new.states(t_s)[..., POSITION], plan.states(t_s)[..., POSITION], atol=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_new_zone_between_two_points_is_passed(plan: Plan, replanner: Replanner) -> None:
     at_s = 10.0
     middle = state(plan, 0.5 * (plan.route_s[0] + plan.route_s[1]))

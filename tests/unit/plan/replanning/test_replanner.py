@@ -311,7 +311,7 @@ def test_a_mesh_has_as_many_intervals_as_it_is_asked_for(duration_s: float) -> N
     assert (np.diff(lengths[:9]) >= -1e-9).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_gentle_flight_is_changed_gently(simulation1: Scenario) -> None:
     limits = {"accel_max_mps2": 0.9, "jerk_max_mps3": 0.7}
     gentle = make_plan(crossing(simulation1, limits=limits))

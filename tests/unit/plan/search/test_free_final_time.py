@@ -72,7 +72,7 @@ def test_the_least_time_from_rest_to_rest(
     assert plan.t_end_s - plan.t_start_s == pytest.approx(whole_s)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_energy_and_time_are_traded_monotonely(simulation1: Scenario) -> None:
     """d/dT of k (T_ref / T)^2 + w T / T_ref vanishes at T_ref (2 k / w)^(1/3); starting and stopping make k > 1."""
     flights = [verified(free(simulation1, weight)).flight_s for weight in (0.5, 6.0)]
@@ -82,7 +82,7 @@ def test_energy_and_time_are_traded_monotonely(simulation1: Scenario) -> None:
         assert ideal_s < flight_s < 1.2 * ideal_s
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_other_time_costs_less(simulation1: Scenario) -> None:
     best = verified(free(simulation1, 2.0))
     assert best.flight_s == pytest.approx(44.05, abs=0.6)
@@ -105,7 +105,7 @@ def test_what_has_no_plan_in_its_time_has_one_in_the_best(simulation1: Scenario)
         make_plan(hopeless.model_copy(update={"time": late}))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_energy_alone_takes_all_the_time_it_may(simulation1: Scenario) -> None:
     plan = verified(free(simulation1, 0.0, latest_s=55.0))
     assert plan.flight_s == 55.0

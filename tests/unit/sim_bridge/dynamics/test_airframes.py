@@ -31,7 +31,7 @@ def paper_flight():
     return fly(airframes, course(yaw_swing_rad=0.4), PADS_NED_M)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_papers_vehicles_stay_within_a_decimetre_of_a_full_flight(paper_flight):
     flown = ~(paper_flight.wanted_ned_m[..., 2] > 0.0).any(axis=1)  # the reference ends below the ground
     error_m = np.linalg.norm(paper_flight.truth[..., :3] - paper_flight.wanted_ned_m, axis=-1)[flown]
