@@ -135,6 +135,11 @@ COMMANDS = {
             "Plan a mission, upload it to every vehicle, read it back, fly it and judge the flight.",
         ),
         CommandRow(
+            "refly",
+            "gcs.cli.flights.refly",
+            "Fly an emulated flight again, and say whether the true states are the same to the last bit.",
+        ),
+        CommandRow(
             "attach",
             "gcs.cli.flights.attach",
             "Find a flight whose `gcs fly` was killed, show its vehicles, and land, return or resume it.",

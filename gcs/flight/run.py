@@ -27,6 +27,7 @@ from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import FlightHooks, FlightTimes, NearestPair, Step, Watcher, flown_plan_time
+from gcs.flight.recording.emulation_record import EmulationRecord, write_emulation
 from gcs.flight.recording.flight_folder import (
     BEFORE,
     EVENTS,
@@ -166,6 +167,9 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         with shown(watcher.say):
             index, navigator = export_for_flight(plan, order.report, folder / "export", order.keeping, watcher.say)
         if order.link is None:  # the emulated vehicles get the scenario that the plan was made from
+            how = order.options
+            kept = EmulationRecord(order.keeping, order.emulated, how.follow, how.on_loss, how.on_leader_loss)
+            write_emulation(folder, kept)
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     # Once for all checks before the flight, and before the link: it takes a second.
@@ -273,13 +277,9 @@ class _LinkedFlight:
         plan, order, journal, systems = self._plan, self.order, self.journal, self._known.systems
         async with AsyncExitStack() as stack:
             stack.enter_context(journal.record)
-            vehicles = None
-            if order.link is None:
-                vehicles = await stack.enter_async_context(simulator(self._simulated()))
+            emulated = simulator(self._simulated()) if order.link is None else None
             fleet = await stack.enter_async_context(
-                self._known.open(
-                    journal.on_frame, vehicles=plan.sysids, on_notice=journal.on_notice, emulated=vehicles
-                )
+                self._known.open(journal.on_frame, vehicles=plan.sysids, on_notice=journal.on_notice, emulated=emulated)
             )
             journal.keep_time(FleetTime(fleet.sessions, [systems.get(sysid, sysid) for sysid in plan.sysids]))
             sessions = await fleet.vehicles(plan.sysids, order.options.find_timeout_s, systems=systems)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -72,27 +72,27 @@ class Connection:
         *,
         vehicles: Collection[int] | None = None,
         on_notice: NoticeHook | None = None,
-        emulated: Endpoint | None = None,
+        emulated: AbstractAsyncContextManager[Endpoint] | None = None,
     ) -> AsyncIterator[LinkedFleet]:
         """The open links of our own backend. `vehicles` are those of a plan: no other system gets a session.
 
-        `emulated` takes the place of the links.
+        `emulated` takes the place of the links; it is entered last.
 
         Raises `UsageError`, `LinkError`.
         """
         only = None if vehicles is None else [self.systems.get(sysid, sysid) for sysid in vehicles]
-        async with (
-            copies_to(self.also_to, self.links) as copy,
-            LinkedFleet(
-                self.links if emulated is None else (emulated,),
+        async with AsyncExitStack() as stack:
+            copy = await stack.enter_async_context(copies_to(self.also_to, self.links))
+            links = self.links if emulated is None else (await stack.enter_async_context(emulated),)
+            fleet = LinkedFleet(
+                links,
                 on_frame=_also(copy, only, on_frame) if self.also_to else on_frame,
                 signing=signing_with(self.key, asyncio.get_running_loop().time()),
                 transfer=Transfer(self.transfer),
                 only=only,
                 on_notice=on_notice,
-            ).open() as fleet,
-        ):
-            yield fleet
+            )
+            yield await stack.enter_async_context(fleet.open())
 
     def __str__(self) -> str:
         return ", ".join(self.links)
