@@ -5,6 +5,7 @@ Vehicles that land stay above the place at which they come to rest: for zones th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,11 +19,12 @@ from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constrain
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.scenario.environment.no_fly import Zone, displacement_m
+from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Terrain
 from gcs.types import Array
 
 _FROM, _TO = 0, 1  # columns of a patch: time since the breaking off
-WAY_HALVES = 2**7 - 1  # of a way to rest, over the ground: down to 1/64 of it
+WAY_HALVES = 2**11 - 1  # of a way to rest, over the ground: down to a thousandth of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +101,10 @@ class BreakOffPlaces(TrackPlaces):
 
 def ground_below_brakes(
     motion: FleetMotion, airborne: Mask, terrain: Terrain, limit_m: float, how: BreakOff
-) -> tuple[GroundClearance, tuple[TrackCriterion, ...], Cells]:
+) -> tuple[GroundClearance, tuple[TrackCriterion, ...], Cells, Callable[[Cells], Array]]:
     """The clearance on the way to rest of vehicles that break off on intervals (V, N) on which they are `airborne`.
 
+    With its criteria, its cells, and how much what is seen differs for other instants of a cell, at most.
     Ways are halved as groups of vehicles are: half n of vehicle v's way has the number v * `WAY_HALVES` + n, and its
     own halves are 2 n + 1 and 2 n + 2.
     """
@@ -125,6 +128,14 @@ def ground_below_brakes(
         braking = Braking.of(motion, vehicle, some.start_s, some.end_s, how.brake_mps2)
         return braking.share(begins[half], begins[half] + 0.5 ** depth[half])
 
+    def moved_m(some: Cells) -> Array:
+        braking = Braking.of(motion, some.who[:, 0] // WAY_HALVES, some.start_s, some.end_s, how.brake_mps2)
+        north, east, down = places(some).middle
+        # From below the ground a vehicle may come as near to it as it moves.
+        depth_m = np.maximum(ground_height_m(terrain, north, east) + down, 0.0)
+        moved = np.linalg.norm(braking.place.deviation(), axis=0) + braking.spread_m(np.full(len(some), np.inf))
+        return np.asarray(moved + depth_m)
+
     vehicle, number = np.nonzero(airborne)
     spans = motion.edges_s[number], motion.edges_s[number + 1]
     who = (vehicle * WAY_HALVES)[:, None].astype(np.intp)
@@ -134,4 +145,4 @@ def ground_below_brakes(
         TrackCriterion(f"clearance above the ground, broken off to {how.manoeuvre}", "m", limit_m),
         TrackCriterion("room beside the ground", "m", 0.0),
     )
-    return family, criteria, family.around(cells)
+    return family, criteria, family.around(cells), moved_m

@@ -1,4 +1,4 @@
-"""The spans of instants at which a flight cannot be broken off, to a hundredth of a second."""
+"""The spans of instants at which a flight cannot be broken off, to a hundredth of a second and to a centimetre."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from gcs.types import Array
 from gcs.util.long_work import report
 
 SPAN_S = 0.01  # a span begins and ends so near to the instant at which it does
+NEAR_M = 0.01  # a margin that is less, and not proved, counts as undecided
 _BATCH = 8192
 
 
@@ -73,7 +74,8 @@ def unsafe_spans(
             violated = seen < -tolerance
             everywhere = np.any(seen + moved_m(batch) < -tolerance, axis=0)
             short = batch.end_s - batch.start_s <= SPAN_S
-            unsafe = is_open & (everywhere | (short & violated.any(axis=0)) | last)
+            near = np.any((low < -tolerance) & (seen < NEAR_M), axis=0)
+            unsafe = is_open & (everywhere | (short & near) | last)
             children, origin = family.children(batch, is_open & ~unsafe)
             whole = is_open & ~unsafe
             whole[origin] = False

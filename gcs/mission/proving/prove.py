@@ -205,7 +205,7 @@ class _Proofs:
             limit_m, (phase, _) = self._clearance_m(self.scenario), self._phases(self.scenario, motion)
             below = ground_below_brakes(motion, phase == _AIRBORNE, self.scenario.terrain, limit_m, how)
             halves = tuple(name for name in self._names for _ in range(WAY_HALVES))
-            parts.append((halves, *below, lambda cells: np.full(len(cells), np.inf)))
+            parts.append((halves, *below))
         for part in parts:
             found, of_part = proved_or_spans(*part)
             checks, spans = checks + found, spans + of_part

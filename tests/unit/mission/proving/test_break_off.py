@@ -180,7 +180,7 @@ def test_zones_and_the_ground_are_kept_on_the_way_to_rest(simulation1: gcs.Scena
 
 
 def test_a_zone_that_comes_later_reaches_one_that_holds(simulation1: gcs.Scenario) -> None:
-    moves = [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [60.0, -50.0, 0.0]]
+    moves = [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [60.0, -58.0, 0.0]]
     disk = {"north_m": 60.0, "east_m": 0.0, "radius_m": 5.0, "moves": moves}
     scenario = changed(simulation1, terrain=FLAT, no_fly=[disk])
     up = np.array([0.0, 0.0, -20.0])
