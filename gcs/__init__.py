@@ -35,13 +35,15 @@ if TYPE_CHECKING:
     from gcs.mission.model import Altitude as Altitude
     from gcs.mission.model import SetpointStream as SetpointStream
     from gcs.mission.model import VehicleMission as VehicleMission
-    from gcs.mission.proving.prove import TrackCheck as TrackCheck
+    from gcs.mission.proving.break_off import BreakOff as BreakOff
     from gcs.mission.proving.prove import TrackLimits as TrackLimits
-    from gcs.mission.proving.prove import TrackReport as TrackReport
     from gcs.mission.proving.prove import prove as prove
     from gcs.mission.proving.track import PolynomialTrack as PolynomialTrack
     from gcs.mission.proving.track_formats import ReadTracks as ReadTracks
     from gcs.mission.proving.track_formats import read_tracks as read_tracks
+    from gcs.mission.proving.track_report import TrackCheck as TrackCheck
+    from gcs.mission.proving.track_report import TrackReport as TrackReport
+    from gcs.mission.proving.track_report import UnsafeSpan as UnsafeSpan
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
@@ -67,6 +69,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Altitude": "gcs.mission.model",
     "Autopilot": "gcs.autopilots.traits",
+    "BreakOff": "gcs.mission.proving.break_off",
     "Check": "gcs.plan.verification.proof.verdict",
     "Connection": "gcs.link.session.connection",
     "CostTerm": "gcs.plan.cost_terms",
@@ -86,9 +89,10 @@ _HOME = {
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
-    "TrackCheck": "gcs.mission.proving.prove",
+    "TrackCheck": "gcs.mission.proving.track_report",
     "TrackLimits": "gcs.mission.proving.prove",
-    "TrackReport": "gcs.mission.proving.prove",
+    "TrackReport": "gcs.mission.proving.track_report",
+    "UnsafeSpan": "gcs.mission.proving.track_report",
     "Truth": "gcs.flight.assessment.judge",
     "VehicleMission": "gcs.mission.model",
     "Verdict": "gcs.flight.assessment.judge",

@@ -29,6 +29,8 @@ CHAPTERS = {
         "prove",
         "TrackLimits",
         "TrackReport",
+        "BreakOff",
+        "UnsafeSpan",
         "TrackCheck",
         "read_tracks",
         "ReadTracks",

@@ -13,7 +13,7 @@ from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, mis
 from gcs.errors import counted
 
 if TYPE_CHECKING:
-    from gcs.mission.proving.prove import TrackCheck
+    from gcs.mission.proving.track_report import TrackCheck, UnsafeSpan
     from gcs.types import JsonObject
 
 _LENGTH = (1e-3, 1e6, "m")
@@ -109,6 +109,23 @@ def prove(
             limits=(-1e6, 1e6, "s"),
         ),
     ] = 0.0,
+    abort: Annotated[
+        str | None,
+        option(
+            "Prove too that all vehicles may break off at any instant, together: brake straight on and hold, or land.",
+            metavar="WAY",
+            shown="not checked",
+            words=("hold", "land"),
+        ),
+    ] = None,
+    brake: Annotated[
+        float,
+        option("Deceleration of vehicles that break off.", metavar="M/S2", limits=(0.01, 1e3, "m/s²")),
+    ] = 1.5,
+    sink: Annotated[
+        float,
+        option("Largest speed of descent of vehicles that land.", metavar="M/S", limits=(0.01, 1e3, "m/s")),
+    ] = 1.5,
     picture: Annotated[
         Path | None, option("Draw the tracks and their nearest calls.", "--picture", "-p", metavar="FILE")
     ] = None,
@@ -127,6 +144,7 @@ def prove(
     from rich.markup import escape
     from rich.table import Table
 
+    from gcs.mission.proving.break_off import MANOEUVRES, BreakOff
     from gcs.mission.proving.prove import TrackLimits
     from gcs.mission.proving.prove import prove as proved
     from gcs.mission.proving.track_formats import read_tracks
@@ -142,7 +160,8 @@ def prove(
     if scenario is not None:
         place = read_plan(scenario)[0].scenario if is_plan_file(scenario) else load_scenario(scenario)
     read = read_tracks(files, frame=frame, scenario=place, start_s=start)
-    report = proved(read.tracks, limits, place, vehicle)
+    how = next((BreakOff(way, brake, sink) for way in MANOEUVRES if way == abort), None)
+    report = proved(read.tracks, limits, place, vehicle, how)
     for line in read.account:
         screen.say(line)
     table = Table("criterion", "value", "limit", "verdict", "nearest at")
@@ -153,6 +172,10 @@ def prove(
         verdict = check.verdict if check.ok else check.verdict.upper()
         table.add_row(check.name, f"{value} {check.unit}", f"{sign} {check.limit:.4g} {check.unit}", verdict, where)
     screen.show(table)
+    if report.unsafe:
+        screen.say("the flight must not be broken off from")
+        for span in report.unsafe:
+            screen.say(f"  {span}")
     if report.unchecked:
         screen.say(f"not checked, because no limit is stated: {', '.join(report.unchecked)}")
     held = f"{counted(len(report.vehicles), 'vehicle')} from {report.t_start_s:g} s to {report.t_end_s:g} s"
@@ -163,6 +186,7 @@ def prove(
             "files": list(read.account),
             "vehicles": list(report.vehicles),
             "checks": [_data(check) for check in report.checks],
+            "unsafe": [_span(span) for span in report.unsafe],
             "unchecked": list(report.unchecked),
         }
     )
@@ -184,6 +208,19 @@ def _data(check: TrackCheck) -> JsonObject:
         "proved": _finite(check.proved),
         "vehicles": list(check.vehicles),
         "t_s": check.t_s,
+    }
+
+
+def _span(span: UnsafeSpan) -> JsonObject:
+    return {
+        "name": span.name,
+        "verdict": span.verdict,
+        "unit": span.unit,
+        "start_s": span.start_s,
+        "end_s": span.end_s,
+        "seen": _finite(span.seen),
+        "vehicles": list(span.vehicles),
+        "t_s": span.t_s,
     }
 
 

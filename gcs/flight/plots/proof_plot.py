@@ -14,8 +14,8 @@ from gcs.flight.plots.curves import LIMIT, draw_separation
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, colours, head_figure, save, settle
 from gcs.flight.plots.flight_map import vehicle_entries
 from gcs.flight.scene.ground_area import area_of
-from gcs.mission.proving.prove import TrackCheck, TrackReport
 from gcs.mission.proving.track import PolynomialTrack
+from gcs.mission.proving.track_report import TrackCheck, TrackReport
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array

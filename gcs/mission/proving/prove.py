@@ -8,7 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.errors import UsageError, VerificationError, counted
+from gcs.errors import UsageError
+from gcs.mission.proving.break_off import BreakOff
+from gcs.mission.proving.break_off_places import WAY_HALVES, BreakOffPlaces, ground_below_brakes
+from gcs.mission.proving.break_off_separation import BreakOffSeparation
+from gcs.mission.proving.break_off_spans import Moved, proved_or_spans
 from gcs.mission.proving.track import FleetMotion, PolynomialTrack
 from gcs.mission.proving.track_criteria import (
     NamedRanges,
@@ -18,18 +22,16 @@ from gcs.mission.proving.track_criteria import (
     TrackPlaces,
     TrackSeparation,
 )
+from gcs.mission.proving.track_report import TrackCheck, TrackReport, UnsafeSpan, settled_checks
 from gcs.physics.quadrotor import Quadrotor
 from gcs.physics.wind import STILL
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Family, Looks, Proof, settle
+from gcs.plan.verification.proof.subdivision import Cells, Family, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.plan.verification.proof.verdict import (
     LENGTH_TOLERANCE_M,
-    OK,
     SPEED_TOLERANCE_MPS,
-    Verdict,
-    verdict_of,
 )
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import zone_names, zones
@@ -37,6 +39,7 @@ from gcs.scenario.schema.scenario import LimitsTable, Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
 from gcs.scenario.values.si import NED_FROM_UP, steady_wind
+from gcs.types import Array
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
@@ -75,102 +78,34 @@ class TrackLimits:
                 raise UsageError(f"limits {name} from {limits[0]} to {limits[1]} are none", hint="give the lower first")
 
 
-@dataclass(frozen=True)
-class TrackCheck:
-    """One criterion: the nearest value to its limit that was found, `seen`, with its vehicles and instant.
-
-    `proved` is a bound: no vehicle has a value beyond it at any instant.
-    """
-
-    name: str
-    unit: str
-    limit: float
-    most: bool  # the limit is the largest value that is allowed; else the least
-    seen: float
-    proved: float
-    tolerance: float
-    vehicles: tuple[str, ...]
-    t_s: float
-
-    @property
-    def verdict(self) -> Verdict:
-        """Proved, violated at `t_s`, or undecided at the finest resolution."""
-        sign = -1.0 if self.most else 1.0
-        return verdict_of(sign * (self.seen - self.limit), self.tolerance, sign * (self.proved - self.limit))
-
-    @property
-    def ok(self) -> bool:
-        """Whether it is proved; undecided counts as failed."""
-        return self.verdict in OK
-
-    def __str__(self) -> str:
-        who = f"vehicle{'s' if len(self.vehicles) > 1 else ''} {' and '.join(self.vehicles)}"
-        against = f"{'at most' if self.most else 'at least'} {self.limit:.4g} {self.unit}"
-        if self.verdict == "proved":
-            return f"{self.name}: {'≤' if self.most else '≥'} {self.proved:.4g} {self.unit} proved, {against} required"
-        where = f"at t = {self.t_s:.3f} s ({who}), {against} required"
-        if self.verdict == "undecided":
-            between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit}"
-            finest = f"intervals of {SHORTEST_S * 1e6:g} µs, or {_CELLS_MAX:,} of them, decide no more"
-            return f"{self.name}: undecided, {between} {where}; {finest}"
-        return f"{self.name}: {self.seen:.4g} {self.unit} {where}"
-
-
-@dataclass(frozen=True)
-class TrackReport:
-    """All checks of tracks, and what was not checked because no limit was stated."""
-
-    checks: tuple[TrackCheck, ...]
-    unchecked: tuple[str, ...]
-    vehicles: tuple[str, ...]
-    t_start_s: float
-    t_end_s: float
-
-    @property
-    def ok(self) -> bool:
-        """Whether every check is proved."""
-        return all(check.ok for check in self.checks)
-
-    @property
-    def failures(self) -> tuple[TrackCheck, ...]:
-        """The checks that failed."""
-        return tuple(check for check in self.checks if not check.ok)
-
-    def refusal(self) -> VerificationError | None:
-        """The error for tracks that failed; None where all is proved."""
-        if self.ok:
-            return None
-        worst = "; ".join(map(str, self.failures[:_LISTED]))
-        return VerificationError(f"not proved: {worst}", hint="change the trajectories, or the limits")
-
-    def __str__(self) -> str:
-        verdict = "every instant proved" if self.ok else f"FAILED, {len(self.failures)} of {len(self.checks)} checks"
-        span = f"{counted(len(self.vehicles), 'vehicle')}, {self.t_start_s:g} s to {self.t_end_s:g} s"
-        return "\n  ".join([f"{span}: {verdict}", *map(str, self.checks)])
-
-    __repr__ = __str__
-
-
 def prove(
     tracks: Sequence[PolynomialTrack],
     limits: TrackLimits | None = None,
     scenario: Scenario | None = None,
     vehicle: str | Path | None = None,
+    abort: BreakOff | None = None,
 ) -> TrackReport:
     """Prove tracks of any planner on intervals of time: separation, motion, effort, heights, ground, zones, continuity.
 
     Time 0 and place (0, 0, 0) are those of the scenario. With a `vehicle`, a preset's name or a vehicle file, thrust
-    and tilt are proved in the scenario's wind. Raises `UsageError` for tracks or limits that leave nothing to prove.
+    and tilt are proved in the scenario's wind. With `abort`, it is proved too that all may break off at
+    any instant: the same distances, heights, ground and zones, until the last vehicle rests.
+
+    Raises `UsageError` for tracks or limits that leave nothing to prove.
     """
     limits = limits or TrackLimits()
     flown = None if vehicle is None else vehicle_type(vehicle)
-    _refuse(tracks, limits, scenario, flown)
+    _refuse(tracks, limits, scenario, flown, abort)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
-        return _Proofs(tuple(tracks), limits, scenario, flown).report()
+        return _Proofs(tuple(tracks), limits, scenario, flown, abort).report()
 
 
 def _refuse(
-    tracks: Sequence[PolynomialTrack], limits: TrackLimits, scenario: Scenario | None, vehicle: VehicleFile | None
+    tracks: Sequence[PolynomialTrack],
+    limits: TrackLimits,
+    scenario: Scenario | None,
+    vehicle: VehicleFile | None,
+    abort: BreakOff | None,
 ) -> None:
     if not tracks:
         raise UsageError("there are no tracks", hint="give at least one")
@@ -189,7 +124,13 @@ def _refuse(
             f"track {plain[0]} is straight between samples: how it accelerates is not known",
             hint="add its velocities, or leave out the vehicle and the limits of acceleration and jerk",
         )
-    if limits.speed_mps is not None and (bent := [each.name for each in tracks if each.off_m]):
+    bent = [each.name for each in tracks if each.off_m]
+    if abort is not None and bent:
+        raise UsageError(
+            f"track {bent[0]} is the flight of a mission, near straight pieces that do not bound its speed",
+            hint="leave out the breaking off, or give trajectories: it begins with a velocity that must be known",
+        )
+    if limits.speed_mps is not None and bent:
         raise UsageError(
             f"track {bent[0]} is the flight of a mission, near straight pieces that do not bound its speed",
             hint="leave out the limit of the speed; `gcs check` judges the speeds of missions",
@@ -202,6 +143,11 @@ class _Proofs:
     limits: TrackLimits
     scenario: Scenario | None
     vehicle: VehicleFile | None
+    abort: BreakOff | None
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(each.name for each in self.tracks)
 
     def report(self) -> TrackReport:
         """All checks."""
@@ -218,7 +164,7 @@ class _Proofs:
         unchecked: list[str] = []
         if separation_m and len(self.tracks) > 1:
             family = TrackSeparation(motion, separation_m, self.limits.vertical_scale)
-            checks += self._checks(family, family.criteria, family.cells())
+            checks += settled_checks(self._names, family, family.criteria, family.cells())
         checks += self._motion(motion, unchecked)
         checks += self._effort(motion, unchecked)
         places = TrackPlaces(
@@ -228,16 +174,45 @@ class _Proofs:
             0.0 if own is None else own.zone_margin_m or 0.0,
         )
         if places.criteria:
-            checks += self._checks(places, places.criteria, _every(motion))
+            checks += settled_checks(self._names, places, places.criteria, _every(motion))
         unchecked += [] if height_m else ["height"]
         if self.scenario is None:
             unchecked += ["ground", "no-fly zones"]
         else:
             unchecked += ["the scenario's least height"]
             checks += self._ground(self.scenario, motion)
-        names = tuple(each.name for each in self.tracks)
+        unsafe: list[UnsafeSpan] = []
+        if self.abort is not None:
+            more, unsafe = self._broken_off(self.abort, motion, separation_m, places)
+            checks += more
         ends_s = float(motion.edges_s[0]), float(motion.edges_s[-1])
-        return TrackReport(tuple(checks), tuple(unchecked), names, *ends_s)
+        return TrackReport(tuple(checks), tuple(unchecked), self._names, *ends_s, tuple(unsafe))
+
+    def _broken_off(
+        self, how: BreakOff, motion: FleetMotion, separation_m: float | None, places: TrackPlaces
+    ) -> tuple[list[TrackCheck], list[UnsafeSpan]]:
+        """Separation, heights, zones and ground of all that break off at the same instant, whichever it is."""
+        checks: list[TrackCheck] = []
+        spans: list[UnsafeSpan] = []
+        parts: list[tuple[tuple[str, ...], Family, tuple[TrackCriterion, ...], Cells, Moved]] = []
+        if separation_m and len(self.tracks) > 1:
+            apart = BreakOffSeparation(motion, separation_m, self.limits.vertical_scale, how)
+            parts.append((self._names, apart, apart.criteria, apart.cells(), apart.moved_m))
+        if places.criteria:
+            beside = BreakOffPlaces(motion, places.ranges_m, places.zones, places.zone_margin_m, how)
+            parts.append((self._names, beside, beside.criteria, beside.cells(), beside.moved_m))
+        if self.scenario is not None:
+            limit_m, (phase, _) = self._clearance_m(self.scenario), self._phases(self.scenario, motion)
+            below = ground_below_brakes(motion, phase == _AIRBORNE, self.scenario.terrain, limit_m, how)
+            halves = tuple(name for name in self._names for _ in range(WAY_HALVES))
+            parts.append((halves, *below))
+        for part in parts:
+            found, of_part = proved_or_spans(*part)
+            checks, spans = checks + found, spans + of_part
+        return checks, sorted(spans, key=lambda span: span.start_s)
+
+    def _clearance_m(self, scenario: Scenario) -> float:
+        return self.limits.clearance_m or scenario.limits.clearance_min_m
 
     def _box(self, limits: LimitsTable, height_m: tuple[float, float] | None) -> NamedRanges:
         """The scenario's box, so wide that the pads and the landing points are in it."""
@@ -289,7 +264,9 @@ class _Proofs:
                 named = zip(("north", "east", "the vertical"), self.scenario.limits.speed_ned_mps, strict=True)
                 axes = tuple(TrackCriterion(f"speed along {axis}", "m/s", most, most=True) for axis, most in named)
         family = TrackMotion(motion, stated, axes)
-        return self._checks(family, family.criteria, _every(motion, moving=True)) if family.criteria else []
+        return (
+            settled_checks(self._names, family, family.criteria, _every(motion, moving=True)) if family.criteria else []
+        )
 
     def _effort(self, motion: FleetMotion, unchecked: list[str]) -> list[TrackCheck]:
         """Thrust and tilt, in the scenario's wind."""
@@ -305,12 +282,11 @@ class _Proofs:
             self.limits.thrust_N or own.thrust_N,
             np.radians(tilt_deg).item(),
         )
-        return self._checks(family, family.criteria, _every(motion, moving=True))
+        return settled_checks(self._names, family, family.criteria, _every(motion, moving=True))
 
-    def _ground(self, scenario: Scenario, motion: FleetMotion) -> list[TrackCheck]:
-        """The distance to the ground from take-off to landing; before and after, what is beside the place below."""
-        limit_m = self.limits.clearance_m or scenario.limits.clearance_min_m
-        cells, pads = _every(motion), np.zeros((3, len(self.tracks)))
+    def _phases(self, scenario: Scenario, motion: FleetMotion) -> tuple[Rows, Array]:
+        """Whether vehicles take off, fly or land in each piece (P,), and the heights of their pads (3, V)."""
+        limit_m, pads = self._clearance_m(scenario), np.zeros((3, len(self.tracks)))
         phase = np.full((len(self.tracks), len(motion.edges_s) - 1), _AIRBORNE, dtype=np.intp)
         for row in range(len(self.tracks)):
             of_row = np.full(len(motion.edges_s), row, dtype=np.intp)
@@ -321,7 +297,12 @@ class _Proofs:
             first, last = (high[0], high[-1]) if len(high) else (0, len(places))
             phase[row, :first], phase[row, last:] = _TAKEOFF, _LANDING
             pads[_TAKEOFF, row], pads[_LANDING, row] = places[0, 2], places[-1, 2]
-        cells = Cells(cells.who, cells.start_s, cells.end_s, phase[motion.row, motion.window], cells.patch)
+        return phase[motion.row, motion.window], pads
+
+    def _ground(self, scenario: Scenario, motion: FleetMotion) -> list[TrackCheck]:
+        """The distance to the ground from take-off to landing; before and after, what is beside the place below."""
+        limit_m, cells, (phase, pads) = self._clearance_m(scenario), _every(motion), self._phases(scenario, motion)
+        cells = Cells(cells.who, cells.start_s, cells.end_s, phase, cells.patch)
         alone = np.arange(len(self.tracks))
         none = np.full((len(alone), 2), -1)
         single = VehicleTree(alone, none, np.zeros((len(alone), 0, 3)), np.zeros(len(alone)), np.zeros((len(alone), 3)))
@@ -335,37 +316,7 @@ class _Proofs:
             TrackCriterion("clearance above the ground", "m", limit_m),
             TrackCriterion("room beside the ground at take-off and landing", "m", 0.0),
         )
-        return self._checks(family, criteria, family.around(cells), phases=3)
-
-    def _checks(
-        self, family: Family, criteria: tuple[TrackCriterion, ...], cells: Cells, phases: int = 1
-    ) -> list[TrackCheck]:
-        """One check for each criterion, of its worst phase."""
-        proof = Proof.begun((len(criteria), phases), cells.who.shape[1])
-        settle(family, cells, proof, Looks(_CELLS_MAX))
-        constraints: tuple[Constraint, ...] = family.constraints
-        found = []
-        for number, criterion in enumerate(criteria):
-            phase = int(proof.seen[number].argmin())
-            seen, proved = float(proof.seen[number, phase]), float(proof.proved[number].min())
-            if np.isinf(seen) and seen > 0.0:
-                continue
-            sign = -1.0 if criterion.most else 1.0
-            who = tuple(self.tracks[row].name for row in proof.who[number, phase])
-            found.append(
-                TrackCheck(
-                    criterion.name,
-                    criterion.unit,
-                    criterion.limit,
-                    criterion.most,
-                    criterion.limit + sign * seen,
-                    criterion.limit + sign * min(proved, seen),
-                    constraints[number].tolerance,
-                    who,
-                    float(proof.t_s[number, phase]),
-                )
-            )
-        return found
+        return settled_checks(self._names, family, criteria, family.around(cells), phases=3)
 
 
 def _every(motion: FleetMotion, *, moving: bool = False) -> Cells:

@@ -15,7 +15,7 @@ from gcs.scenario.environment.no_fly import Zone, ZoneName
 from gcs.types import Array
 
 _ROUNDING_M = 1e-9
-_PIECE = -1  # the level of a cell in which neither vehicle has a joint
+PIECE = -1  # the level of a cell in which neither vehicle has a joint
 _DOWN = 2
 NamedRanges = tuple[tuple[str, tuple[float, float] | None], ...]  # of north, east and height: its name, its limits
 LENGTH = Constraint(LENGTH_TOLERANCE_M, RESOLUTION_M)
@@ -62,7 +62,8 @@ class TrackSeparation:
         return self._in_pieces(Cells(pairs, start_s, end_s, np.zeros(len(pairs), dtype=np.intp), patch))
 
     @cached_property
-    def _scale(self) -> Array:
+    def scale(self) -> Array:
+        """What a metre north, east and down counts as."""
         return np.array([1.0, 1.0, 1.0 / self.vertical_scale])
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
@@ -70,29 +71,29 @@ class TrackSeparation:
         low, seen = np.empty(len(cells)), np.empty(len(cells))
         for level in np.unique(cells.patch[:, 0]).astype(int).tolist():
             chosen = np.flatnonzero(cells.patch[:, 0] == level)
-            of = self._within_one(cells[chosen]) if level == _PIECE else self._of_windows(cells[chosen], level)
+            of = self._within_one(cells[chosen]) if level == PIECE else self.of_windows(cells[chosen], level)
             low[chosen], seen[chosen] = of
         return low[None] - self.limit_m, seen[None] - self.limit_m
 
     def _within_one(self, cells: Cells) -> tuple[Array, Array]:
         """Distances, bounded by the tangent in the middle's direction and by the square."""
         first, second = (self.motion.enclosed(cells.who[:, one], cells.start_s, cells.end_s) for one in (0, 1))
-        apart = (first - second) * self._scale[:, None]
+        apart = (first - second) * self.scale[:, None]
         length = np.linalg.norm(apart.middle, axis=0)
         toward = apart.middle / np.maximum(length, 1e-9)
         along = (apart[0] * toward[0] + apart[1] * toward[1] + apart[2] * toward[2]).low()
-        return np.maximum(along, np.sqrt(np.maximum(_squared(apart).low(), 0.0))), self._distance(cells)
+        return np.maximum(along, np.sqrt(np.maximum(squared(apart).low(), 0.0))), self._distance(cells)
 
-    def _of_windows(self, cells: Cells, level: int) -> tuple[Array, Array]:
-        """Distances, bounded by the gap of the boxes, and by the distance in the middle and the relative velocity."""
+    def of_windows(self, cells: Cells, level: int) -> tuple[Array, Array]:
+        """Distances (M,) on windows of one level, by the gap of boxes, the distance in the middle and the velocity."""
         number = cells.patch[:, 1].astype(np.intp)
         beside = self.motion.relative
         low, high, slow, fast = beside.windows[level]
         a, b = cells.who.T
         gap = np.maximum(low[a, number] - high[b, number], low[b, number] - high[a, number])
-        boxes = np.linalg.norm(np.maximum(gap, 0.0) * self._scale, axis=1)
+        boxes = np.linalg.norm(np.maximum(gap, 0.0) * self.scale, axis=1)
         relative = np.maximum(fast[a, number] - slow[b, number], fast[b, number] - slow[a, number])
-        moved = 0.5 * (cells.end_s - cells.start_s) * np.linalg.norm(relative * self._scale, axis=1)
+        moved = 0.5 * (cells.end_s - cells.start_s) * np.linalg.norm(relative * self.scale, axis=1)
         begins = number << level
         ends = np.minimum(begins + (1 << level), len(self.motion.edges_s) - 1)
         first = self.motion.begins
@@ -104,12 +105,12 @@ class TrackSeparation:
     def _distance(self, cells: Cells) -> Array:
         """The distance (M,) in the middle."""
         first, second = (self.motion.places(cells.who[:, one], cells.middle_s) for one in (0, 1))
-        return np.asarray(np.linalg.norm((first - second) * self._scale, axis=1))
+        return np.asarray(np.linalg.norm((first - second) * self.scale, axis=1))
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`: both halves of windows, the parts of one between the joints of both, halves of a part."""
         level = cells.patch[:, 0].astype(np.intp)
-        long = np.flatnonzero(chosen & (level == _PIECE) & (cells.end_s - cells.start_s > SHORTEST_S))
+        long = np.flatnonzero(chosen & (level == PIECE) & (cells.end_s - cells.start_s > SHORTEST_S))
         found, origin = [halved(cells[long])], [np.concatenate([long, long])]
         wide = np.flatnonzero(chosen & (level > 0))
         below, count = level[wide] - 1, len(self.motion.edges_s) - 1
@@ -135,7 +136,7 @@ class TrackSeparation:
         whole = cells.patch[:, 0] == 0.0
         for one in (0, 1):
             whole[whole] = self.motion.single(cells.who[whole, one], window[whole])
-        cells.patch[whole, 0] = _PIECE
+        cells.patch[whole, 0] = PIECE
         return cells
 
     def _between_joints(self, cells: Cells) -> tuple[Cells, Rows]:
@@ -153,7 +154,7 @@ class TrackSeparation:
         origin, start_s = begins[:, 0].astype(np.intp), begins[:, 1]
         ends_here = np.append(origin[1:] != origin[:-1], True)
         end_s = np.where(ends_here, cells.end_s[origin], np.append(start_s[1:], 0.0))
-        patch = np.column_stack([np.full(len(origin), float(_PIECE)), cells.patch[origin, 1]])
+        patch = np.column_stack([np.full(len(origin), float(PIECE)), cells.patch[origin, 1]])
         return replace(cells[origin], start_s=start_s, end_s=end_s, patch=patch), origin
 
 
@@ -189,7 +190,7 @@ class TrackMotion(_OfVehicles):
         low, seen = [], []
         for derivative, criterion in self.sizes:
             vector = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s, derivative)
-            low.append(criterion.limit - np.sqrt(np.maximum(_squared(vector).range()[1], 0.0)))
+            low.append(criterion.limit - np.sqrt(np.maximum(squared(vector).range()[1], 0.0)))
             seen.append(criterion.limit - np.linalg.norm(vector.middle, axis=0))
         if self.along:
             velocity = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s, 1)
@@ -280,20 +281,27 @@ class TrackPlaces(_OfVehicles):
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
         """See `Family`."""
-        place = self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s)
+        place = self._place(cells)
         found: list[tuple[Array, Array]] = []
-        now = self.motion.places(cells.who[:, 0], cells.middle_s)
         for axis, (_, limits_m) in enumerate(self.ranges_m):
             if limits_m is not None:
                 sign = -1.0 if axis == _DOWN else 1.0
-                (least, most), at = (sign * place[axis]).range(), sign * now[:, axis]
+                (least, most), at = (sign * place[axis]).range(), sign * place.middle[axis]
                 found += [(least - limits_m[0], at - limits_m[0]), (limits_m[1] - most, limits_m[1] - at)]
         for _, zone in self.zones:
-            low, seen = outside_zone(zone, place, cells)
+            low, seen = self._outside(zone, place, cells)
             found.append((low - self.zone_margin_m, seen - self.zone_margin_m))
         return np.stack([low for low, _ in found]), np.stack([seen for _, seen in found])
 
+    def _place(self, cells: Cells) -> Taylor:
+        """Where (3, M) the vehicles of cells are."""
+        return self.motion.enclosed(cells.who[:, 0], cells.start_s, cells.end_s)
 
-def _squared(vector: Taylor) -> Taylor:
+    def _outside(self, zone: Zone, place: Taylor, cells: Cells) -> tuple[Array, Array]:
+        """How far (M,) they are outside a zone: at least, and in the middle."""
+        return outside_zone(zone, place, cells)
+
+
+def squared(vector: Taylor) -> Taylor:
     """The squared length (M,) of vectors (3, M)."""
     return vector[0].square() + vector[1].square() + vector[2].square()

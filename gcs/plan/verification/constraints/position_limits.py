@@ -96,8 +96,13 @@ def outside_zone(zone: Zone, place: Taylor, cells: Cells) -> tuple[Array, Array]
     ends = [displacement_m(zone, t_s) for t_s in (cells.start_s, cells.end_s)]  # (N, 2)
     moved = np.zeros((ORDER + 1, 2, len(cells)))
     moved[0], moved[1] = 0.5 * (ends[0] + ends[1]).T, 0.5 * (ends[1] - ends[0]).T
-    north, east = (place[axis] - Taylor(moved[:, axis], np.zeros(len(cells))) for axis in (0, 1))
-    low, seen = np.full(len(cells), np.inf), np.full(len(cells), np.inf)
+    return outside_moved_zone(zone, place, Taylor(moved, np.zeros(moved.shape[1:])))
+
+
+def outside_moved_zone(zone: Zone, place: Taylor, moved: Taylor) -> tuple[Array, Array]:
+    """The distance of places (3, N) outside a zone that has moved so far (2, N), north and east."""
+    north, east = (place[axis] - moved[axis] for axis in (0, 1))
+    low, seen = np.full(len(north.middle), np.inf), np.full(len(north.middle), np.inf)
     for piece in pieces(zone):
         of_piece, at_middle = _outside_piece(piece, north, east)
         low, seen = np.minimum(low, of_piece), np.minimum(seen, at_middle)

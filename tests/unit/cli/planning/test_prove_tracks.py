@@ -43,6 +43,23 @@ def test_json_has_every_check(crossing: list[str], capsys: pytest.CaptureFixture
     assert separation["seen"] == pytest.approx((0.3**2 / 2 + 0.2**2) ** 0.5, abs=2e-3)
 
 
+def test_the_spans_in_which_it_must_not_be_broken_off_are_named(
+    crossing: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run([*crossing, "--separation", "0.45", "--abort", "hold"]) == 0
+    assert "separation, broken" in capsys.readouterr().out
+    line = [*crossing, "--separation", "0.45", "--abort", "land"]
+    assert main.run(line) == 5
+    said = capsys.readouterr()
+    assert "4.12 s to 4.40 s: separation, broken off to land 0.212" in said.out
+    assert "not proved: separation, broken off to land" in said.err
+    assert main.run([*line, "--json"]) == 5
+    (span,) = json.loads(capsys.readouterr().out)["unsafe"]
+    assert (span["vehicles"], span["verdict"]) == (["a", "b"], "violated")
+    assert (span["start_s"], span["end_s"]) == (pytest.approx(4.118, abs=0.011), pytest.approx(4.398, abs=0.011))
+    assert span["seen"] == pytest.approx(0.2121, abs=5e-3)
+
+
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [

@@ -311,7 +311,7 @@ def test_polynomials_that_are_none_are_refused(c: Any, x: Any) -> None:
 
 def test_what_is_not_decided_counts_as_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Vehicles that cross within a few intervals are not known to be apart after one look at the whole flight."""
-    monkeypatch.setattr("gcs.mission.proving.prove._CELLS_MAX", 0)
+    monkeypatch.setattr("gcs.mission.proving.track_report.CELLS_MAX", 0)
     tracks = [
         line("a", (0, 0, 0), (1, 0, 0), np.arange(11.0)),
         line("b", (3, -9.9, 0), (0, 2, 0), np.arange(11.0)),
@@ -326,7 +326,7 @@ def test_what_is_not_decided_counts_as_failed(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_formation_that_flies_and_turns_together_takes_few_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
     """What all do together is no part of their distances: 49 vehicles 2 m apart wind along at 20 m/s."""
-    monkeypatch.setattr("gcs.mission.proving.prove._CELLS_MAX", 30_000)
+    monkeypatch.setattr("gcs.mission.proving.track_report.CELLS_MAX", 30_000)
     rng = np.random.default_rng(3)
     t_s = np.arange(0.0, 60.0, 0.5)
     course_m = np.stack([200.0 * np.sin(0.1 * t_s), 200.0 * np.cos(0.1 * t_s), -20.0 + 3.0 * np.sin(t_s)], axis=1)
