@@ -51,7 +51,7 @@ def test_the_spans_in_which_it_must_not_be_broken_off_are_named(
     line = [*crossing, "--separation", "0.45", "--abort", "land"]
     assert main.run(line) == 5
     said = capsys.readouterr()
-    assert "4.12 s to 4.40 s: separation, broken off to land 0.212" in said.out
+    assert "4.11 s to 4.40 s: separation, broken off to land 0.212" in said.out
     assert "not proved: separation, broken off to land" in said.err
     assert main.run([*line, "--json"]) == 5
     (span,) = json.loads(capsys.readouterr().out)["unsafe"]

@@ -121,7 +121,7 @@ def swarm(seed: int, vehicles: int = 4, *, straight: bool = False) -> list[gcs.P
 
 
 @pytest.mark.parametrize("how", [HOLD, gcs.BreakOff("land", 2.0, 0.8)], ids=str)
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_distances_are_bounded_as_brute_force_finds_them(seed: int, how: gcs.BreakOff) -> None:
     tracks, scale = swarm(seed, straight=seed % 2 == 1), (1.0, 2.0)[seed % 2]
     s = np.linspace(0.0, tracks[0].position_ned_m.x[-1] * (1 - 1e-12), 4001)
@@ -134,7 +134,7 @@ def test_distances_are_bounded_as_brute_force_finds_them(seed: int, how: gcs.Bre
 
 
 @pytest.mark.parametrize("how", [HOLD, LAND], ids=str)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [1, 3, 5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2, 4, 6, 7))])
 def test_any_instant_outside_of_the_spans_is_safe(seed: int, how: gcs.BreakOff) -> None:
     tracks = swarm(seed, straight=seed % 2 == 1)
     rng = np.random.default_rng(seed)
