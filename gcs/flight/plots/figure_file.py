@@ -85,7 +85,11 @@ def fitted(text: str, width_in: float, size_pt: float) -> str:
 
 
 def settle(figure: Figure) -> None:
-    """Lay a figure out and keep it so: labels that are placed after this are where they were placed."""
+    """Lay a figure out and keep it so: labels that are placed after this are where they were placed.
+
+    They are as wide then as in the file: letters are fitted to its pixels.
+    """
+    figure.set_dpi(DPI)
     for _ in range(_PASSES):
         if (engine := figure.get_layout_engine()) is not None:
             engine.execute(figure)

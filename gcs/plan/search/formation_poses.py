@@ -17,6 +17,7 @@ from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
 from gcs.scenario.environment.no_fly import outside_m, zones
 from gcs.types import Array
+from gcs.util.long_work import report
 
 REPRESENTATIVES = 24
 _STEPS = {CoordinateName.SCALE: 5, CoordinateName.HEADING: 5, CoordinateName.BLEND: 3}
@@ -65,6 +66,7 @@ def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Arra
     when_s = _passed_s(problem, north_m, east_m)
     floor = np.full(np.shape(north_m), -np.inf)
     for offset_n, offset_e, offset_d in offsets_ned_m:
+        report("mapping the room of every vehicle between zones, ground and ceiling")
         at_n, at_e = north_m + offset_n, east_m + offset_e
         least = coarse_floor_m(scenario.terrain, at_n, at_e, scenario.limits.clearance_min_m)
         floor = np.maximum(floor, least + offset_d)

@@ -59,3 +59,14 @@ def test_every_map_of_a_survey_shows_its_area_and_holes_and_no_entry_for_wind_wh
     entries = [text.get_text() for text in axes.get_legend().get_texts()]
     assert entries[-2:] == ["survey area", "left out of the survey"]
     plt.close(figure)
+
+
+def test_a_map_of_a_survey_names_each_pass_once(repo_root: Path) -> None:
+    """Where each of its four points was named, names covered points and each other."""
+    scenario = load_scenario(repo_root / "missions" / "survey")
+    passes = {name[:6] for point in scenario.route if (name := point.name or "").startswith("pass ")}
+    assert len(passes) > 1
+    figure = draw_scenario(scenario)
+    told = [text.get_text() for text in figure.axes[0].texts]
+    assert sorted(text.split(" ", 1)[1] for text in told if "pass" in text) == sorted(passes)
+    plt.close(figure)

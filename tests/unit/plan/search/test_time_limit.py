@@ -13,6 +13,7 @@ from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search import homotopy_classes
 from gcs.plan.search.homotopy_classes import best_class
+from gcs.plan.search.routes import survey
 from gcs.scenario.schema.scenario import Scenario
 from gcs.util.long_work import left_s, report, within
 from tests.unit.plan.problems import alone, meadow
@@ -34,6 +35,13 @@ def test_a_solve_ends_at_the_iteration_in_which_the_time_is_over(
     monkeypatch.setattr(ipopt, "left_s", lambda: 2.5 - next(calls))
     with pytest.raises(OutOfTime, match="while solving, after 4 iterations"):
         make_plan(meadow(alone(simulation1)))
+
+
+def test_the_map_of_a_route_ends_in_time_too(simulation1: Scenario) -> None:
+    """For a formation that turns, it takes as long as the first solves."""
+    problem = flight_problem(beyond(simulation1, no_fly=[{**DISK, "east_m": 44.0}]))
+    with within(-1.0), pytest.raises(OutOfTime, match="while mapping the room of every vehicle"):
+        survey(problem)
 
 
 def test_an_inner_limit_cannot_give_more_time() -> None:
