@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gcs.types import JsonObject
 
 _BAR = 20  # characters
+_WINDS_AT_ONCE = 60  # vehicles: the wind envelope of more takes longer than a tenth of the planning
 
 
 def plan(
@@ -60,7 +61,11 @@ def plan(
     show_plan(screen, made, report)
     say_battery(screen, made)
     surveyed = say_coverage(screen, made)
-    winds = say_winds(screen, made) if report.ok else {}
+    winds: JsonObject = {}
+    if len(made.sysids) > _WINDS_AT_ONCE:
+        screen.say(f"wind: not looked at here, for more than {_WINDS_AT_ONCE} vehicles; gcs verify {path} does")
+    elif report.ok:
+        winds = say_winds(screen, made)
     if alternatives:
         from rich.table import Table
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.physics.states import ATTITUDE, POSITION, VELOCITY
+from gcs.plan.formation.shape import EVERYONE, Rows
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import PreflightTable
@@ -137,15 +138,15 @@ class ChargeInWind:
         wind = plan.quadrotor.wind
         self._share = np.broadcast_to(wind.share(-self._states[..., POSITION][..., 2]), roll.shape)
 
-    def needed(self, wind_ned_mps: Array) -> Array:
-        """The charge (V,), for the wind (2,), north and east, at the planned wind's reference height."""
+    def needed(self, wind_ned_mps: Array, rows: slice | Rows = EVERYONE) -> Array:
+        """The charge (V,) of `rows`, for the wind (2,), north and east, at the planned wind's reference height."""
         plan, q = self._plan, self._plan.quadrotor
         more_mps = np.asarray(wind_ned_mps) - [q.wind.north_mps, q.wind.east_mps]
-        force_N = self._force_N.copy()
-        force_N[..., :2] += self._share[..., None] * (np.array(q.drag_Nspm[:2]) * more_mps)
-        controls = self._controls.copy()
-        controls[..., 0] = np.linalg.norm(force_N, axis=-1)
-        drawn_W = _drawn_W(plan, self._states, controls)
+        drag_N = self._share[rows][..., None] * (np.array(q.drag_Nspm[:2]) * more_mps)
+        north, east, down = np.moveaxis(self._force_N[rows], -1, 0)
+        controls = self._controls[rows].copy()
+        controls[..., 0] = np.sqrt((north + drag_N[..., 0]) ** 2 + (east + drag_N[..., 1]) ** 2 + down**2)
+        drawn_W = _drawn_W(plan, self._states[rows], controls)
         power = plan.scenario.vehicle.power
         assert power is not None
         return np.asarray(np.trapezoid(drawn_W, self._t_s, axis=-1) / _J_PER_WH / power.battery_Wh)

@@ -12,7 +12,7 @@ autopilot's loops (`autopilots/waypoint_models/disturbance_gain.py`).
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import shapely
@@ -88,7 +88,7 @@ class WindEnvelope:
 
 @once
 def wind_envelope(plan: Plan, gust_share: float = 0.0, directions: int = DIRECTIONS) -> WindEnvelope:
-    """The envelope of a plan, in steady wind with gusts of a share of its speed (0.5: half as strong again).
+    """The envelope of a verified plan, in steady wind with gusts of a share of its speed (0.5: half as strong again).
 
     Where the plan has a [wind], winds are meant at its height and grow with its shear; otherwise they are the same at
     every height. Without [vehicle.power] the battery is not looked at. Raises ValueError for a share below 0 or fewer
@@ -181,17 +181,22 @@ def _lasting(plan: Plan, centre: Array, toward: Array, most: Array) -> tuple[Arr
     """Additional winds (K,) in which the battery lasts too, and whose battery first does not beyond them."""
     charge, allowed = ChargeInWind(plan), 1.0 - plan.scenario.preflight.reserve
     found, empty = np.array(most), {}
-    for number, direction in enumerate(toward):
-        needed = charge.needed(centre + most[number] * direction)
+    # A convex function is largest at corners: who lasts at those of a box round all winds lasts in each of them.
+    corners = centre + most[:, None] * toward
+    low_mps, high_mps = corners.min(axis=0), corners.max(axis=0)
+    box = [charge.needed(np.array(corner)) for corner in product(*zip(low_mps, high_mps, strict=True))]
+    rows: Rows = np.flatnonzero(np.max(box, axis=0) > allowed)
+    for number, direction in enumerate(toward if len(rows) else ()):
+        needed = charge.needed(corners[number], rows)
         if needed.max() <= allowed:
             continue
         low, high = 0.0, float(most[number])
         # The charge is convex along the ray and allowed at its begin: what is below `low` is allowed.
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            needed = charge.needed(centre + middle * direction)
+            needed = charge.needed(centre + middle * direction, rows)
             low, high = (middle, high) if needed.max() <= allowed else (low, middle)
-        found[number], empty[number] = low, plan.sysids[int(needed.argmax())]
+        found[number], empty[number] = low, plan.sysids[int(rows[needed.argmax()])]
     return found, empty
 
 

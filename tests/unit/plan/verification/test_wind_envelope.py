@@ -18,6 +18,10 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.energy import ChargeInWind, charge_needed
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.verification.constraints.wind_limits import WindLimits, wind_directions
+from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.plan.verification.proof.subdivision import plain_cells
+from gcs.plan.verification.proof.vehicle_tree import vehicle_tree
 from gcs.plan.verification.proof.verdict import LIMIT_TOLERANCE
 from gcs.plan.verification.wind_envelope import BATTERY, POSITION_ERROR, wind_envelope
 from gcs.scenario.schema.scenario import Scenario
@@ -34,11 +38,12 @@ def sheared(simulation1: Scenario) -> Plan:
     return make_plan(in_wind(simulation1, BREEZE))
 
 
-def hovering(plan: Plan, **tables: Any) -> Plan:
-    """A hover of all vehicles for as long as the plan, heading north, in still air."""
+def hovering(plan: Plan, yaw_rad: float = 0.0, **tables: Any) -> Plan:
+    """A hover of all vehicles for as long as the plan, in still air."""
     joints = np.array([plan.t_start_s, plan.t_end_s])
     state, control = np.zeros((1, 1, 12)), np.zeros((1, 1, 4))
     state[0, 0, :3] = 2.0, 1.0, -20.0
+    state[0, 0, 8] = yaw_rad
     control[0, 0, 0] = plan.quadrotor.weight_N
     still = rigid(plan.shape.at(0.0), plan.t_start_s, plan.t_end_s)
     scenario = changed(plan.scenario, **tables)
@@ -55,6 +60,31 @@ def test_hover_leans_by_its_drag_over_its_weight(meadow_plan: Plan) -> None:
         expected = min(expected, 30.0)
         assert border.speed_mps == pytest.approx(expected, rel=1e-9)
         assert border.limit == (limit if expected < 30.0 else None)
+
+
+@pytest.mark.parametrize("yaw_deg", [45.0, -120.0])
+def test_pitch_and_roll_are_those_of_the_heading(meadow_plan: Plan, yaw_deg: float) -> None:
+    limits = {"thrust_N": [0.0, 1000.0], "roll_pitch_yaw_deg": [8.0, 6.0, 180.0]}
+    envelope, q = wind_envelope(hovering(meadow_plan, np.radians(yaw_deg), limits=limits)), meadow_plan.quadrotor
+    for turn_deg, most_deg, limit in ((0.0, 6.0, "pitch"), (90.0, 8.0, "roll"), (180.0, 6.0, "pitch")):
+        border = envelope.borders[round((yaw_deg + turn_deg) % 360.0 / 15.0)]
+        expected = q.weight_N * np.tan(np.radians(most_deg * (1.0 + LIMIT_TOLERANCE))) / q.drag_Nspm[0]
+        assert (border.speed_mps, border.limit) == (pytest.approx(expected, rel=1e-9), limit)
+
+
+def test_force_is_that_of_each_vehicle_at_its_own_height_and_speed(sheared: Plan, planned: Planned) -> None:
+    for plan in (sheared, planned("reshape")[0]):
+        tree = vehicle_tree(plan.shape)
+        t_s = np.linspace(plan.t_start_s + 0.1, plan.t_end_s - 0.1, 200)
+        t_s = t_s[np.abs(t_s[:, None] - plan.joints_s).min(axis=1) > 1e-3]
+        for leaf in tree.leaves:
+            cells = plain_cells(np.full((len(t_s), 1), leaf), t_s - 1e-4, t_s + 1e-4)
+            x = enclosed(plan.leader_trajectory.state, cells.start_s, cells.end_s, 2)
+            thrust = enclosed(plan.leader_trajectory.control, cells.start_s, cells.end_s, 2)[0]
+            force, _ = WindLimits(plan, tree, wind_directions(4))._force(cells, x, thrust)
+            wind = np.array([plan.quadrotor.wind.north_mps, plan.quadrotor.wind.east_mps])
+            expected = effort(plan, t_s, wind)[0][tree.row[leaf]]
+            np.testing.assert_allclose(np.linalg.norm([part.middle for part in force], axis=0), expected, rtol=1e-7)
 
 
 def test_hover_has_the_thrust_for_its_weight_and_its_drag(meadow_plan: Plan) -> None:
