@@ -39,6 +39,7 @@ _PARTS_MAX = 400  # between which the flight may be divided
 _BATCH = 64  # vehicles bounded at once
 _ROUNDED_M = 0.002  # outwards, for the digits that are written
 _DEGREE_DIGITS, _HEIGHT_DIGITS = 9, 3
+_BETTER = 0.999
 _EARTH_M = 6_371_000.0
 _DOWN = 2
 _GEOID_MOST_M = 110.0
@@ -269,7 +270,7 @@ def _area_m2(out_m: Array) -> Array:
 
 
 def _division(reach: _Reach, most: int) -> list[int]:
-    """The first parts of at most so many volumes with the least cost together."""
+    """The first parts of at most so many volumes with the least cost together; of fewer, where that is hardly more."""
     count = len(reach.length_s)
     cost = np.full((count, count + 1), np.inf)
     for first in range(count):
@@ -278,9 +279,10 @@ def _division(reach: _Reach, most: int) -> list[int]:
     chosen: list[Array] = []
     for _ in range(1, min(most, count)):
         every = best[:count, None] + cost
-        chosen.append(np.argmin(every, axis=0))
-        best = np.minimum(best, every.min(axis=0))
-        chosen[-1][every.min(axis=0) > best] = 0
+        least = every.min(axis=0)
+        better = least < _BETTER * best  # else one volume fewer does as well
+        chosen.append(np.where(better, every.argmin(axis=0), 0))
+        best = np.where(better, least, best)
     firsts, end = [], count
     for choice in reversed(chosen):
         first = int(choice[end])

@@ -41,7 +41,7 @@ _KNOWN = ("PROHIBITED", "REQ_AUTHORISATION", "REQ_AUTHORIZATION", "CONDITIONAL",
 _GEOID_HIGHEST_M = 90.0  # of mean sea level above the ellipsoid, anywhere (EGM2008: 86 m)
 _BEYOND_BOX_M = 200.0  # around the box and the pads: a zone beyond has no effect
 _KEPT_BESIDE_M = 1000.0  # around them: what of a zone is farther away is cut off
-_ARC_STEPS = 32
+_STEPS_MAX = 500_000  # of all edges of a polygon
 _BOW_M = 0.01  # by which two meanings of a straight edge may differ
 _EARTH_M = 6_371_000.0
 _SIMPLER_M = (0.5, 2.0, 5.0, 20.0)
@@ -239,11 +239,11 @@ def _shapes(geozone: Geozone, volume: ZoneVolume, asked: _Asked, why: set[str]) 
     """The zones of a volume near the box."""
     if volume.radius_m is not None:
         return _disk(geozone, volume.corners[0], volume.radius_m, asked)
-    shape = _straight(volume.corners, asked)
+    shape = _straight(geozone.label, volume.corners, asked)
     near = asked.needed.buffer(_BEYOND_BOX_M, join_style="mitre")
     if not shape.intersects(near):
         swapped = tuple((lon, lat) for lat, lon in volume.corners)
-        if all(abs(lat) <= 90.0 for lat, _ in swapped) and _straight(swapped, asked).intersects(near):
+        if all(abs(lat) <= 90.0 for lat, _ in swapped) and _straight(geozone.label, swapped, asked).intersects(near):
             _refuse_swapped(geozone)
         return []
     if not shape.is_valid:
@@ -283,7 +283,7 @@ def _refuse_swapped(geozone: Geozone) -> None:
     raise FileFormatError(text, hint="write longitude first, as both formats have it", reason=text)
 
 
-def _straight(corners: Sequence[Corner], asked: _Asked) -> shapely.Polygon:
+def _straight(label: str, corners: Sequence[Corner], asked: _Asked) -> shapely.Polygon:
     """A polygon in the plane (north, east), m, with what lies between two meanings of a straight edge.
 
     An edge may be straight on the Earth or in degrees: they differ by metres over ten kilometres.
@@ -294,19 +294,23 @@ def _straight(corners: Sequence[Corner], asked: _Asked) -> shapely.Polygon:
     closed = np.vstack([degrees, degrees[:1]])
     lengths_m = np.radians(np.linalg.norm(np.diff(closed, axis=0), axis=1)) * _EARTH_M
     steepest = math.tan(math.radians(min(89.0, float(np.abs(degrees[:, 0]).max()))))
-    if float(lengths_m.max()) ** 2 * steepest / (8.0 * _EARTH_M) <= _BOW_M:
+    bows_m = lengths_m**2 * steepest / (8.0 * _EARTH_M)
+    if float(bows_m.max()) <= _BOW_M:
         return plain
-    bent = shapely.Polygon(_plane(np.vstack([*_fine_edges(closed)]), asked))
+    steps = np.ceil(np.sqrt(bows_m / _BOW_M)).astype(int) + 1
+    if int(steps.sum()) > _STEPS_MAX:
+        text = f"{label} has edges of {lengths_m.sum() / 1000.0:,.0f} km together"
+        raise FileFormatError(text, hint="leave the zone out of the file, and give it as polygon_deg", reason=text)
+    bent = shapely.Polygon(_plane(np.vstack([*_fine_edges(closed, steps)]), asked))
     if not (plain.is_valid and bent.is_valid):
         return plain
     both = shapely.union_all([plain, bent])
     return both if both.geom_type == "Polygon" else both.convex_hull
 
 
-def _fine_edges(closed: np.ndarray) -> Iterator[np.ndarray]:
-    share = np.arange(_ARC_STEPS)[:, None] / _ARC_STEPS
-    for first, last in itertools.pairwise(closed):
-        yield first + share * (last - first)
+def _fine_edges(closed: np.ndarray, steps: np.ndarray) -> Iterator[np.ndarray]:
+    for (first, last), count in zip(itertools.pairwise(closed), steps.tolist(), strict=True):
+        yield first + np.arange(count)[:, None] / count * (last - first)
 
 
 def _plane(degrees: np.ndarray, asked: _Asked) -> np.ndarray:

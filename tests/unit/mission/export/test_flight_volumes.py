@@ -15,12 +15,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from implicitdict import ImplicitDict
+from pymap3d.vincenty import track2
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails
 from uas_standards.astm.f3548.v21.constants import OiMaxVertices
 
 import gcs
 from gcs.errors import UsageError
-from gcs.frames import geodetic_to_ned, ned_to_geodetic
+from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
+from gcs.mission.export import flight_volumes as flight_volumes_module
 from gcs.mission.export.flight_volumes import VolumeOrder, containment, flight_volumes
 from gcs.mission.formats.f3548 import read_operational_intent
 from gcs.mission.formats.flight_volume import FlightVolume, OperationalIntent
@@ -94,6 +96,44 @@ def test_more_volumes_are_tighter_and_follow_one_another(hop: Plan) -> None:
         for one, following in itertools.pairwise(volumes):
             assert timedelta(0) <= one.end - following.start <= timedelta(seconds=0.001)
     assert sizes == sorted(sizes, reverse=True) and sizes[-1] < 0.5 * sizes[0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 5))
+def test_no_other_division_has_less_volume_times_duration(seed: int, most: int) -> None:
+    rng = np.random.default_rng(seed)
+    places = rng.normal(scale=30.0, size=(6, 2)).cumsum(axis=0)
+    out_m = flight_volumes_module._directions() @ places.T + 2.0
+    low_m = rng.uniform(0.0, 5.0, 6)
+    reach = flight_volumes_module._Reach(out_m, low_m, low_m + rng.uniform(1.0, 9.0, 6), rng.uniform(0.1, 9.0, 6))
+
+    def cost(firsts: list[int]) -> float:
+        return sum(float(reach.costs(a)[b - a - 1]) for a, b in itertools.pairwise([*firsts, 6]))
+
+    found = flight_volumes_module._division(reach, most)
+    every = [[0, *cuts] for count in range(most) for cuts in itertools.combinations(range(1, 6), count)]
+    assert len(found) <= most and cost(found) <= 1.01 * min(map(cost, every))
+
+
+def test_a_formation_that_stands_still_is_in_one_volume() -> None:
+    still = np.ones(9)
+    reach = flight_volumes_module._Reach(np.ones((16, 9)), 0.0 * still, 5.0 * still, still)
+    assert flight_volumes_module._division(reach, 5) == [0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_the_shortest_path_between_two_corners_is_within_the_bow(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    origin = Origin(*(float(rng.uniform(-most, most)) for most in (80.0, 179.0)), float(rng.uniform(0.0, 3000.0)))
+    corners = 10.0 ** rng.uniform(2.0, 4.6) * rng.uniform(-1.0, 1.0, (2, 2))
+    lat, lon, _ = ned_to_geodetic(np.column_stack([corners, [0.0, 0.0]]), origin)
+    path = track2(lat[0], lon[0], lat[1], lon[1], npts=21)
+    places = geodetic_to_ned(*map(np.array, path), origin.alt_amsl_m, origin)[:, :2]
+    length_m = float(np.linalg.norm(corners[1] - corners[0]))
+    ahead = (corners[1] - corners[0]) / length_m
+    off_m = np.abs((places - corners[0]) @ [-ahead[1], ahead[0]]).max()
+    assert off_m <= flight_volumes_module._bow_m(corners, np.array([length_m])) + 1e-4  # what the path itself is off
 
 
 def test_a_centimetre_less_on_any_side_is_found(hop: Plan) -> None:

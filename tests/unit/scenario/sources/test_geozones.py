@@ -237,6 +237,31 @@ def test_other_files_and_keys_are_refused(base: Scenario, load: Load) -> None:
             load(document, *keys)
 
 
+def test_both_meanings_of_a_long_straight_edge_are_in_the_zone(base: Scenario) -> None:
+    asked = tables._asked(NoFlyZone(file="x"), base)
+    lat_deg, lon_deg = base.origin.lat_deg, base.origin.lon_deg
+    south, north, west, east = lat_deg - 0.4, lat_deg + 0.001, lon_deg - 0.3, lon_deg + 0.3
+    ring = ((north, west), (north, east), (south, east), (south, west))  # in the south the parallel is the outer one
+    zone = tables._straight("zone 1", ring, asked)
+    share = np.linspace(0.0, 1.0, 101)
+    parallel = tables._plane(np.stack([np.full(101, north), west + share * (east - west)], axis=1), asked)
+    first, last = tables._plane(np.array(ring[:2]), asked)
+    shortest = first + share[:, None] * (last - first)
+    assert np.abs(parallel - shortest)[:, 0].max() > 10.0  # metres between the two
+    for line in (parallel, shortest):
+        assert shapely.distance(zone, shapely.points(line)).max() < 0.02
+    near = tables._shapes(Geozone("zone 1", "", "", (), ()), ZoneVolume(ring, None, None, None, 1.0), asked, set())
+    assert near[0].polygon_m is not None
+
+
+def test_other_mistakes_of_the_scenario_are_told_beside_a_file(base: Scenario, load: Load) -> None:
+    document = ed269({"type": "Polygon", "coordinates": [corner_ring(base, *aside(base))]})
+    with pytest.raises(ScenarioError, match="wrong_key"):
+        load(document, "wrong_key = 1")
+    with pytest.raises(ScenarioError, match=r"preflight\.reserve"):
+        load(document, "[preflight]", "reserve = 5.0")
+
+
 def test_latitude_and_longitude_exchanged_is_asked_about(base: Scenario) -> None:
     here = base.model_copy(update={"origin": base.origin.model_copy(update={"lat_deg": 47.0, "lon_deg": 8.0})})
     asked = tables._asked(NoFlyZone(file="x"), here)
