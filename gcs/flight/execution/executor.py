@@ -125,15 +125,18 @@ class ContingencyExecutor:
                     checked_s = now_s
                     self._report_clocks(now_s)
                     self._check(now_s, self._plan_time_s(now_s))
-                    why = [self.describe(one) for one in self.policy.troubles] or [self.operator.aborted]
-                    if starting and why[0]:
+                    if starting and (why := self._why_aborted()):
                         raise FlightError(
-                            f"the start was aborted: {why[0]}.",
+                            f"the start was aborted: {why}.",
                             hint="see events.jsonl in the flight's folder for incidents and orders",
                         )
         finally:
             for stop in stops:
                 stop()
+
+    def _why_aborted(self) -> str:
+        troubles = self.policy.troubles
+        return self.describe(troubles[0]) if troubles else self.operator.aborted
 
     def rest(self) -> None:
         """Detect and order nothing more: the flight ends early, and its guard lands the vehicles."""

@@ -3,10 +3,12 @@
 import numpy as np
 import shapely
 
+from gcs.autopilots.traits import traits_of
 from gcs.flight.scene import scene_curves
 from gcs.flight.scene.ground_area import area_of, ground_grid
 from gcs.flight.scene.scene_model import GroundGrid, Happening, Motion, Scene, SceneKind, SceneZone, TimeSpan
 from gcs.mission.returns.fence_areas import inclusion_area, planned_places_m
+from gcs.mission.returns.rtl_cases import rally_points_ned_m
 from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.formation.timeline import AUTO
 from gcs.plan.trajectory.plan import Plan
@@ -20,6 +22,7 @@ _CELLS = 121  # of the ground along each side
 _RIPPLE_M = 1.0  # a grid with larger cells misses the ripple, and shows the ground without it
 _EDGE_M = 0.05  # an outline may be off by that
 _LEVEL_M = 0.01
+_RALLY_MOST = 60  # vehicles
 
 
 def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
@@ -34,6 +37,7 @@ def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
     if len(ids) > 1:
         curves.append(scene_curves.separation_curve(ids, None, planned, limits["separation_m"]))
     curves.append(scene_curves.speed_curve(ids, None, planned))
+    curves += scene_curves.control_curves(ids, plan.controls(inside_s(plan, t_s)))
     return Scene(
         scenario.title or scenario.name,
         kind,
@@ -49,14 +53,27 @@ def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
         events=tuple(Happening(move.start_s, 0, f"the shape changes: {move.name}", is_bad=False) for move in plan.moves)
         if kind is SceneKind.PLAN
         else (),
+        rally_ned_m=rally_of(plan),
         limits=limits,
     )
 
 
+def rally_of(plan: Plan) -> Array | None:
+    """Return the rally points (V, R, 3) that every vehicle gets; None for large fleets, whose take long to find."""
+    if len(plan.sysids) > _RALLY_MOST:
+        return None
+    most = min(known.missions.rally_points_max for known in map(traits_of, plan.autopilots) if known)
+    return rally_points_ned_m(plan, most)
+
+
+def inside_s(plan: Plan, t_s: Array) -> Array:
+    """Return plan times (N,), those before and after the plan as its first and last."""
+    return np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+
+
 def planned_motion(plan: Plan, t_s: Array) -> Motion:
     """Return the planned motion at plan times (N,) within the plan."""
-    inside_s = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
-    states = plan.states(inside_s)
+    states = plan.states(inside_s(plan, t_s))
     yaw_rad = NamedStates(states).attitude_rad[..., 2]
     return scene_curves.motion_of(plan.scenario, states[..., POSITION], states[..., VELOCITY], yaw_rad)
 

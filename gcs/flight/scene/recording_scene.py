@@ -6,7 +6,16 @@ from gcs.autopilots.traits import mode_name
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.scene import scene_curves
-from gcs.flight.scene.plan_scene import changes_of, fence_of, ground_of, limits_of, phases_of_plan, zones_of
+from gcs.flight.scene.plan_scene import (
+    changes_of,
+    fence_of,
+    ground_of,
+    inside_s,
+    limits_of,
+    phases_of_plan,
+    rally_of,
+    zones_of,
+)
 from gcs.flight.scene.scene_model import Curve, Happening, Motion, ReportedState, Scene, SceneKind
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
@@ -39,10 +48,11 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         _reported(recording.tracks, t_s, error_m),
         () if plan is None else phases_of_plan(plan),
         () if plan is None else changes_of(plan),
-        _curves(plan, ids, t_s, flown, planned, error_m, limits),
+        (*_curves(plan, ids, t_s, flown, planned, error_m, limits), *_controls(plan, ids, t_s)),
         _events(recording, from_s, to_s),
         limits,
         recording.notes,
+        None if plan is None else rally_of(plan),
     )
 
 
@@ -55,8 +65,7 @@ def happening(event: Event, *, is_bad: bool) -> Happening:
 def _planned(recording: Recording, t_s: Array, places: Array, rates: Array) -> Motion:
     plan = recording.plan
     assert plan is not None
-    inside_s = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
-    yaw_rad = plan.named_states(inside_s).attitude_rad[..., 2]
+    yaw_rad = plan.named_states(inside_s(plan, t_s)).attitude_rad[..., 2]
     return scene_curves.motion_of(plan.scenario, places, rates, yaw_rad)
 
 
@@ -100,6 +109,10 @@ def _curves(
     if plan is not None and len(ids) > 1:
         curves.append(_formation_curve(plan, t_s, flown.places_ned_m))
     return (*curves, scene_curves.speed_curve(ids, flown, planned))
+
+
+def _controls(plan: Plan | None, ids: tuple[int, ...], t_s: Array) -> tuple[Curve, ...]:
+    return () if plan is None else scene_curves.control_curves(ids, plan.controls(inside_s(plan, t_s)))
 
 
 def _formation_curve(plan: Plan, t_s: Array, places_ned_m: Array) -> Curve:

@@ -91,6 +91,18 @@ def separation_curve(
     return replace(curve, vehicles=pairs)
 
 
+def control_curves(sysids: tuple[int, ...], controls: Array) -> tuple[Curve, ...]:
+    """Return U1 to U4 of planned controls (V, N, 4) by Eq. 1: of each the largest, and the vehicle behind it."""
+    curves = []
+    for column, (name, unit) in enumerate((("U1", "N"), ("U2", "N"), ("U3", "N"), ("U4", "N m"))):
+        values = controls[..., column]
+        row = _extreme(np.abs(values), least=False)[1]
+        found = np.where(row < 0, np.nan, values[row, np.arange(values.shape[1])])
+        curve = _curve(f"{name}, largest", unit, sysids, [None, (found, row)], None, at_least=False)
+        curves.append(replace(curve, on_demand=True))
+    return tuple(curves)
+
+
 def _extreme(values: Array, *, least: bool) -> tuple[Array, Rows]:
     """The least or greatest (N,) of (V, N) and its row; NaN and -1 where nothing is known."""
     known = np.isfinite(values)

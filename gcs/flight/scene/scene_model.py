@@ -83,6 +83,7 @@ class Curve:
     vehicles: Rows  # (N, 2) system ids behind the flown value, else behind the planned one; 0 for none
     limit: float | None = None
     at_least: bool = True  # a value below the limit violates it; else one above
+    on_demand: bool = False  # shown when asked for
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class Scene:
     events: tuple[Happening, ...] = ()
     limits: dict[str, float] = field(default_factory=dict)  # least `above_ground_m` and `separation_m`
     notes: tuple[str, ...] = ()
+    rally_ned_m: Array | None = None  # (V, R, 3) rally points of each vehicle, on the ground, its landing point first
 
 
 @dataclass(frozen=True)

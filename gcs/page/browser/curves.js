@@ -23,9 +23,15 @@ export class Curves {
     this.update();
   }
 
+  // Show curves that are not shown otherwise, or no longer.
+  showAll(isAll) {
+    this.showsAll = isAll;
+    this.update();
+  }
+
   // Read the curves again: of a flight under way they grow.
   update() {
-    this.lines = this.scene.curveLines();
+    this.lines = this.scene.curveLines().filter((curve) => !curve.on_demand || this.showsAll);
     this.canvas.style.height = `${this.lines.length * PANEL + STRIP}px`;
     this.drawn = null;
   }

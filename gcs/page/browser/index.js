@@ -39,6 +39,7 @@ const PAGE = `
       <select class="rate" aria-label="speed"></select>
       <input class="time" type="range" step="any" aria-label="time">
       <button class="live" hidden>now</button>
+      <label class="more" hidden><input type="checkbox"> U1–U4</label>
     </div>
     <div class="curves"><canvas></canvas></div>
   </footer>`;
@@ -111,6 +112,12 @@ class Page {
     rate.onchange = () => (this.rate = Number(rate.value));
     this.find(".play").onclick = () => this.play(!this.isPlaying);
     this.find(".live").onclick = () => this.follow();
+    const more = this.find(".more");
+    more.hidden = !this.scene.curves.some((curve) => curve.on_demand);
+    more.firstChild.onchange = ({ target }) => {
+      this.curves.showAll(target.checked);
+      this.isStale = true;
+    };
     this.find(".dark").onclick = () => this.setDark(!this.isDark);
     const time = this.find(".time");
     [time.min, time.max] = [this.scene.begin, this.scene.end];

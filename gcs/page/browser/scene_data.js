@@ -204,11 +204,12 @@ export class SceneData {
       unit: "m",
       planned: [],
     }));
-    return [...lines, ...added].map((curve) => ({
+    const grown = (curve) => ({
       ...curve,
       flown: known.map((picture) => [picture.t_s, figures[curve.name](picture)[0]]),
       behind: (t) => (known.length ? figures[curve.name](this.pictureAt(t))[1] : []),
-    }));
+    });
+    return [...lines, ...added].map((curve) => (curve.name in figures ? grown(curve) : curve));
   }
 
   // Displacement, north and east, of a zone at a time.

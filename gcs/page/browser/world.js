@@ -38,6 +38,7 @@ export class World {
     this.drawGround();
     this.drawZones();
     this.drawPlanned();
+    this.drawRally();
     this.tracks = scene.sysids.map((sysid) => this.line(colourOf(scene, sysid), 1));
     this.errors = this.line("#d55e00", 0.9);
     this.drops = this.line("#808080", 0.5);
@@ -195,6 +196,28 @@ export class World {
       const line = new THREE.Line(shape, look);
       if (grey) line.computeLineDistances();
       this.space.add(line);
+    }
+  }
+
+  // Rally points: a pole in the colour of each vehicle that returns there, with a cross on the ground.
+  drawRally() {
+    this.rally = [];
+    if (!this.scene.rally_ned_m) return;
+    const { data, shape } = this.scene.rally_ned_m;
+    const arm = Math.max(this.size / 160, 0.3);
+    for (const [row, sysid] of this.scene.sysids.entries()) {
+      const points = [];
+      for (let n = 0; n < shape[1]; n++) {
+        const first = 3 * (row * shape[1] + n);
+        const place = this.at([data[first], data[first + 1], data[first + 2]]);
+        this.rally.push([data[first], data[first + 1], data[first + 2]]);
+        for (const [x, y, z] of [[1, 1, 0], [1, -1, 0], [0, 0, 2]]) {
+          const side = new THREE.Vector3(x, y, z).multiplyScalar(arm);
+          points.push(z ? place.clone() : place.clone().sub(side), place.clone().add(side));
+        }
+      }
+      const look = new THREE.LineBasicMaterial({ color: colourOf(this.scene, sysid), depthTest: false });
+      this.space.add(new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), look));
     }
   }
 

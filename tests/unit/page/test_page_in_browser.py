@@ -14,7 +14,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 from gcs.flight.recording.recording import Recording, VehicleTrack
-from gcs.flight.scene.plan_scene import scene_of_plan
+from gcs.flight.scene.plan_scene import rally_of, scene_of_plan
 from gcs.flight.scene.recording_scene import scene_of_recording
 from gcs.flight.scene.scene_json import event_json, picture_json, scene_json
 from gcs.flight.scene.scene_model import FlightPicture, Happening, Scene, SceneKind, VehiclePicture
@@ -92,6 +92,14 @@ def test_a_plan_is_drawn_where_it_flies_at_every_time(plan: Plan, shown: Browser
         assert separation.startswith(f"least separation: {plan.separations_m(np.array([130.0]))[0]:.2f} m (vehicles ")
         speed_mps = np.linalg.norm(plan.named_states(np.array([130.0])).velocity_ned_mps[0, 0])
         assert float(cell(shown, plan.sysids[0], "speed")) == pytest.approx(speed_mps, abs=0.06)
+        rally = rally_of(plan)
+        assert rally is not None and shown.value("skein.world.rally") == pytest.approx(rally.reshape(-1, 3), abs=0.1)
+        least = shown.value("skein.curves.lines.length")
+        shown.value("document.querySelector('.more input').click()")
+        assert shown.value("skein.curves.lines.length") == least + 4
+        thrust_N = np.abs(plan.controls(np.array([130.0]))[:, 0, 0]).max()
+        words = shown.value("skein.curves.words(skein.curves.lines.at(-4), 130).text")
+        assert float(words.split()[2]) == pytest.approx(thrust_N, rel=0.01) and words.startswith("U1, largest: ")
         shown.picture(tmp_path / "plan.png")
         space = plt.imread(io.BytesIO((tmp_path / "plan.png").read_bytes()))[100:450, 50:700, :3]
         assert len(np.unique((255 * space).astype(int).reshape(-1, 3), axis=0)) > 50, "no blank ground"

@@ -610,6 +610,7 @@ def test_a_flight_is_checked_every_tenth_of_a_second_of_fleet_time() -> None:
     ours._loop = SimpleNamespace(time=lambda: 0.0)
     ours._vehicles, ours._watches = {}, {}
     ours.policy = SimpleNamespace(states={1: State.STARTING}, troubles=[])
+    ours.operator = SimpleNamespace(aborted="")
     ours._rests = False
     ours._monitor = SimpleNamespace(t0_unix_s=None)
     ours._plan = SimpleNamespace(t_start_s=-0.5)

@@ -206,3 +206,18 @@ def test_the_fence_of_the_vehicles_is_shown_round_all_they_fly(plan: Plan, repla
         known = scene.planned.places_ned_m[..., :2].reshape(-1, 2)
         margin_m = inside_m(fence.corners_m[:-1], known[~np.isnan(known[:, 0])])
         assert 9.0 < margin_m.min() < 12.0  # the export's margin is 10 m
+
+
+def test_the_largest_control_is_shown_with_its_vehicle_and_rally_points_are_those_of_the_returns() -> None:
+    plan = plan_of(NAME)
+    scene = scene_of_plan(plan)
+    curves = [one for one in scene.curves if one.on_demand]
+    assert [one.name for one in curves] == [f"{name}, largest" for name in ("U1", "U2", "U3", "U4")]
+    instant = len(scene.t_s) // 2
+    controls = plan.controls(scene.t_s[instant : instant + 1])[:, 0]
+    for column, curve in enumerate(curves):
+        worst = int(np.abs(controls[:, column]).argmax())
+        assert curve.planned is not None and curve.planned[instant] == pytest.approx(controls[worst, column])
+        assert curve.vehicles[instant, 0] == plan.sysids[worst]
+    assert scene.rally_ned_m is not None
+    np.testing.assert_allclose(scene.rally_ned_m[:, 0], plan.landing_points_ned_m, atol=1e-6)
