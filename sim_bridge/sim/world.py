@@ -81,8 +81,6 @@ class World:
         self._steps = 0
         self._board = Switchboard(options.links, factory.sysids)
         self._lockstep_line = self._board.lockstep
-        # Protocol timers run on the station's time.
-        self._clock = options.clock if self._lockstep_line is None else lambda: self.t_s
         self.sysids = factory.sysids
         self.airframes = factory.airframes
         self.vehicles = [factory.vehicle(row) for row in range(len(self.sysids))]
@@ -120,6 +118,10 @@ class World:
     def t_s(self) -> float:
         """Simulated time since the vehicles were put on their pads."""
         return self._steps / _STEPS_PER_S  # exactly the double of a stamp in milliseconds / 1000
+
+    def _clock(self) -> float:
+        """The station's time, which protocol timers run on."""
+        return self.options.clock() if self._lockstep_line is None else self.t_s
 
     def stop(self) -> None:
         """Make `run` return after the present step."""
