@@ -9,6 +9,7 @@ import os
 import selectors
 import socket
 import tty
+from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -194,7 +195,8 @@ class LockstepLine:
         self._watch = watch
         self._frames = bytearray()
         self._until_s = -math.inf  # simulated time up to which the station would wait
-        self.waits = True  # for the station's turn, which is the first
+        self._due_s = deque([0.0])  # when the station's turns count that did not yet; the first turn is its own
+        self._answers: deque[tuple[float, bytes]] = deque()
         watch.register(spec.port, selectors.EVENT_READ, self)
         self.place = PeerAddress(str(spec.kind), "")
 
@@ -203,28 +205,38 @@ class LockstepLine:
         """Whether the station has parted."""
         return self._turns.ended
 
+    def waits(self, t_s: float) -> bool:
+        """Whether a turn of the station that counts at simulated time `t_s` is not complete yet."""
+        return len(self._due_s) > len(self._answers) and self._due_s[len(self._answers)] <= t_s
+
     def receive(self, file: int) -> Iterator[tuple[bytes, Address]]:
-        """Return the frames of the station's turn, once it is complete."""
-        turn = self._turns.read()
-        if turn is not None:
-            (self._until_s,), frames = turn
-            self.waits = False
+        """Read the station's turns, which count when they are `due`."""
+        while (turn := self._turns.read()) is not None:
+            (until_s,), frames = turn
+            self._answers.append((until_s, frames))
+        if self.ended:
+            self._watch.unregister(file)
+        return iter(())
+
+    def due(self, t_s: float) -> Iterator[tuple[bytes, Address]]:
+        """Return the frames that count at simulated time `t_s`."""
+        while self._answers and self._due_s[0] <= t_s:
+            self._due_s.popleft()
+            self._until_s, frames = self._answers.popleft()
             if frames:
                 yield frames, ADDRESS
-        elif self.ended:
-            self._watch.unregister(file)
 
     def send(self, frames: Sequence[bytes], now_s: float) -> None:
         """Keep frames for the end of the turn."""
         for frame in frames:
             self._frames += frame
 
-    def end_turn(self, t_s: float, next_s: float) -> None:
-        """All is said at simulated time `t_s`, and nothing before `next_s`: it is the station's turn, if need be."""
-        if self._frames or next_s > self._until_s:
+    def end_turn(self, t_s: float, next_s: float, answer_s: float) -> None:
+        """All is said at simulated time `t_s`, and nothing before `next_s`: the station's turn, which counts later."""
+        if self._frames or self._due_s or next_s > self._until_s:
             self._turns.write(FROM_VEHICLES.pack(t_s, next_s, len(self._frames)) + self._frames)
             self._frames.clear()
-            self.waits = True
+            self._due_s.append(answer_s)
 
     def close(self) -> None:
         """Release the file."""
@@ -265,6 +277,7 @@ class Switchboard:
         self.rows: list[tuple[int, ...]] = []
         self._lines_of: list[list[int]] = [[] for _ in sysids]
         self._waiting: dict[int, list[bytes]] = {}
+        self.lockstep: LockstepLine | None = None  # the line to the station that shares the vehicles' time
         all_rows = tuple(range(len(sysids)))
         try:
             for spec in specs:
@@ -278,14 +291,11 @@ class Switchboard:
         number = len(self._lines)
         self._numbers[line] = number
         self._lines.append(line)
+        if isinstance(line, LockstepLine):
+            self.lockstep = line
         self.rows.append(rows)
         for row in rows:
             self._lines_of[row].append(number)
-
-    @property
-    def lockstep(self) -> LockstepLine | None:
-        """The line to the station that shares the vehicles' time, if there is one."""
-        return next((line for line in self._lines if isinstance(line, LockstepLine)), None)
 
     def places(self, row: int) -> list[PeerAddress]:
         """Return the addresses of one vehicle."""
@@ -304,6 +314,9 @@ class Switchboard:
             number = self._numbers[key.data]
             for data, source in key.data.receive(key.fd):
                 yield Arrival(number, data, source)
+        if self.lockstep is not None:
+            for data, source in self.lockstep.due(now_s):
+                yield Arrival(self._numbers[self.lockstep], data, source)
 
     def heard(self, line: int, source: Address, now_s: float) -> None:
         """Record that `source` sent a whole frame; only a UDP port has to know."""

@@ -138,11 +138,11 @@ class World:
                 self._calls.popleft()()
             now_s = self.options.clock()
             wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
-            if self._lockstep_line is not None:
+            if self._lockstep_line is not None and not wait_s and self._lockstep_line.waits(self.t_s):
                 if self._lockstep_line.ended:
                     return
-                wait_s = wait_s or (_TURN_S if self._lockstep_line.waits else 0.0)
-            elif not wait_s and self.options.speedup > 1.0:
+                wait_s = _TURN_S
+            elif self._lockstep_line is None and not wait_s and self.options.speedup > 1.0:
                 wait_s = self._ground_wait_s(now_s)
             if wait_s > 0.0:
                 self._listen(wait_s)
@@ -162,8 +162,8 @@ class World:
                 self.traffic.send(row, messages, t_s)
             self._batch.put(row, vehicle.autopilot.path.piece)
         self._board.flush(now_s)
-        if self._lockstep_line is not None:  # the station may think while the bodies move
-            self._lockstep_line.end_turn(t_s, (self._steps + 1) / _STEPS_PER_S)
+        if self._lockstep_line is not None:  # the station thinks while the bodies move, and for the next step
+            self._lockstep_line.end_turn(t_s, *((self._steps + later) / _STEPS_PER_S for later in (1, 2)))
         if self.truth is not None:
             autopilots = [vehicle.autopilot for vehicle in vehicles]
             self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in autopilots])
@@ -211,8 +211,9 @@ class World:
         return autopilot.path.awaits_setpoint_after_s(t_s)
 
     def _listen(self, timeout_s: float) -> None:
-        if not self.traffic.listen(timeout_s, self.t_s):
-            self._stopped = True
+        goes_on = self.traffic.listen(timeout_s, self.t_s)
+        # A station that shares the time ends it with its link, at an instant that is the same in every flight.
+        self._stopped |= not goes_on and self._lockstep_line is None
 
 
 class TruthRecord:

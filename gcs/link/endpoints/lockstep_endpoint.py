@@ -2,8 +2,9 @@
 
 Time advances in turns. The vehicles send what they have to say at an instant, and the next instant at which they could
 say more. The station reads it and acts, as its timers have it, until it can only wait for that next instant; then it
-sends what it has for them, and until when it would wait. Nobody's turn has a length of its own, so neither a busy
-machine nor a fast one changes what is said when: the flight is the same to the last bit.
+sends what it has for them, and until when it would wait. The vehicles get that at the second step after theirs, and
+take the step between while the station acts. Nobody's turn has a length of its own, so neither a busy machine nor a
+fast one changes what is said when: the flight is the same to the last bit.
 """
 
 import asyncio
@@ -38,24 +39,28 @@ class Turns:
 
     def read(self) -> tuple[tuple[float, ...], bytes] | None:
         """Return the times and the frames of the other end's turn; None if it is not complete yet, or `ended`."""
-        try:
-            data = self._socket.recv(_LARGEST, socket.MSG_DONTWAIT)
-            self.ended = not data
-        except BlockingIOError:
-            return None
-        except OSError:
-            self.ended = True
-            return None
-        self._unread += data
-        if len(self._unread) < self._head.size:
-            return None
-        *times_s, size = self._head.unpack_from(self._unread)
-        end = self._head.size + size
-        if len(self._unread) < end:
-            return None
-        frames = bytes(self._unread[self._head.size : end])
-        del self._unread[:end]
+        while (lacks := self._lacks()) > 0:  # never a byte of the turn after it, which stays with the socket
+            try:
+                data = self._socket.recv(min(lacks, _LARGEST), socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return None
+            except OSError:
+                data = b""
+            if not data:
+                self.ended = True
+                return None
+            self._unread += data
+        *times_s, _ = self._head.unpack_from(self._unread)
+        frames = bytes(self._unread[self._head.size :])
+        self._unread.clear()
         return tuple(times_s), frames
+
+    def _lacks(self) -> int:
+        """The bytes that are still to come of the turn, as far as is known."""
+        if len(self._unread) < self._head.size:
+            return self._head.size - len(self._unread)
+        size: int = self._head.unpack_from(self._unread)[-1]
+        return self._head.size + size - len(self._unread)
 
     def write(self, turn: bytes) -> None:
         """Send our turn."""
@@ -95,7 +100,6 @@ class LockstepEndpoint:
         if self._loop is not None or not isinstance(loop, SteadyLoop):
             raise ProtocolMisuse("emulated time needs an event loop of its own, and is shared once.")
         self._loop, self._receive = loop, receive
-        loop.add_reader(self._turns.file, self._read)
         loop.follow(self)
 
     def send(self, data: bytes, address: Address | None = None) -> None:
@@ -113,6 +117,8 @@ class LockstepEndpoint:
         self._turns.write(FROM_STATION.pack(t_s, len(self._frames)) + self._frames)
         self._frames.clear()
         self._waits = True
+        if self._loop is not None:
+            self._loop.add_reader(self._turns.file, self._read)
         return False
 
     def close(self) -> None:
@@ -130,6 +136,8 @@ class LockstepEndpoint:
             self._loop.follow(None)
         if turn is None:
             return
+        if self._loop is not None:  # the next turn may be there already, and is not looked at before this one ends
+            self._loop.remove_reader(self._turns.file)
         (self.now_s, self._next_s), frames = turn
         self._waits = False
         if frames and self._receive is not None:
