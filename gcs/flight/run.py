@@ -70,7 +70,7 @@ from gcs.physics.states import POSITION
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
-from gcs.plan.verification.wind_envelope import proved_mps, wind_envelope
+from gcs.plan.verification.wind_envelope import proved_everywhere
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
@@ -173,9 +173,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     # Once for all checks before the flight, and before the link: it takes a second.
-    watcher.say(
-        f"wind: the plan stays proved up to {proved_mps(wind_envelope(plan).wind_ok_mps)} m/s from every direction"
-    )
+    watcher.say(f"wind: the plan stays proved {proved_everywhere(plan)}")
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()

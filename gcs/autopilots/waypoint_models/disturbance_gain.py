@@ -2,9 +2,6 @@
 
 from functools import lru_cache
 
-import numpy as np
-from scipy.linalg import expm
-
 from gcs.autopilots.waypoint_models.tracking import Following
 
 _STEP_S, _LONG_S = 0.01, 60.0  # of the impulse response: by its end nothing is left of it
@@ -17,6 +14,9 @@ def disturbance_gain_s2(following: Following, drag_ps: float) -> float:
     No course of an acceleration of at most a, however it changes, moves the vehicle farther from its target than this
     gain times a: it is the integral of the absolute impulse response of the loops of `tracking`.
     """
+    import numpy as np  # noqa: PLC0415 (the rows of autopilots load without it)
+    from scipy.linalg import expm  # noqa: PLC0415
+
     loop = following.horizontal
     kp, kv, ki, kd, lag_s = loop.position_ps, loop.velocity_ps, loop.integral_ps2, loop.damping, following.lag_s
     # x, u, the integral of the velocity error, thrust; the error of the velocity is -(kp x + u)

@@ -32,7 +32,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import charge_needed
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.wind_envelope import proved_mps, wind_envelope
+from gcs.plan.verification.wind_envelope import proved_everywhere, proved_mps, wind_envelope
 from gcs.scenario.schema.scenario import Power, PreflightTable
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
@@ -236,7 +236,7 @@ def _wind(now: _Situation) -> _Measured:
 
 
 def _wind_required(plan: Plan, _: PreflightTable) -> str:
-    return f"in the plan's wind envelope: up to {proved_mps(wind_envelope(plan).wind_ok_mps)} m/s from every direction"
+    return f"in the plan's wind envelope: {proved_everywhere(plan)}"
 
 
 def _messages(now: _Situation) -> _Measured:

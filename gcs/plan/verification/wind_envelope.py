@@ -135,6 +135,11 @@ def proved_mps(speed_mps: float) -> str:
     return f"{math.floor(10.0 * speed_mps + 1e-6) / 10.0:.1f}"
 
 
+def proved_everywhere(plan: Plan) -> str:
+    """The wind that is allowed from every direction, in words."""
+    return f"up to {proved_mps(wind_envelope(plan).wind_ok_mps)} m/s from every direction"
+
+
 def _proved(plan: Plan, toward: Array) -> tuple[Array, list[tuple[Kind, int, float]]]:
     """Winds in addition to the planned one (K, 4) that every limit allows, and the limit that allows least of each."""
     start_s, end_s = _intervals(plan)

@@ -27,6 +27,7 @@ _HOLD_S = 10.0  # each shape stays so long
 _SEPARATION_M, _CROSSING = 5.0, 0.6  # unless asked for; vehicles that cross pass nearer than they stand
 _GNSS_APART_M = 5.0  # nearer vehicles need better sensors
 _ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
+_SHORTEST_LEG_M = 0.15  # of a route; 0.1 m are allowed
 _AIR_M = 1.0  # a sheet with lower places has its heights above the flight's, not above the origin
 _LEADER_SHARE, _LEADER_ENDS_S = 0.5, 6.0  # of its limits of speed, to the next figure; for both ends at rest
 
@@ -97,11 +98,25 @@ class SheetFlight:
         leader_m = np.array([*self.positions.places_m[0, :2], self.height_m]).round(3) + 0.0
         return np.asarray(leader_m + self.positions.offsets_m)
 
+    @cached_property
+    def _lead(self) -> int:
+        """The row of the leader: in a show the first that flies to every figure, as no leg of a route has no length."""
+        if not self.is_show:
+            return 0
+        stands_m = np.stack([self._start_m, *self.figures_m, self._start_m])
+        flies = np.linalg.norm(np.diff(stands_m, axis=0), axis=2).min(axis=0) > _SHORTEST_LEG_M
+        return int(flies.argmax())
+
+    @property
+    def _offsets_m(self) -> Array:
+        """The places (V, 3) over the pads, from the leader."""
+        return np.asarray(self.positions.offsets_m - self.positions.offsets_m[self._lead])
+
     @property
     def _shapes_m(self) -> list[Array]:
         """The offsets (V, 3) of each shape from its leader."""
         if self.is_show:
-            return [(places_m - places_m[0]).round(3) + 0.0 for places_m in self.figures_m]
+            return [(places_m - places_m[self._lead]).round(3) + 0.0 for places_m in self.figures_m]
         return [sheet.offsets_m for sheet in self.shapes]
 
     def keys(self) -> dict[str, str]:
@@ -109,13 +124,13 @@ class SheetFlight:
         way = self.course_deg, self.distance_m, self.height_m, self.end_deg
         straight = FirstFlight(1, "line", 10.0, *way, limits=self.limits).keys()
         course = math.radians(self.course_deg)
-        leader_m = self._start_m[0]
+        leader_m = self._start_m[self._lead]
         way_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course), 0.0]), 2)
         end_m = leader_m + way_m
         if self.is_show:
             flown_m = np.concatenate([self._start_m, *self.figures_m])
         else:
-            shapes_m = [self.positions.offsets_m, *self._shapes_m]
+            shapes_m = [self._offsets_m, *self._shapes_m]
             flown_m = np.concatenate([place + shape for place in (leader_m, end_m) for shape in shapes_m])
         room_m = np.array(_ROOM_M)
         low = 10.0 * np.floor((np.minimum(flown_m.min(axis=0), 0.0) - room_m) / 10.0)
@@ -161,12 +176,13 @@ class SheetFlight:
     def _formation(self, leader_m: Array) -> tuple[float, str]:
         """The flight's duration, s, and the table [formation]."""
         ids = self.positions.sysids
-        leader = f"leader = {ids[0]}                    # the first vehicle of {self.positions.file.name}"
+        which = "that flies to every figure" if self._lead else f"vehicle of {self.positions.file.name}"
+        leader = f"leader = {ids[self._lead]}                    # the first {which}"
         lines = ["[formation]", leader]
         if self.shapes:
             lines += [f"change_speed_mps = {_SPEED_MPS}", f"change_accel_mps2 = {_ACCEL_MPS2}"]
         lines += ["vehicle = ["]
-        for sysid, offset_m in zip(ids, self.positions.offsets_m, strict=True):
+        for sysid, offset_m in zip(ids, self._offsets_m, strict=True):
             lines.append(f"  {{ sysid = {sysid}, position_m = {_numbers(leader_m + offset_m)} }},")
         lines.append("]")
         targets = [(sheet.name, offsets_m) for sheet, offsets_m in zip(self.shapes, self._shapes_m, strict=True)]
@@ -177,9 +193,9 @@ class SheetFlight:
         durations_s = (float(math.ceil(seconds)) for seconds in self.changes_s or ())
         if targets:
             lines += ["", '# To turn a shape: kind = "rotate", angle_deg = 72.0, at_s between the times below.']
-            targets.append((START_SHAPE, self.positions.offsets_m))
-        places_m = [leader_m, *(places[0] for places in self.figures_m), leader_m]
-        t_s, before_m = 0.0 if self.is_show else _HOLD_S, self.positions.offsets_m
+            targets.append((START_SHAPE, self._offsets_m))
+        places_m = [leader_m, *(places[self._lead] for places in self.figures_m), leader_m]
+        t_s, before_m = 0.0 if self.is_show else _HOLD_S, self._offsets_m
         route: list[str] = []
         for number, (name, offsets_m) in enumerate(targets):
             lines += ["", "[[formation.change]]", 'kind = "reshape"', f'to = "{name}"', f"at_s = {t_s}"]
