@@ -125,6 +125,7 @@ def test_every_way_is_taken_by_some_and_named(flown: list[tuple[Case, Reshaped]]
         "straight, shortest longest path",
         "straight, least sum of squared paths",
         "straight, each vehicle to its own place",
+        "straight, in N turns",
         "in N altitude lane",
         "spread out to N times the size, across, together again",
     }, ways
