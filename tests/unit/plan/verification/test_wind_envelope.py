@@ -73,7 +73,9 @@ def test_pitch_and_roll_are_those_of_the_heading(meadow_plan: Plan, yaw_deg: flo
 
 
 def test_force_is_that_of_each_vehicle_at_its_own_height_and_speed(sheared: Plan, planned: Planned) -> None:
-    for plan in (sheared, planned("reshape")[0]):
+    offsets_m = sheared.shape.at(0.0) + np.outer(np.arange(len(sheared.sysids)), [0.0, 0.0, -1.5])
+    climbing = replace(sheared, shape=rigid(offsets_m - offsets_m[sheared.leader], sheared.t_start_s, sheared.t_end_s))
+    for plan in (sheared, climbing, planned("reshape")[0]):
         tree = vehicle_tree(plan.shape)
         t_s = np.linspace(plan.t_start_s + 0.1, plan.t_end_s - 0.1, 200)
         t_s = t_s[np.abs(t_s[:, None] - plan.joints_s).min(axis=1) > 1e-3]
