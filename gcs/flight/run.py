@@ -42,7 +42,7 @@ from gcs.flight.recording.flight_folder import (
     report_data,
 )
 from gcs.flight.recording.flight_record import FlightJournal
-from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
+from gcs.flight.recording.flight_report import REPEAT, emulation_data, write_report
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, refusing_unwritable
 from gcs.flight.recording.record_table import write_record
@@ -215,8 +215,7 @@ def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Trac
     tracks = Tracks(times.plan_time.t_s(truth.unix_s), truth.states[rows][..., POSITION])
     flew = now.navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
     emulation = emulation_data(plan.scenario, order.emulated)
-    repeat = repeat_command(order.keeping, order.options, emulation)
-    extra = {"judged": TRUE_STATES, "navigator": flew, "emulation": emulation, "repeat": repeat}
+    extra = {"judged": TRUE_STATES, "navigator": flew, "emulation": emulation, "repeat": REPEAT}
     return judge(plan, truth, times), tracks, extra
 
 

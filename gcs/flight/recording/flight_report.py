@@ -5,16 +5,13 @@
 
 import json
 import math
-import shlex
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import Verdict
-from gcs.flight.contingency.choices import FlightMode, TimeKeeping
-from gcs.flight.contingency.options import FlightOptions
-from gcs.flight.recording.flight_folder import OUTCOMES, PLAN, TRUE_STATES, limit_text
+from gcs.flight.recording.flight_folder import OUTCOMES, TRUE_STATES, limit_text
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.physics.wind import GUSTS_MPS
 from gcs.scenario.schema.scenario import Scenario
@@ -32,6 +29,7 @@ FORMATION_ERROR = (
     "Definition 1 of the paper: distance of a true position from its place in the formation, wherever the formation "
     "is; the largest of any vehicle from T0 to the planned arrival"
 )
+REPEAT = "gcs refly ."
 SKEW = "difference of the delays of two vehicles behind the plan, from telemetry"
 
 
@@ -46,25 +44,6 @@ def emulation_data(scenario: Scenario, emulated: Emulated) -> JsonObject:
         **asdict(emulated),
         "faults": list(emulated.faults),
     }
-
-
-def repeat_command(keeping: TimeKeeping, options: FlightOptions, emulation: JsonObject) -> str:
-    """Return the command that flies the plan of this folder again, under the same conditions."""
-    words = ["gcs", "fly", PLAN, "--sim", "--mode", keeping.mode.value, "--seed", str(emulation["seed"])]
-    if keeping.mode is FlightMode.MISSION:
-        words += ["--nav", keeping.navigator, *(("--gates", str(keeping.gates)) if keeping.gates else ())]
-    for option in ("wind", "gusts"):
-        words += [f"--{option}", emulation[option]] if emulation[option] is not None else []
-    for fault in emulation["faults"]:
-        words += ["--fault", fault]
-    words += ["--follow"] if options.follow else []
-    usual = FlightOptions()
-    for name, value, default in (
-        ("--on-loss", options.on_loss, usual.on_loss),
-        ("--on-leader-loss", options.on_leader_loss, usual.on_leader_loss),
-    ):
-        words += [name, value.value] if value is not default else []
-    return shlex.join([*words, "--speedup", emulation["speedup"]])
 
 
 def write_report(folder: Path, data: JsonObject, verdict: Verdict) -> None:
@@ -133,7 +112,7 @@ def _conditions(data: JsonObject) -> list[str]:
         "| --- | --- |",
         *(f"| {name} | {value} |" for name, value in rows),
         "",
-        f"To fly it again, in this folder: `{data['repeat']}`",
+        f"To fly it again in this folder, the same to the last bit: `{data['repeat']}`",
         "",
     ]
 

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
-import shlex
 from pathlib import Path
 
 from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.flight.assessment.judge import Verdict
-from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLoss, TimeKeeping
-from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.flight.recording.flight_folder import TRUE_STATES, report_data
-from gcs.flight.recording.flight_report import emulation_data, repeat_command, write_report
+from gcs.flight.recording.flight_report import REPEAT, emulation_data, write_report
 from gcs.flight.setup.simulator_process import Emulated
 from gcs.scenario.schema.scenario import Scenario
-
-KEEPING = TimeKeeping(FlightMode.STREAM, emulated=True)
 
 
 def written(folder: Path, scenario: Scenario, *, wind: str | None, gusts: str | None, seed: int = 7) -> str:
@@ -34,7 +28,7 @@ def written(folder: Path, scenario: Scenario, *, wind: str | None, gusts: str | 
         "navigator": None,
         "skew_s": 0.0074,
         "emulation": emulation,
-        "repeat": repeat_command(KEEPING, FlightOptions(), emulation),
+        "repeat": REPEAT,
     }
     write_report(folder, report_data("my", "c4adf29e0fd0", FlightTimes(0.0, 9.0, 99.0), verdict, extra), verdict)
     return (folder / "report.md").read_text()
@@ -47,10 +41,7 @@ def test_the_report_names_gusts_wind_seed_and_how_to_fly_it_again(tmp_path: Path
     assert "| seed of noise and gusts | 7 |" in text
     assert "| sensors | rtk |" in text
     assert "| faults | 3:die@60 |" in text
-    (again,) = re.findall(r"`(gcs fly .*)`", text)
-    assert shlex.split(again) == shlex.split(
-        "gcs fly plan.skein --sim --mode stream --seed 7 --wind 3@240 --gusts moderate --fault 3:die@60 --speedup max"
-    )
+    assert "the same to the last bit: `gcs refly .`" in text
     kept = json.loads((tmp_path / "report.json").read_text())["emulation"]
     assert (kept["gusts"], kept["gusts_mps"], kept["seed"], kept["wind"]) == ("moderate", 1.0, 7, "3@240")
 
@@ -71,12 +62,3 @@ def test_every_figure_is_defined_and_none_is_on_the_screen_only(tmp_path: Path, 
         assert f"- **{name}**: " in text
     assert "every 0.05 s from T0 to the planned arrival" in CriterionName.POSITION_RMS.definition
     assert "**clearance above ground**" not in text  # not a criterion of this flight
-
-
-def test_a_mission_with_gates_is_repeated_with_them(simulation1: Scenario) -> None:
-    emulation = emulation_data(simulation1, Emulated())
-    keeping = TimeKeeping(FlightMode.MISSION, emulated=True, navigator=NavigatorChoice.OWN, gates=2)
-    options = FlightOptions(on_loss=OnLoss.RETURN)
-    assert repeat_command(keeping, options, emulation) == (
-        "gcs fly plan.skein --sim --mode mission --seed 0 --nav own --gates 2 --on-loss return --speedup 10"
-    )
