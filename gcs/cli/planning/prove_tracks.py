@@ -185,8 +185,10 @@ def prove(
             "ok": report.ok,
             "files": list(read.account),
             "vehicles": list(report.vehicles),
-            "checks": [_data(check) for check in report.checks],
-            "unsafe": [_span(span) for span in report.unsafe],
+            "checks": [
+                _data(check) | {"limit": check.limit, "proved": _finite(check.proved)} for check in report.checks
+            ],
+            "unsafe": [_data(span) | {"start_s": span.start_s, "end_s": span.end_s} for span in report.unsafe],
             "unchecked": list(report.unchecked),
         }
     )
@@ -198,29 +200,14 @@ def prove(
     return screen.ended(report.refusal())
 
 
-def _data(check: TrackCheck) -> JsonObject:
+def _data(found: TrackCheck | UnsafeSpan) -> JsonObject:
     return {
-        "name": check.name,
-        "verdict": check.verdict,
-        "unit": check.unit,
-        "limit": check.limit,
-        "seen": _finite(check.seen),
-        "proved": _finite(check.proved),
-        "vehicles": list(check.vehicles),
-        "t_s": check.t_s,
-    }
-
-
-def _span(span: UnsafeSpan) -> JsonObject:
-    return {
-        "name": span.name,
-        "verdict": span.verdict,
-        "unit": span.unit,
-        "start_s": span.start_s,
-        "end_s": span.end_s,
-        "seen": _finite(span.seen),
-        "vehicles": list(span.vehicles),
-        "t_s": span.t_s,
+        "name": found.name,
+        "verdict": found.verdict,
+        "unit": found.unit,
+        "seen": _finite(found.seen),
+        "vehicles": list(found.vehicles),
+        "t_s": found.t_s,
     }
 
 
