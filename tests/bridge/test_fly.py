@@ -105,7 +105,7 @@ def test_a_flight_leaves_a_folder_that_others_can_read(
     assert wanted | {"tracks.png", "map.png", "formation.png"} <= names
     report = (folder / "report.md").read_text()
     assert "| gusts | none |" in report
-    assert "To fly it again, in this folder: `gcs fly plan.skein --sim --mode stream --seed " in report
+    assert "To fly it again in this folder, the same to the last bit: `gcs refly .`" in report
     data = json.loads((folder / "report.json").read_text())
     assert all(f"- **{criterion['name']}**: " in report for criterion in data["criteria"])
     assert all((folder / name).stat().st_size > 10_000 for name in ("tracks.png", "map.png", "formation.png"))
