@@ -72,6 +72,8 @@ class FrameScanner:
                 number = data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16 if is_v2 else data[at + 5]
                 extra = extras.get(number)
                 if extra is None:
+                    if end == size:
+                        cut = at if cut < 0 else cut  # what follows will tell whether it was a frame
                     if data[end : end + 1] in _ENDS:
                         at = end
                         continue

@@ -41,6 +41,7 @@ class PlainParser:
                 cut = -1
                 at += length
             elif length and self._is_unknown(frame) and data[at + length : at + length + 1] in ENDS:
+                cut = at if cut < 0 and at + length == len(data) else cut
                 at += length
             else:
                 at += 1
@@ -93,7 +94,11 @@ def pieces(draw: st.DrawFn) -> bytes:
     return bytes(frame)
 
 
+CUT_BEHIND_UNKNOWN = bytes.fromhex("fefc020000000101fd0000003030a0")  # as unknown, it would eat the next two bytes
+
+
 @settings(deadline=None)
+@example([CUT_BEHIND_UNKNOWN, Codec(1, 1).encode(HEARTBEAT)], [1])
 @given(st.lists(pieces(), max_size=12), st.lists(st.integers(1, 90), min_size=1, max_size=8))
 def test_the_frames_of_a_lawful_stream_are_those_of_the_plain_parser(parts: list[bytes], cuts: list[int]) -> None:
     stream, codec, plain, turn = b"".join(parts), Codec(255, 190), PlainParser(), 0
@@ -167,6 +172,12 @@ def test_a_good_frame_right_behind_markers_is_heard(before: bytes) -> None:
     for message in (HEARTBEAT, empty):
         frame = Codec(1, 1).encode(message)
         assert [m.name for m in Codec(255, 190).decode(before + frame)] == [message.name]
+
+
+def test_a_chunk_that_ends_where_an_unknown_frame_would_costs_no_good_one() -> None:
+    stream, codec = CUT_BEHIND_UNKNOWN[-7:] + Codec(1, 1).encode(HEARTBEAT), Codec(255, 190)
+    heard = codec.decode(stream[:12], "serial") + codec.decode(stream[12:], "serial")
+    assert [message.name for message in heard] == ["HEARTBEAT"]
 
 
 def test_the_tails_of_many_sources_are_bounded_and_the_newest_kept() -> None:
