@@ -211,7 +211,7 @@ def test_missions_are_stored_as_sent_and_flown_on_board():
             await vehicles[3].command(MavCommand.MISSION_START)
             await vehicles[3].wait_for(
                 lambda m: m.name == "HEARTBEAT" and not m.fields["base_mode"] & 128 and len(reached) > 4,
-                30.0,
+                120.0,
                 "the end of the flight",
             )
             assert reached == [2, 4, 6, 8, 9]

@@ -44,6 +44,7 @@ _EARTH_M = 6_371_000.0
 _DOWN = 2
 _GEOID_MOST_M = 110.0
 _LATE_MOST_S = 3600.0
+_SAME_S = 1e-9  # sums of instants are rounded, which leaves no time without a volume
 
 
 @dataclass(frozen=True)
@@ -128,21 +129,20 @@ def containment(plan: Plan, order: VolumeOrder, intent: OperationalIntent) -> tu
     A volume counts from its start, and until `late_s` before its end: so it holds a flight of any delay up to that.
     Negative where one is not proved inside; minus infinity at a time without a volume.
     """
-    start = order.at(plan, plan.t_start_s)
-    windows_s = [
-        plan.clamped(
-            plan.t_start_s
-            + np.array([(one.start - start).total_seconds(), (one.end - start).total_seconds() - order.late_s])
-        )
-        for one in intent.volumes
-    ]
-    edges_s = np.unique(np.concatenate([_edges_s(plan), *windows_s]))
+    start, late, own_s = order.at(plan, plan.t_start_s), timedelta(seconds=order.late_s), _edges_s(plan)
+    windows_s = []
+    for one in intent.volumes:
+        after_s = np.array([(at - start).total_seconds() for at in (one.start, one.end - late)])
+        ends_s = plan.clamped(plan.t_start_s + after_s)
+        nearest_s = own_s[np.abs(own_s - ends_s[:, None]).argmin(axis=1)]
+        windows_s.append(np.where(np.abs(nearest_s - ends_s) < _SAME_S, nearest_s, ends_s))
+    edges_s = np.unique(np.concatenate([own_s, *windows_s]))
     found = np.full(len(edges_s) - 1, -np.inf)
     for volume, (begin_s, end_s) in zip(intent.volumes, windows_s, strict=True):
         inside = (edges_s[:-1] >= begin_s) & (edges_s[1:] <= end_s)
         if inside.any():
-            own_s = edges_s[(edges_s >= begin_s) & (edges_s <= end_s)]
-            found[inside] = np.maximum(found[inside], _margins(plan, order, volume, own_s))
+            in_force_s = edges_s[(edges_s >= begin_s) & (edges_s <= end_s)]
+            found[inside] = np.maximum(found[inside], _margins(plan, order, volume, in_force_s))
     worst = int(found.argmin())
     return float(found[worst]), float(edges_s[worst])
 

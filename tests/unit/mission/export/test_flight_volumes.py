@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from implicitdict import ImplicitDict
 from pymap3d.vincenty import track2
@@ -165,6 +165,7 @@ def test_a_gap_of_two_milliseconds_between_windows_is_found(hop: Plan) -> None:
 
 
 @settings(max_examples=15, deadline=None)
+@example(1.4, 0.0, 20, 0.0)  # 17.4 - 1.4 is less than 16
 @given(st.floats(0.0, 30.0), st.floats(-100.0, 100.0), st.integers(1, 25), st.floats(0.0, 1.0))
 def test_a_late_flight_is_inside_too(hop: Plan, late_s: float, geoid_m: float, count: int, share: float) -> None:
     order = VolumeOrder(TAKEOFF, geoid_m, count, late_s)
