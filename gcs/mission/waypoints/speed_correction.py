@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -217,11 +218,15 @@ def correct(navigator: Navigator, profile: LegProfile, lead_s: tuple[float, floa
     return Corrected(_speeds_mps(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
 
 
+def _progress(now: _Trial) -> str:
+    return f"timing a mission by the model of its autopilot: waypoints at most {np.abs(now.late_s).max():.2f} s off"
+
+
 def _solved(problem: _Problem, now: _Trial, rounds: int) -> _Trial:
     """The best trial that so many damped steps lead to."""
     damping = 0.3
     for number in range(rounds):
-        report("timing the missions by the model of their autopilot")
+        report(partial(_progress, now))
         slopes = problem.slopes(now.x)
         better = None
         for _ in range(_TRIES):

@@ -12,6 +12,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.predict import predict
 from gcs.mission.machine_independent import ORDER_GRID
 from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, NavigatorLimits, correct, leg_profile
+from gcs.util.long_work import shown
 
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
 LIMITS = NavigatorLimits(np.array([6.0, 6.0, 2.0]), slowest_mps=0.3, fastest_mps=12.0)
@@ -44,6 +45,16 @@ def test_late_waypoints_are_passed_in_time(name: str) -> None:
     assert 0.0 <= found.lead_s <= 3.0
     assert (found.speeds_mps >= 0.3).all()
     assert (found.speeds_mps <= course.fastest_mps + 1e-9).all()
+
+
+def test_the_progress_says_how_far_off_the_waypoints_still_are() -> None:
+    """It takes minutes for many vehicles: the same line again and again would look like a standstill."""
+    heard: list[str] = []
+    course, _ = leg_profile(*bend(), LIMITS, 200.0)
+    with shown(heard.append, every_s=0.0):
+        correct(Autopilot.ARDUPILOT.navigator, course, (0.0, 3.0))
+    off_s = [float(line.removesuffix(" s off").split()[-1]) for line in heard]
+    assert off_s[0] > 1.0 > off_s[-1]
 
 
 def test_a_speed_with_little_effect_stays_near_the_planned_one() -> None:
