@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gcs.frames import Origin
 from gcs.scenario.sources.template import FirstFlight, scenario_text
 
 _HEIGHT_M = 30.0
@@ -18,7 +19,7 @@ spread_east_m = [60.0, 40.0] }
 def hill_scenario(folder: Path, *changes: tuple[str, str]) -> Path:
     """The file of the flight, with some of its text replaced."""
     flight = FirstFlight(3, "line", 10.0, 0.0, 250.0, _HEIGHT_M)
-    text = scenario_text(Path("hill"), -35.363262, 149.165237, 584.0, flight=flight) + _HILL
+    text = scenario_text(Path("hill"), Origin(-35.363262, 149.165237, 584.0), flight=flight) + _HILL
     legs = f"route = [{', '.join(_ROUTE)}]\nlegs = {{ height_above_ground_m = {_HEIGHT_M} }}\n"
     lines = []
     for line in text.split("\n"):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gcs.scenario.sources.load import load_scenario
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits, transfer
 from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Piece, PieceBatch, hold
-from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes, Craft
 from sim_bridge.dynamics.presets import PRESETS
 from sim_bridge.dynamics.sensors import RTK
 from sim_bridge.dynamics.wind_field import parse_wind
@@ -33,13 +33,12 @@ def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> dict
     preset, scenario = PRESETS[name], load_scenario(ROOT / "missions" / SCENARIO_OF[name])
     motion = MotionLimits.of(preset.quadrotor, scenario.limits)
     airframes = Airframes(
-        preset.quadrotor,
+        Craft(preset.quadrotor, preset.limits),
         lambda north, east: np.zeros_like(north),
         PADS_NED_M,
         np.zeros(len(PADS_NED_M)),
         RTK,
         seed=seed,
-        limits=preset.limits,
         wind=parse_wind(wind, gusts),
     )
     places = [np.append(pad, 0.0) for pad in PADS_NED_M]

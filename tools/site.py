@@ -1,4 +1,4 @@
-"""The site: every page where it stands in the tree, with the pictures and sources that pages link to.
+"""The site of one version: every page where it stands in the tree, with the pictures and sources that pages link to.
 
 ./tools/run python -m tools.site
 """
@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+from gcs.cli.command_table import version_text
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "dist" / "site_pages"
@@ -39,5 +41,6 @@ def copy_pages() -> None:
 if __name__ == "__main__":
     copy_pages()
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", *sys.argv[1:]]
-    quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}  # Material's advertisement of its successor
-    sys.exit(subprocess.run(build, cwd=ROOT, env=quiet, check=False).returncode)
+    # Material advertises its successor otherwise; the version stands at the foot of every page.
+    told = os.environ | {"NO_MKDOCS_2_WARNING": "1", "SKEIN_VERSION": version_text()}
+    sys.exit(subprocess.run(build, cwd=ROOT, env=told, check=False).returncode)

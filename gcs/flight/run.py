@@ -373,9 +373,7 @@ class _LinkedFlight:
         if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, order.options.waived
             timed = self._loaded if order.keeping.mode is FlightMode.MISSION else ()
-            self.checks, charge = await go_or_no_go(
-                fleet, sessions, plan, limits, watcher.checks, watcher.say, waived, timed
-            )
+            self.checks, charge = await go_or_no_go(fleet, sessions, plan, limits, watcher, waived, timed)
             for event in waived_events(self.checks, sessions):
                 self.journal.on_event(event)
             await self._before.read(sessions, self._loaded)

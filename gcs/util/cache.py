@@ -3,7 +3,7 @@
 import functools
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 KEPT = 32  # results of each function; the least recently used goes first
 
@@ -27,7 +27,7 @@ def once(function: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P]
 
     `__wrapped__` is the function without the cache. Errors are not kept.
     """
-    known: OrderedDict[tuple[Any, ...], R] = OrderedDict()
+    known: OrderedDict[tuple[object, ...], R] = OrderedDict()
 
     @functools.wraps(function)
     def remembering(subject: T, /, *others: P.args, **named: P.kwargs) -> R:

@@ -5,6 +5,7 @@ components first, (12, V), so that a component is one contiguous row; outside, v
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +28,15 @@ _STEPS_PER_GNSS = round(GNSS_PERIOD_S / CONTROL_PERIOD_S)
 _STEPS_PER_GUST = round(GUST_PERIOD_S / CONTROL_PERIOD_S)
 
 
+@dataclass(frozen=True)
+class Craft:
+    """What all vehicles of one type are: the body, the controls that their autopilots use (Eq. 51), and the battery."""
+
+    quadrotor: Quadrotor
+    limits: ControlLimits | None = None  # None: all that the motors can do
+    power: PowerTrain | None = None  # None: that of the preset, or typical for the size
+
+
 class Airframes:
     """V vehicles of one type. The same seed and the same inputs give the same flight, bit for bit.
 
@@ -36,27 +46,24 @@ class Airframes:
 
     def __init__(
         self,
-        quadrotor: Quadrotor,
+        craft: Craft,
         ground_height_m: Ground,
         pads_ned_m: Array,
         yaw_ned_rad: Array,
         grade: SensorGrade,
         *,
         seed: int,
-        limits: ControlLimits | None = None,
-        power: PowerTrain | None = None,
         wind: Wind = CALM,
     ) -> None:
         """Stand the vehicles on the ground, motors off, below or above pads (V, 3), with yaw (V,).
 
-        `ground_height_m` maps north and east (V,) to height (V,). `limits` are the controls that the autopilots use
-        (Eq. 51); the default is all that the motors can do. The default of `power` is that of the preset, or typical
-        for the size. Raises ValueError if shapes disagree or the thrust cannot lift the vehicle.
+        `ground_height_m` maps north and east (V,) to height (V,). Raises ValueError if shapes disagree or the thrust
+        cannot lift the vehicle.
         """
         vehicles = len(pads_ned_m)
         if pads_ned_m.shape != (vehicles, 3) or yaw_ned_rad.shape != (vehicles,):
             raise ValueError(f"pads {pads_ned_m.shape} and yaw {yaw_ned_rad.shape} must be (V, 3) and (V,)")
-        limits = limits or motor_limits(quadrotor)
+        quadrotor = craft.quadrotor
         self._plant = Plant(quadrotor, ground_height_m, pads_ned_m, yaw_ned_rad, CONTROL_PERIOD_S)
         self._motors = Motors(quadrotor)
         self._wind_field = WindField(wind, pads_ned_m, seed)
@@ -64,8 +71,8 @@ class Airframes:
         self.rotor_max_radps = quadrotor.rotor_max_radps
         self.sensors = Sensors(grade, vehicles, seed)
         self.estimator = Estimator(grade, vehicles, quadrotor.gravity_mps2)
-        self.controller = Controller(quadrotor, limits, vehicles, CONTROL_PERIOD_S)
-        self.battery = Battery(power or power_train_of(quadrotor), quadrotor, vehicles)
+        self.controller = Controller(quadrotor, craft.limits or motor_limits(quadrotor), vehicles, CONTROL_PERIOD_S)
+        self.battery = Battery(craft.power or power_train_of(quadrotor), quadrotor, vehicles)
         self._failures: list[Sequence[Failure]] = [()] * vehicles
         self._failures_changed = False
         self._strength: Array | None = None  # (4, V) of the motors; None if all have full thrust

@@ -88,7 +88,7 @@ _LONG_S = 3600.0
 
 
 def _ned(unit: str, most: float) -> tuple[Value, ...]:
-    """North, which must be given, east and down, each at most so large."""
+    """Values north, east and down of magnitude `most`; east and down are 0 unless they are given."""
     north, *others = (f"{axis}_{unit}" for axis in ("north", "east", "down"))
     return Value(north, -most, most), *(Value(name, -most, most, 0.0) for name in others)
 

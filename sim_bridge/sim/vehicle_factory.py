@@ -15,7 +15,7 @@ from gcs.scenario.values import si
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
-from sim_bridge.dynamics.airframes import Airframes
+from sim_bridge.dynamics.airframes import Airframes, Craft
 from sim_bridge.dynamics.lqr_gains import ControlLimits
 from sim_bridge.dynamics.presets import power_train_of
 from sim_bridge.dynamics.sensors import GRADES
@@ -60,14 +60,16 @@ class VehicleFactory:
         self._pads_ned_m = si.pads_ned_m(scenario)
         self._yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
         self.airframes = Airframes(
-            quadrotor,
+            Craft(
+                quadrotor,
+                ControlLimits(scenario.limits.thrust_N[1], si.torque_limits(scenario.limits, quadrotor.arm_m)),
+                power_train_of(quadrotor).described(scenario.vehicle.power),
+            ),
             partial(ground_height_m, scenario.terrain),
             self._pads_ned_m,
             np.full(len(self.sysids), self._yaw_rad),
             GRADES[scenario.sensors.grade],
             seed=seed,
-            limits=ControlLimits(scenario.limits.thrust_N[1], si.torque_limits(scenario.limits, quadrotor.arm_m)),
-            power=power_train_of(quadrotor).described(scenario.vehicle.power),
             wind=wind.over(si.steady_wind(scenario)),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.planning.new_options import COURSES, SurveyOptions, check_survey, parse_course, parse_place
+from gcs.cli.planning.new_options import COURSES, DrawingOptions, SurveyOptions, check_survey, parse_course, parse_place
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, one_of, option
 from gcs.errors import UsageError
@@ -219,6 +219,7 @@ def new(
         "end_deg": end_deg,
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
+    from gcs.frames import Origin
     from gcs.scenario.sources.bundled_missions import FILE_NAME
     from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
     from gcs.scenario.sources.template import FirstFlight, flown_by, scenario_text, straight_to
@@ -239,22 +240,18 @@ def new(
 
         flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, limits, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
-    drawn_at = None if at is None else parse_place(at)
+    drawing = DrawingOptions(None if at is None else parse_place(at), terrain, vehicle)
     if survey is not None:
         from gcs.cli.planning.new_flights import text_of_survey
 
-        text, left_out["left_out"], flight = text_of_survey(
-            folder, survey, surveyed, drawn_at, count, height, screen, vehicle=vehicle, terrain=terrain
-        )
+        text, left_out["left_out"], flight = text_of_survey(folder, survey, drawing, surveyed, count, height, screen)
     elif route is not None:
         from gcs.cli.planning.new_flights import text_of_drawing
 
-        text, left_out["left_out"], flight = text_of_drawing(
-            folder, route, wanted, drawn_at, screen, vehicle=vehicle, terrain=terrain
-        )
+        text, left_out["left_out"], flight = text_of_drawing(folder, route, drawing, wanted, screen)
     else:
-        place_of = lat_deg, lon_deg, alt_amsl_m or 0.0
-        text = scenario_text(folder, *place_of, full=full, flight=flight, vehicle=vehicle)
+        there = Origin(lat_deg, lon_deg, alt_amsl_m or 0.0)
+        text = scenario_text(folder, there, full=full, flight=flight, vehicle=vehicle)
     if vehicle is not None:
         text = flown_by(text, vehicle, folder)
     atomic_write(file, text)

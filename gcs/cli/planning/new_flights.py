@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.cli.planning.new_options import SurveyOptions, overlap_share, pass_course_deg
+from gcs.cli.planning.new_options import DrawingOptions, SurveyOptions, overlap_share, pass_course_deg
 from gcs.cli.shared.console import Screen
 from gcs.errors import Infeasible, UsageError, counted
 from gcs.frames import Origin, ned_to_geodetic
@@ -39,25 +39,18 @@ _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the
 
 
 def text_of_drawing(
-    folder: Path,
-    file: Path,
-    wanted: JsonObject,
-    at: tuple[float, float, float | None] | None,
-    screen: Screen,
-    *,
-    vehicle: str | None = None,
-    terrain: Path | None = None,
+    folder: Path, file: Path, options: DrawingOptions, wanted: JsonObject, screen: Screen
 ) -> tuple[str, list[str], Flight]:
     """The text of the scenario, the sentences about what is not carried over, and the flight.
 
-    Times are those of `vehicle`; heights above the ground count from the elevation model `terrain`. Raises
-    FileFormatError for a file that is no drawing of a route, and UsageError for a flight that is not possible.
+    Times are those of the vehicle. Raises FileFormatError for a file that is no drawing of a route, and UsageError for
+    a flight that is not possible.
     """
     from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
 
-    limits = type_limits(vehicle or VEHICLE_TYPE)
-    flight = route_flight(read_drawing(file), at, wanted.pop("height_m", None), terrain, limits=limits, **wanted)
-    text = route_text(folder, flight, vehicle)
+    limits, height_m = type_limits(options.vehicle or VEHICLE_TYPE), wanted.pop("height_m", None)
+    flight = route_flight(read_drawing(file), options.at, height_m, options.terrain, limits=limits, **wanted)
+    text = route_text(folder, flight, options.vehicle)
     time_s = tomllib.loads(text)["time"]["flight_s"]  # less than asked where the battery asks for it
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
     length = f"{flight.length_m:.0f} m in {time_s:.0f} s"
@@ -145,25 +138,23 @@ def with_its_changes(flight: SheetFlight, asked_m: float | None, screen: Screen)
 def text_of_survey(
     folder: Path,
     file: Path,
-    options: SurveyOptions,
-    at: tuple[float, float, float | None] | None,
+    options: DrawingOptions,
+    survey: SurveyOptions,
     count: int | None,
     height_m: float | None,
     screen: Screen,
-    *,
-    vehicle: str | None = None,
-    terrain: Path | None = None,
 ) -> tuple[str, list[str], Flight]:
     """The text of the scenario, the sentences about what is not carried over, and the flight.
 
-    The speed is one that `vehicle` can fly: a preset or a vehicle file. With the elevation model `terrain` the height
-    is that above the ground, and the altitude of an origin that has none is the ground's. Raises UsageError for what
-    cannot be flown, and FileFormatError for a file that is no drawing.
+    The speed is one that the vehicle can fly. With an elevation model the height is that above the ground, and the
+    altitude of an origin that has none is the ground's. Raises UsageError for what cannot be flown, and FileFormatError
+    for a file that is no drawing.
     """
     from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
     from gcs.scenario.sources.survey_flight import COUNTS, SurveyGround, SurveyOrder, survey_flight
 
-    drawing, avoids = read_drawing(file), options.holes == "avoid"
+    at, terrain, vehicle = options.at, options.terrain, options.vehicle
+    drawing, avoids = read_drawing(file), survey.holes == "avoid"
     drawn = survey_area(drawing, at, avoid_holes=avoids)
     altitude_is = drawn.altitude_is
     if terrain is not None and not altitude_is:
@@ -176,15 +167,15 @@ def text_of_survey(
         text = f"{file} is {away_m:,.0f} m from --at; a survey begins at most {_FARTHEST_M:,.0f} m away."
         raise UsageError(text, hint="leave --at out to begin at the area, or give a place near it")
     plain = SurveyOrder(drawn.surveyed, 1.0)
-    assert options.swath is not None
+    assert survey.swath is not None
     order = SurveyOrder(
         drawn.surveyed,
-        options.swath,
-        overlap_share(options.overlap),
-        pass_course_deg(options.angle),
+        survey.swath,
+        overlap_share(survey.overlap),
+        pass_course_deg(survey.angle),
         COUNTS if count is None else tuple(range(1, count + 1)),
         plain.height_m if height_m is None else height_m,
-        _speed_mps(options.speed, plain.speed_mps, vehicle),
+        _speed_mps(survey.speed, plain.speed_mps, vehicle),
         drawn.avoided,
         starts_at_origin=at is not None,
         limits=type_limits(vehicle or VEHICLE_TYPE),
@@ -211,8 +202,7 @@ def text_of_survey(
     elif not altitude_is:
         screen.say(ALTITUDE_UNKNOWN)
     try:
-        at_place = place.lat_deg, place.lon_deg, place.alt_amsl_m
-        return scenario_text(folder, *at_place, flight=flight, vehicle=vehicle), left_out, flight
+        return scenario_text(folder, place, flight=flight, vehicle=vehicle), left_out, flight
     except ImpossibleFlight as error:
         text = f"{file}: such a survey is not possible: {areas.in_words(error.reason, drawn.drawing)}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None

@@ -1,6 +1,7 @@
 """The options of `gcs new` as they are typed (`--end 47.40 8.55`, `--course north-east`), and as numbers."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from typer.core import TyperCommand
@@ -67,6 +68,15 @@ def _numbers(words: list[str]) -> int:
         return len([float(part) for part in parts])
     except ValueError:
         return 0
+
+
+@dataclass(frozen=True)
+class DrawingOptions:
+    """The options of every flight along or over a drawing: its place, the ground under it, and what flies."""
+
+    at: tuple[float, float, float | None] | None  # degrees, degrees, m above the sea
+    terrain: Path | None = None  # elevation model; heights count from it
+    vehicle: str | None = None  # preset or vehicle file
 
 
 @dataclass(frozen=True)

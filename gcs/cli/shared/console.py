@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, TYPE_CHECKING, cast
 
 from gcs.cli.shared.safe_stdout import SafeStream
 from gcs.errors import GcsError, error_text, for_people
@@ -116,7 +116,7 @@ class Screen:
         _line(sys.stdout, text)
 
 
-def to_json(data: Any, *, ascii_only: bool = False) -> str:
+def to_json(data: object, *, ascii_only: bool = False) -> str:
     """The JSON text of plain values, paths and NumPy arrays. Raises ValueError on NaN and infinity, unknown to JSON."""
     return json.dumps(data, default=_plain, allow_nan=False, ensure_ascii=ascii_only)
 
@@ -131,7 +131,7 @@ def _line(stream: IO[str] | None, text: str) -> None:
     safe.flush()
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "tolist"):  # NumPy, without importing it

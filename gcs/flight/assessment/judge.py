@@ -83,42 +83,48 @@ def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Crit
     for name, zones in ((CriterionName.ZONES, scenario.no_fly), (CriterionName.KEEP_IN, scenario.keep_in)):
         if zones:
             away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1])
-            found.append(_extreme(plan, name, away_m, within_m, t_s, 0.0, planned=scenario.limits.zone_margin_m))
+            figures = _Figures(plan.sysids, t_s, away_m, within_m)
+            found.append(figures.at_least(name, 0.0, scenario.limits.zone_margin_m))
     inside = inside_m(inclusion_corners(planned_places_m(plan)), places)
-    found.append(_extreme(plan, CriterionName.FENCE, inside, within_m, t_s, 0.0))
+    found.append(_Figures(plan.sysids, t_s, inside, within_m).at_least(CriterionName.FENCE, 0.0))
     ceiling_m = scenario.limits.height_m[1]
     limit_m = round(ceiling_m + navigation_error(scenario).vertical_m, 3)
-    up_m, within_m, t_s = -airborne.ned_m[..., 2], airborne.vertical_m, airborne.t_s
-    high = _extreme(plan, CriterionName.HEIGHT, up_m, within_m, t_s, limit_m, at_least=False, planned=ceiling_m)
-    return [*found, high]
+    heights = _Figures(plan.sysids, airborne.t_s, -airborne.ned_m[..., 2], airborne.vertical_m)
+    return [*found, heights.at_most(CriterionName.HEIGHT, limit_m, ceiling_m)]
 
 
-def _extreme(
-    plan: Plan,
-    name: CriterionName,
-    figure: Array,
-    within: Array,
-    t_s: Array,
-    limit: float,
-    *,
-    at_least: bool = True,
-    planned: float | None = None,
-) -> Criterion:
-    """The worst of figures (V, N) in metres, each known to `within`."""
-    worst = np.min if at_least else np.max
-    row, instant = np.unravel_index(int((np.argmin if at_least else np.argmax)(figure)), figure.shape)
-    return Criterion(
-        name,
-        "m",
-        float(figure[row, instant]),
-        limit,
-        at_least,
-        plan.sysids[row],
-        float(t_s[instant]),
-        planned=planned,
-        lowest=float(worst(figure - within)),
-        highest=float(worst(figure + within)),
-    )
+@dataclass(frozen=True)
+class _Figures:
+    """Metres (V, N) of all vehicles at times (N,), each known to `within_m`."""
+
+    sysids: tuple[int, ...]
+    t_s: Array
+    metres: Array
+    within_m: Array
+
+    def at_least(self, name: CriterionName, limit: float, planned: float | None = None) -> Criterion:
+        """The least of all, which must not be below the limit."""
+        return self._criterion(name, limit, planned, at_least=True)
+
+    def at_most(self, name: CriterionName, limit: float, planned: float | None = None) -> Criterion:
+        """The greatest of all, which must not be above the limit."""
+        return self._criterion(name, limit, planned, at_least=False)
+
+    def _criterion(self, name: CriterionName, limit: float, planned: float | None, *, at_least: bool) -> Criterion:
+        worst = np.min if at_least else np.max
+        row, instant = np.unravel_index(int((np.argmin if at_least else np.argmax)(self.metres)), self.metres.shape)
+        return Criterion(
+            name,
+            "m",
+            float(self.metres[row, instant]),
+            limit,
+            at_least,
+            self.sysids[row],
+            float(self.t_s[instant]),
+            planned=planned,
+            lowest=float(worst(self.metres - self.within_m)),
+            highest=float(worst(self.metres + self.within_m)),
+        )
 
 
 @dataclass(frozen=True)
@@ -179,9 +185,8 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
     off_plan = mission & airborne.off_plan
     mission &= ~off_plan
     rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
-    name, limit_m = CriterionName.POSITION_RMS, limits.position_rms_m
-    error_rms = _extreme(plan, name, rms[:, None], within[:, None], t_s, limit_m, at_least=False)
-    criteria = [replace(error_rms, t_s=None)]
+    errors = _Figures(plan.sysids, t_s, rms[:, None], within[:, None])
+    criteria = [replace(errors.at_most(CriterionName.POSITION_RMS, limits.position_rms_m), t_s=None)]
     criteria.append(_clearance(plan, airborne))
     criteria += area_criteria(plan, everywhere, airborne)
     if plan.passages:
@@ -240,8 +245,8 @@ def _clearance(plan: Plan, tracks: Tracks) -> Criterion:
     terrain, (north_m, east_m, up_m) = plan.scenario.terrain, np.moveaxis(tracks.ned_m * (1.0, 1.0, -1.0), -1, 0)
     lowest_m = float((up_m - ground_height_m(terrain, north_m, east_m)).min())  # the least distance is no more
     above = ground_distance_m(terrain, north_m, east_m, up_m, lowest_m)
-    planned_m = plan.scenario.limits.clearance_min_m
-    return _extreme(plan, CriterionName.CLEARANCE, above, tracks.within_m, tracks.t_s, 0.0, planned=planned_m)
+    figures = _Figures(plan.sysids, tracks.t_s, above, tracks.within_m)
+    return figures.at_least(CriterionName.CLEARANCE, 0.0, plan.scenario.limits.clearance_min_m)
 
 
 def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
@@ -250,8 +255,9 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     at_end = np.searchsorted(t_s, plan.flight_s)
     missed, within = np.linalg.norm(tracks.ned_m - goal, axis=-1), tracks.within_m
     end = slice(at_end, at_end + 1)
-    name, when_s, limit_m = CriterionName.ARRIVAL_POSITION, np.array([plan.flight_s]), limits.arrival_position_m
-    there = _extreme(plan, name, missed[:, end], within[:, end], when_s, limit_m, at_least=False)
+    when_s, limit_m = np.array([plan.flight_s]), limits.arrival_position_m
+    figures = _Figures(plan.sysids, when_s, missed[:, end], within[:, end])
+    there = figures.at_most(CriterionName.ARRIVAL_POSITION, limit_m)
     due, entered, first, last = (
         np.array([_last_entry(t_s, d, limit_m) for d in distances])
         for distances in (np.linalg.norm(planned - goal, axis=-1), missed, missed - within, missed + within)

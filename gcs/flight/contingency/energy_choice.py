@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
@@ -249,7 +248,7 @@ class EnergyAdviser:
         return seconds, now.scale * seconds * self.model.hover_per_s
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A number that JSON knows, with two decimals; null for an alternative without a route."""
     if isinstance(value, float):
         return round(value, 2) if math.isfinite(value) else None

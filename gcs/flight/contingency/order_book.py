@@ -79,7 +79,7 @@ class OrderBook:
         )
 
     def carried_out(self, order: StandingOrder) -> None:
-        """Take in that the vehicle did as ordered."""
+        """Note that the vehicle did what the order asked: the order ends."""
         if self.stands(order):
             self.end(order.sysid)
         if order.planned:

@@ -4,7 +4,6 @@ import base64
 import dataclasses
 import json
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +26,12 @@ def event_json(event: Happening) -> bytes:
     return to_bytes(_plain(event))
 
 
-def to_bytes(data: Any) -> bytes:
+def to_bytes(data: object) -> bytes:
     """Return plain values as compact JSON. Raises ValueError on NaN and infinity."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).encode()
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, np.ndarray):
         return _array(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -46,7 +45,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _array(values: NDArray[Any]) -> dict[str, Any]:
+def _array(values: NDArray[np.generic]) -> dict[str, object]:
     form = "f4" if values.dtype.kind == "f" else "i2" if np.abs(values).max(initial=0) < 2**15 else "i4"
     data = np.ascontiguousarray(values, dtype=f"<{form}").tobytes()
     return {form: base64.b64encode(data).decode(), "shape": list(values.shape)}

@@ -22,7 +22,7 @@ from gcs.errors import PeerError
 from gcs.flight.monitoring.fleet_time import AGREE_S, differences_s
 from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, nominal_V, own_battery
 from gcs.flight.monitoring.preflight_check import NOT_REPORTED, CheckName, PreflightCheck, refuse_no_go, waive
-from gcs.flight.monitoring.progress import ALL_VEHICLES, Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Event, Watcher
 from gcs.flight.setup.timing_check import timing_check
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -281,19 +281,20 @@ async def go_or_no_go(
     sessions: Mapping[int, VehicleSession],
     plan: Plan,
     limits: PreflightTable,
-    show: Callable[[tuple[PreflightCheck, ...]], None],
-    say: Callable[[str], None],
+    watcher: Watcher,
     waived: Collection[CheckName] = (),
     timed: Sequence[VehicleLoad] = (),
 ) -> tuple[tuple[PreflightCheck, ...], ChargeRule | None]:
     """Return the checks of all vehicles and the rule for their charge in flight; None where the battery is waived.
 
-    `show` gets the checks first. Failed ones that are `waived` do not stop the flight. `timed` are loads whose missions
-    keep the plan's times.
+    `watcher` gets the checks first. Failed ones that are `waived` do not stop the flight. `timed` are loads whose
+    missions keep the plan's times.
 
     Raises `FlightError` for a no-go, and `DuplicateSystemId`.
     """
-    requests = ((sysid, preflight_report(s, say, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
+    requests = (
+        (sysid, preflight_report(s, watcher.say, fleet.where(s.station.sysid))) for sysid, s in sessions.items()
+    )
     sysids, surveys = zip(*requests, strict=True)
     reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
     fleet.check()
@@ -302,7 +303,7 @@ async def go_or_no_go(
         reports[sysid] = replace(reports[sysid], gnss_off_s=off_s)
     timings = await asyncio.gather(*(timing_check(sessions[load.sysid], load) for load in timed))
     checks = waive((*preflight(plan, reports, limits), *timings), waived)
-    show(checks)
+    watcher.checks(checks)
     refuse_no_go(checks)
     if CheckName.BATTERY in waived:
         return checks, None

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 from gcs.mission.drawings.drawing import (
     AREA_HEIGHTS,
@@ -43,7 +43,7 @@ _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of G
 class _Feature:
     label: str
     name: str
-    properties: dict[str, Any]
+    properties: dict[str, object]
 
 
 def draw_geojson(data: bytes, source: str) -> Drawing:
@@ -67,7 +67,8 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
             for key, value in properties.items():
                 if meaning_of(key) and value and key not in read:
                     aside.setdefault(key, []).append(places.get(path, 1))
-            name = next((tidy(properties[key]) for key in _NAME_KEYS if isinstance(properties.get(key), str)), "")
+            texts = (properties.get(key) for key in _NAME_KEYS)
+            name = next((tidy(word) for word in texts if isinstance(word, str)), "")
             label = labelled("feature", number, name)
             found.file_lines[label] = places.get(path, 1)
             with on_line(places.get(path, 1), found.file_lines.unit):
@@ -81,34 +82,36 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
     return found.drawing()
 
 
-def _features(document: Any, path: tuple[Key, ...] = ()) -> Iterator[tuple[tuple[Key, ...], Any, dict[str, Any]]]:
+def _features(
+    document: object, path: tuple[Key, ...] = ()
+) -> Iterator[tuple[tuple[Key, ...], object, dict[str, object]]]:
     """The geometries of a document, where they stand in it, and their properties."""
     kind = _kind(document)
     if kind == "FeatureCollection":
         for row, feature in enumerate(_list(document, "features")):
             yield from _features(feature, (*path, "features", row))
-    elif kind == "Feature":
+    elif kind == "Feature" and isinstance(document, dict):
         properties = document.get("properties")
         yield path, document.get("geometry"), properties if isinstance(properties, dict) else {}
     else:
         yield path, document, {}
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     kind = value.get("type") if isinstance(value, dict) else None
     if not isinstance(kind, str):
         raise ValueError('is not GeoJSON: an object has no "type"')
     return kind
 
 
-def _list(value: Any, key: str) -> list[Any]:
+def _list(value: object, key: str) -> list[object]:
     found = value.get(key) if isinstance(value, dict) else value
     if not isinstance(found, list):
         raise ValueError(f'is not GeoJSON: "{key}" is not a list')
     return found
 
 
-def _geometries(label: str, geometry: Any, depth: int = 0) -> Iterator[tuple[str, list[Any]]]:
+def _geometries(label: str, geometry: object, depth: int = 0) -> Iterator[tuple[str, list[object]]]:
     """The kinds and coordinates in a geometry, those of collections and of multi-geometries one by one."""
     kind = _kind(geometry)
     if kind == "GeometryCollection":
@@ -131,7 +134,7 @@ def _geometries(label: str, geometry: Any, depth: int = 0) -> Iterator[tuple[str
         yield kind, coordinates
 
 
-def _feature(feature: _Feature, geometry: Any, found: Sketch) -> None:
+def _feature(feature: _Feature, geometry: object, found: Sketch) -> None:
     """Add what a feature draws. Raises ValueError."""
     parts = [] if geometry is None else [*_geometries(feature.label, geometry)]
     if geometry is None:  # a feature may have no place
@@ -155,7 +158,7 @@ def _feature(feature: _Feature, geometry: Any, found: Sketch) -> None:
                 _add_point(feature, own, coordinates, found)
 
 
-def _add_line(feature: _Feature, pieces: list[list[Any]], found: Sketch) -> None:
+def _add_line(feature: _Feature, pieces: list[list[object]], found: Sketch) -> None:
     """Add a line; the tracks that this program exports have their heights beside them."""
     counts = feature.properties.get("points")  # of the pieces, where one with a single point has it twice
     if isinstance(counts, list) and len(counts) == len(pieces):
@@ -181,11 +184,11 @@ def _add_line(feature: _Feature, pieces: list[list[Any]], found: Sketch) -> None
     found.add_line(feature.label, at_heights, recorded=True)
 
 
-def _line(coordinates: Sequence[Any], label: str) -> list[DrawnPoint]:
+def _line(coordinates: Sequence[object], label: str) -> list[DrawnPoint]:
     return [_point(position, f"point {number} of {label}") for number, position in enumerate(coordinates, start=1)]
 
 
-def _has_fourth_number(coordinates: list[Any]) -> bool:
+def _has_fourth_number(coordinates: list[object]) -> bool:
     if any(isinstance(one, list) for one in coordinates):
         return any(_has_fourth_number(one) for one in coordinates if isinstance(one, list))
     return len(coordinates) > 3
@@ -202,7 +205,7 @@ def _by_mode(feature: _Feature, label: str, points: list[DrawnPoint], found: Ske
     return tuple(replace(point, datum=datum) if point.datum is Datum.SEA else point for point in points)
 
 
-def _add_point(feature: _Feature, label: str, coordinates: list[Any], found: Sketch) -> None:
+def _add_point(feature: _Feature, label: str, coordinates: list[object], found: Sketch) -> None:
     """Add a point; one with a radius is a disk."""
     if _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
         centre, inside = _point(coordinates, label).place, feature.properties.get("inclusion") is True
@@ -212,7 +215,7 @@ def _add_point(feature: _Feature, label: str, coordinates: list[Any], found: Ske
         found.points += _by_mode(feature, label, [point], found)
 
 
-def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
+def _point(position: object, label: str, name: str = "") -> DrawnPoint:
     if not isinstance(position, list) or len(position) < 2 or not all(map(_is_number, position[:3])):
         raise ValueError(f"{label} is not longitude, latitude and height")
     lon_deg, lat_deg, *rest = position[:3]
@@ -223,7 +226,7 @@ def _point(position: Any, label: str, name: str = "") -> DrawnPoint:
     return DrawnPoint(place, float(rest[0]) if rest else 0.0, Datum.SEA if rest else Datum.NONE, label, name)
 
 
-def _add_area(feature: _Feature, label: str, rings: list[Any], found: Sketch) -> None:
+def _add_area(feature: _Feature, label: str, rings: list[object], found: Sketch) -> None:
     drawn = [_line(_list(edge, "coordinates"), label) for edge in rings]
     if any(point.height_m for edge in drawn for point in edge):
         found.leave_out(label, f"its heights are {AREA_HEIGHTS}")
@@ -234,5 +237,5 @@ def _add_area(feature: _Feature, label: str, rings: list[Any], found: Sketch) ->
     found.add_area(label, edges[0], edges[1:], inside if isinstance(inside, bool) else None)
 
 
-def _is_number(value: Any) -> TypeGuard[float]:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -190,7 +190,7 @@ def _edges_s(plan: Plan) -> Array:
 
 
 def _parts(plan: Plan) -> tuple[Array, list[int]]:
-    """The ends of the intervals, and the numbers of those at which a volume may end."""
+    """The ends of all intervals in seconds, and the indices of those ends at which a volume may end."""
     edges_s = _edges_s(plan)
     whole = [phase for phase in plan.phases if phase.name in (PhaseKind.TAKEOFF, PhaseKind.LANDING)]
     inside = np.zeros(len(edges_s), dtype=bool)
@@ -235,7 +235,7 @@ class _Reach:
         return cls(out + error.horizontal_m, low - error.vertical_m, high + error.vertical_m, np.diff(edges_s))
 
     def merged(self, parts: list[int]) -> _Reach:
-        """The reach in the parts that end at these numbers."""
+        """The reach in longer parts, each from one of these intervals up to the next."""
         at = np.array(parts[:-1])
         return _Reach(
             np.maximum.reduceat(self.out_m, at, axis=1),

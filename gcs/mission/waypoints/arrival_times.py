@@ -22,7 +22,7 @@ from gcs.mission.flight_limits import limits_of
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.waypoints.mission_items import ImpossibleMission, refuse_too_many
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, short_of_m
-from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, correct, leg_profile
+from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, NavigatorLimits, correct, leg_profile
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.phases import PhaseKind
@@ -285,17 +285,16 @@ def _profile(
     limits, takeoff = plan.scenario.limits, plan.phase(PhaseKind.TAKEOFF)
     begin_s = float(sampled.t_s[kept[0]])
     half_s = 0.5 * (float(sampled.t_s[kept[-1]]) - begin_s)
-    profile, legs = leg_profile(
-        sampled.t_s - early_s * np.maximum((sampled.t_s - begin_s) / half_s - 1.0, 0.0),
-        sampled.position_ned_m[row],
-        kept,
+    slowest_mps, fastest_mps = firmware.traits.missions.speed_mps
+    allowed = NavigatorLimits(
         np.array(limits.speed_ned_mps),
-        slowest_mps=max(_SLOWEST_MPS, firmware.traits.missions.speed_mps[0]),
-        fastest_mps=firmware.traits.missions.speed_mps[1],
-        airborne_s=climb_s(plan, firmware) + begin_s - takeoff.end_s,
-        delay_begins_m=firmware.navigator.delay_begins_m,
+        max(_SLOWEST_MPS, slowest_mps),
+        fastest_mps,
+        firmware.navigator.delay_begins_m,
     )
-    return profile, legs
+    early = early_s * np.maximum((sampled.t_s - begin_s) / half_s - 1.0, 0.0)
+    airborne_s = climb_s(plan, firmware) + begin_s - takeoff.end_s
+    return leg_profile(sampled.t_s - early, sampled.position_ned_m[row], kept, allowed, airborne_s)
 
 
 def _gate_samples(t_s: Array, gates: int, passed_s: Sequence[tuple[float, float]] = ()) -> list[int]:

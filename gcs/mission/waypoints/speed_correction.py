@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -112,22 +113,27 @@ class LegProfile:
         return t_s + min(max(beside_s, -step_s), step_s)
 
 
+@dataclass(frozen=True)
+class NavigatorLimits:
+    """What a vehicle and its autopilot allow on a leg.
+
+    No component of a speed exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`. The autopilot's delay at a
+    waypoint begins `delay_begins_m` from it, or with 0 once the vehicle rests there.
+    """
+
+    speed_ned_mps: Array
+    slowest_mps: float
+    fastest_mps: float
+    delay_begins_m: float = 0.0
+
+
 def leg_profile(
-    t_s: Array,
-    position_ned_m: Array,
-    waypoints: list[int],
-    speed_ned_mps: Array,
-    *,
-    slowest_mps: float,
-    fastest_mps: float,
-    airborne_s: float,
-    delay_begins_m: float = 0.0,
+    t_s: Array, position_ned_m: Array, waypoints: list[int], limits: NavigatorLimits, airborne_s: float
 ) -> tuple[LegProfile, list[int]]:
     """The profile through samples (M, 3) at t_s (M,), and for each leg its number among pairs of `waypoints`.
 
-    If the samples rest from one waypoint to the next, there is a hold instead of a leg. The autopilot's delay begins
-    `delay_begins_m` from the waypoint, or with 0 once it rests there, and ends when the samples leave. No component of
-    a speed exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`. Points and due times are on `ORDER_GRID`.
+    If the samples rest from one waypoint to the next, there is a hold instead of a leg, which ends when the samples
+    leave. `airborne_s` is the time flown before the first sample. Points and due times are on `ORDER_GRID`.
     """
     ends_ned_m = on_grid(position_ned_m[waypoints], ORDER_GRID)
     legs: list[int] = []
@@ -142,7 +148,7 @@ def leg_profile(
         if length < _STILL_M and j != waypoints[-1]:
             if holds:
                 if holds[-1] == 0.0:
-                    begins_s = _near_s(t_s[: i + 1], position_ned_m[: i + 1], delay_begins_m)
+                    begins_s = _near_s(t_s[: i + 1], position_ned_m[: i + 1], limits.delay_begins_m)
                     holds[-1] = float(t_s[i]) - begins_s
                     due[-1] = np.minimum(due[-1], begins_s - t_s[waypoints[0]] - waited_s)
                 holds[-1] += float(t_s[j] - t_s[i])
@@ -155,7 +161,7 @@ def leg_profile(
         due.append(np.interp(SHARES, along, t_s[i : j + 1]) - t_s[waypoints[0]] - waited_s)
         due[-1][-1] = t_s[j] - t_s[waypoints[0]] - waited_s
         holds.append(0.0)
-        fastest.append(float(np.min(speed_ned_mps / np.maximum(np.abs(chord) / max(length, _STILL_M), 1e-9))))
+        fastest.append(float(np.min(limits.speed_ned_mps / np.maximum(np.abs(chord) / max(length, _STILL_M), 1e-9))))
         points.append(ends_ned_m[number + 1])
         if j == waypoints[-1]:
             near = np.linalg.norm(position_ned_m[i : j + 1] - position_ned_m[j], axis=1) <= NEAR_M
@@ -166,8 +172,8 @@ def leg_profile(
             np.array(points),
             on_grid(np.array(due), ORDER_GRID),
             np.array(holds),
-            slowest_mps,
-            np.clip(fastest, slowest_mps, fastest_mps),
+            limits.slowest_mps,
+            np.clip(fastest, limits.slowest_mps, limits.fastest_mps),
             airborne_s + waited_s,
         ),
         legs,
@@ -212,11 +218,15 @@ def correct(navigator: Navigator, profile: LegProfile, lead_s: tuple[float, floa
     return Corrected(_speeds_mps(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
 
 
+def _progress(now: _Trial) -> str:
+    return f"timing a mission by the model of its autopilot: waypoints at most {np.abs(now.late_s).max():.2f} s off"
+
+
 def _solved(problem: _Problem, now: _Trial, rounds: int) -> _Trial:
     """The best trial that so many damped steps lead to."""
     damping = 0.3
     for number in range(rounds):
-        report("timing the missions by the model of their autopilot")
+        report(partial(_progress, now))
         slopes = problem.slopes(now.x)
         better = None
         for _ in range(_TRIES):

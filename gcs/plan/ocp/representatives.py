@@ -39,7 +39,10 @@ class Representatives:
 
 
 def representatives(tables_ned_m: Array, target_ned_m: Array, leader: int) -> Representatives:
-    """Representatives of all vehicles for offsets that are combinations of tables (K, V, 3) and of a target (V, 3)."""
+    """The few vehicles, with weights, whose mean cost is that of all V.
+
+    It holds where offsets are combinations of the tables (K, V, 3) and of the target (V, 3).
+    """
     vehicles = len(target_ned_m)
     every = np.concatenate([*tables_ned_m, target_ned_m], axis=1)  # (V, 3 (K + 1))
     left, sizes, _ = np.linalg.svd(every - every.mean(axis=0), full_matrices=False)

@@ -28,7 +28,7 @@ class GreatestMotion:
     jerk_t_s: Array  # (V,)
 
     def by_vehicle(self, sysids: tuple[int, ...]) -> list[dict[str, float]]:
-        """One row for each vehicle: its system id, and all with their instants."""
+        """One row for each vehicle: its system id, its greatest speeds, acceleration and jerk, and their times."""
         columns = {
             "speed_horizontal_max_mps": (self.speed_horizontal_mps, 3),
             "speed_horizontal_max_t_s": (self.speed_horizontal_t_s, 2),

@@ -145,7 +145,7 @@ class Relief(Part):
 
     @cached_property
     def envelope(self) -> Envelope:
-        """The smooth surface over it."""
+        """The smooth surface that the planner uses; the relief is nowhere above it."""
         return _envelope(self)
 
 

@@ -6,7 +6,6 @@ its autopilot. The scenario's own keys override it. Its mistakes are reported wi
 
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from pydantic import Field
 
@@ -43,7 +42,7 @@ def vehicle_file(wanted: str, folder: Path) -> Path:
     return preset_file(wanted) if wanted in presets() else folder / wanted
 
 
-def _beside(given: Table, own: Any) -> Table:
+def _beside(given: Table, own: object) -> Table:
     """A type's limits without those of U_2..U_4 that the scenario's own replace, which may have another unit."""
     kept = dict(given)
     if old := kept.pop("torque", None):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -83,7 +83,10 @@ def read_geozones(file: Path) -> tuple[Geozone, ...]:
         raise FileFormatError(text, hint="correct it there, or get the file again", reason=text) from error
 
 
-def _named(number: int, feature: Any, read: Any) -> Geozone:
+_Reader = Callable[[str, str, dict[str, object]], Geozone]  # of a feature, with its label and identifier
+
+
+def _named(number: int, feature: object, read: _Reader) -> Geozone:
     label = f"zone {number}"
     if not isinstance(feature, dict):
         raise ValueError(f"{label} is no object")
@@ -94,17 +97,15 @@ def _named(number: int, feature: Any, read: Any) -> Geozone:
     shown = _tidy(identifier) if isinstance(identifier, str) else ""
     label += f" ({shown})" * bool(shown)
     try:
-        found: Geozone = read(label, shown, feature)
+        return read(label, shown, feature)
     except (ValueError, OverflowError) as error:
         raise ValueError(f"{label}: {error}") from error
-    return found
 
 
-def _ed269(label: str, identifier: str, feature: dict[str, Any]) -> Geozone:
+def _ed269(label: str, identifier: str, feature: dict[str, object]) -> Geozone:
     volumes = []
     for volume in _list(feature, "geometry"):
-        place = volume.get("horizontalProjection") if isinstance(volume, dict) else None
-        if not isinstance(place, dict):
+        if not isinstance(volume, dict) or not isinstance(place := volume.get("horizontalProjection"), dict):
             raise ValueError('a volume has no "horizontalProjection"')
         rows = ("lowerLimit", "lowerVerticalReference"), ("upperLimit", "upperVerticalReference")
         lower, upper = (_limit(volume, *names) for names in rows)
@@ -122,15 +123,16 @@ def _ed269(label: str, identifier: str, feature: dict[str, Any]) -> Geozone:
     return Geozone(label, identifier, _tidy(feature.get("restriction")), tuple(volumes), periods)
 
 
-def _ed318(label: str, identifier: str, feature: dict[str, Any]) -> Geozone:
+def _ed318(label: str, identifier: str, feature: dict[str, object]) -> Geozone:
     about = feature["properties"]
+    assert isinstance(about, dict)  # `_named` has looked
     parts = [*_parts(feature.get("geometry"))]
     volumes = tuple(part for part in parts if part is not None)
     periods = tuple(_period(one) for one in _optional_list(about, "limitedApplicability"))
     return Geozone(label, identifier, _tidy(about.get("type")), volumes, periods, len(volumes) < len(parts))
 
 
-def _parts(geometry: Any, layer: Any = None, depth: int = 0) -> Iterator[ZoneVolume | None]:
+def _parts(geometry: object, layer: object = None, depth: int = 0) -> Iterator[ZoneVolume | None]:
     """The volumes of a geometry of GeoJSON, None for each part without an area."""
     if not isinstance(geometry, dict):
         raise ValueError("has no geometry")
@@ -164,19 +166,19 @@ def _parts(geometry: Any, layer: Any = None, depth: int = 0) -> Iterator[ZoneVol
         raise ValueError(f"geometry of the unknown type '{_tidy(kind)}'")
 
 
-def _limit(volume: dict[str, Any], key: str, reference: str) -> ZoneLimit | None:
+def _limit(volume: dict[str, object], key: str, reference: str) -> ZoneLimit | None:
     value = volume.get(key)
     if value is None:
         return None
     return ZoneLimit(_number(value, key), _tidy(volume.get(reference)).upper())
 
 
-def _unit_m(name: Any) -> float | None:
+def _unit_m(name: object) -> float | None:
     text = str(name).upper()
     return 1.0 if text in _METRES else FT_M if text in _FEET else None
 
 
-def _period(period: Any) -> ZonePeriod:
+def _period(period: object) -> ZonePeriod:
     if not isinstance(period, dict):
         raise ValueError("a period of its applicability is no object")
     if str(period.get("permanent")).upper() == "YES":
@@ -185,7 +187,7 @@ def _period(period: Any) -> ZonePeriod:
     return ZonePeriod(start, end, bool(period.get("schedule")))
 
 
-def _instant(text: Any, key: str) -> datetime | None:
+def _instant(text: object, key: str) -> datetime | None:
     if text is None:
         return None
     try:
@@ -205,7 +207,7 @@ def utc_of(text: Any) -> datetime:
     return found.astimezone(UTC)
 
 
-def _ring(rings: Any) -> tuple[Corner, ...]:
+def _ring(rings: object) -> tuple[Corner, ...]:
     """The outer ring of a polygon: a hole in a zone stays closed, as a zone of a scenario has none."""
     if not isinstance(rings, list) or not rings or not isinstance(rings[0], list):
         raise ValueError("a polygon is no list of rings")
@@ -217,7 +219,7 @@ def _ring(rings: Any) -> tuple[Corner, ...]:
     return tuple(corners)
 
 
-def _corner(position: Any) -> Corner:
+def _corner(position: object) -> Corner:
     if not isinstance(position, list) or len(position) < 2:
         raise ValueError("a place is not [longitude, latitude]")
     lon_deg, lat_deg = (_number(value, "a coordinate") for value in position[:2])
@@ -227,29 +229,29 @@ def _corner(position: Any) -> Corner:
     return lat_deg, lon_deg
 
 
-def _radius_m(value: Any) -> float:
+def _radius_m(value: object) -> float:
     radius_m = _number(value, "the radius of a circle")
     if radius_m <= 0.0:
         raise ValueError(f"the radius of a circle is {radius_m:g}")
     return radius_m
 
 
-def _number(value: Any, what: str) -> float:
+def _number(value: object, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError(f"{what} is no number: '{_tidy(value)}'")
     return float(value)
 
 
-def _list(table: Any, key: str) -> list[Any]:
+def _list(table: dict[str, object], key: str) -> list[object]:
     found = table.get(key)
     if not isinstance(found, list):
         raise ValueError(f'has no list "{key}"')
     return found
 
 
-def _optional_list(table: dict[str, Any], key: str) -> list[Any]:
+def _optional_list(table: dict[str, object], key: str) -> list[object]:
     return [] if table.get(key) is None else _list(table, key)
 
 
-def _tidy(text: Any) -> str:
+def _tidy(text: object) -> str:
     return _UNSEEN.sub(" ", str("" if text is None else text)[: 4 * _NAME_MAX]).strip()[:_NAME_MAX]

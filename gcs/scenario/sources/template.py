@@ -6,7 +6,7 @@ import os
 import re
 import tempfile
 import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import ClassVar, Protocol, Self, get_args
@@ -201,16 +201,14 @@ def straight_to(end_deg: tuple[float, float], origin_deg: tuple[float, float]) -
 
 def scenario_text(
     folder: Path,
-    lat_deg: float,
-    lon_deg: float,
-    alt_amsl_m: float,
+    origin: Origin,
     *,
     full: bool = False,
     flight: Flight | None = None,
     template: str = "template.toml",
     vehicle: str | None = None,
 ) -> str:
-    """The text of a scenario named after its folder, at a place on Earth; `full` has every table, commented.
+    """The text of a scenario named after its folder, with this origin; `full` has every table, commented.
 
     `template` is the text that is filled otherwise: "template_route.toml" has points between start and end. A flight is
     judged with the limits and the battery of `vehicle`, a preset or a vehicle file, which `flown_by` writes.
@@ -225,14 +223,15 @@ def scenario_text(
         message = f'"{name}" cannot be the name of a scenario.'
         raise UsageError(message, hint="use small letters, digits, - and _; begin with a letter or a digit")
     try:
-        OriginTable(lat_deg=lat_deg, lon_deg=lon_deg, alt_amsl_m=alt_amsl_m)
+        OriginTable(**asdict(origin))
     except ValueError:
         raise UsageError(
-            f"--at {lat_deg:g} {lon_deg:g} {alt_amsl_m:g}: out of range.",
+            f"--at {origin.lat_deg:g} {origin.lon_deg:g} {origin.alt_amsl_m:g}: out of range.",
             hint="give latitude (-85 to 85), longitude (-180 to 180) and height above the sea (-500 to 9000 m)",
         ) from None
     text = _template("template_full.toml" if full else template)
-    filled = {"NAME": name, "FOLDER": str(folder), "LAT": repr(lat_deg), "LON": repr(lon_deg), "ALT": repr(alt_amsl_m)}
+    lat, lon, alt = map(repr, astuple(origin))
+    filled = {"NAME": name, "FOLDER": str(folder), "LAT": lat, "LON": lon, "ALT": alt}
     if flight is None:
         return _written(text, filled | FirstFlight().keys())
     kind = VEHICLE_TYPE if vehicle is None else vehicle

@@ -22,11 +22,11 @@ class GeodeticPositions:
         self._known: dict[str, tuple[float, list[Origin]]] = {}  # when, and where
 
     def of(self, row: int, t_s: float) -> Origin:
-        """Return the estimated position of one vehicle at `t_s`, which is now."""
+        """Return the position that a vehicle estimates at the present time `t_s`."""
         return self._all("estimated", t_s, lambda: self._airframes.estimate[:, :3])[row]
 
     def fixed(self, row: int, t_s: float) -> Origin:
-        """Return the last GNSS position of one vehicle at `t_s`, which is now; the origin without a fix."""
+        """Return the last GNSS position of a vehicle at the present time `t_s`; the origin without a fix."""
         return self._all("fixed", t_s, lambda: np.nan_to_num(self._airframes.sensors.gnss[:, :3]))[row]
 
     def _all(self, which: str, t_s: float, ned_m: Callable[[], Array]) -> list[Origin]:

@@ -15,6 +15,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from gcs.frames import Origin
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.vehicle_types import preset_file, presets
 from gcs.scenario.sources.template import scenario_text
@@ -62,7 +63,9 @@ def bundled() -> dict[str, str]:
     """The texts of all scenarios that come with the program, by name; `dem` files lie in missions/ridge."""
     texts = {str(f.relative_to(ROOT / "missions")): f.read_text() for f in sorted(ROOT.glob("missions/*/*.toml"))}
     for full in (False, True):
-        texts["template_full" if full else "template"] = scenario_text(Path("first"), 47.4, 8.55, 440.0, full=full)
+        texts["template_full" if full else "template"] = scenario_text(
+            Path("first"), Origin(47.4, 8.55, 440.0), full=full
+        )
     changes = tomllib.loads(texts["changes/scenario.toml"])
     changes["no_fly"].append({"polygon_m": [[390.0, -90.0], [400.0, -80.0], [390.0, -70.0]]})
     texts["in degrees"] = toml_text(in_degrees(changes))

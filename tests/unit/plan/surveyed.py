@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from scipy.interpolate import PPoly
 
+from gcs.frames import Origin
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.phases import phases_of
 from gcs.plan.trajectory.plan import Plan
@@ -27,7 +28,9 @@ SWATH_M = 12.0
 
 def scenario_of(order: SurveyOrder, folder: Path) -> Scenario:
     file = folder / "scenario.toml"
-    file.write_text(scenario_text(Path("field"), 47.0, 8.0, 400.0, flight=survey_flight(order)), encoding="utf-8")
+    file.write_text(
+        scenario_text(Path("field"), Origin(47.0, 8.0, 400.0), flight=survey_flight(order)), encoding="utf-8"
+    )
     return load_scenario(file)
 
 

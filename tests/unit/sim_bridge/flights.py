@@ -10,7 +10,7 @@ import numpy as np
 from gcs.physics.quadrotor import Quadrotor
 from gcs.types import Array
 from sim_bridge.dynamics import presets
-from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes, Craft
 from sim_bridge.dynamics.lqr_gains import ControlLimits
 from sim_bridge.dynamics.sensors import SensorGrade
 from sim_bridge.dynamics.wind_field import CALM, Wind
@@ -111,7 +111,7 @@ def stand(
 ) -> Airframes:
     """Vehicles on their pads with aligned filters."""
     yaw = np.full(len(pads), YAW_RAD)
-    airframes = Airframes(q, flat_ground, pads, yaw, grade, seed=seed, limits=limits, wind=wind)
+    airframes = Airframes(Craft(q, limits), flat_ground, pads, yaw, grade, seed=seed, wind=wind)
     while not airframes.healthy.all():
         airframes.step(hold(pads, yaw), np.zeros(len(pads), dtype=bool))
     return airframes

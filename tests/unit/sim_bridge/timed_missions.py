@@ -15,7 +15,7 @@ from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_primitives import MotionLimits
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import PieceBatch
-from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.airframes import CONTROL_PERIOD_S, Airframes, Craft
 from sim_bridge.dynamics.presets import FIELD
 from sim_bridge.dynamics.sensors import GRADES
 from sim_bridge.personality import Intent, Personality
@@ -72,7 +72,7 @@ class Fleet:
         count = len(missions)
         self.pads_ned_m = np.stack([np.zeros(count), APART_M * np.arange(count), np.zeros(count)], axis=1)
         self.bodies = Airframes(
-            FIELD.quadrotor, flat_ground, self.pads_ned_m, np.zeros(count), GRADES["rtk"], seed=1, limits=FIELD.limits
+            Craft(FIELD.quadrotor, FIELD.limits), flat_ground, self.pads_ned_m, np.zeros(count), GRADES["rtk"], seed=1
         )
         flown = other or personality.autopilot.navigator
         navigator = None if ideal else flown.within(LIMITS.ability)

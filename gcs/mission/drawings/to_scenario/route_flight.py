@@ -283,9 +283,8 @@ def route_text(folder: Path, flight: RouteFlight, vehicle: str | None = None) ->
     Raises `ImpossibleFlight` for one that the rules of scenarios refuse, in the words of the drawing.
     """
     origin = flight.route.origin
-    place = origin.lat_deg, origin.lon_deg, origin.alt_amsl_m
     try:
-        text = scenario_text(folder, *place, flight=flight, template="template_route.toml", vehicle=vehicle)
+        text = scenario_text(folder, origin, flight=flight, template="template_route.toml", vehicle=vehicle)
     except ImpossibleFlight as error:
         which = f"a {flight.shape} of {flight.count}, {flight.spacing_m:g} m apart"
         reason = flight.in_words(error.reason)

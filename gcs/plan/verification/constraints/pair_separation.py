@@ -33,7 +33,7 @@ class PairSeparation:
         return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.SEPARATION), "m"),)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
-        """See `Family`. The pairs within a group have no distance of their own: it must be divided."""
+        """See `Family`. A cell that pairs a group of vehicles with itself has no bound, so that it is divided."""
         apart = self._apart(cells)
         length = np.sqrt(sum(apart[axis].middle ** 2 for axis in range(3)))
         toward = apart.middle / np.maximum(length, 1e-9)

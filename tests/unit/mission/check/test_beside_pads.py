@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.cli.main import run
+from gcs.frames import Origin
 from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import check_pads
 from gcs.mission.flight_limits import FlightLimits, Surroundings
@@ -96,7 +97,7 @@ def test_a_hill_beside_the_pad_that_the_first_leg_cuts_is_found_as_typed(
     north_m, height_m, spread_m = hill
     keys = f"north_m = [{north_m}]\neast_m = [0.0]\nheight_m = [{height_m}]\n"
     keys += f"spread_north_m = [{spread_m}]\nspread_east_m = [{spread_m}]\n"
-    scenario.write_text(f"{scenario_text(scenario.parent, *HOME, 584.0)}\n[terrain.mountains]\n{keys}")
+    scenario.write_text(f"{scenario_text(scenario.parent, Origin(*HOME, 584.0))}\n[terrain.mountains]\n{keys}")
     code = run(["check", str(waypoints(tmp_path)), "--terrain", str(scenario), "--timing", "planned"])
     output = capsys.readouterr()
     assert code == 11, output.err

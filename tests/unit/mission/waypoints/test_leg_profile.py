@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,11 @@ import pytest
 
 from gcs.autopilots.waypoint_models.predict import Prediction
 from gcs.mission.machine_independent import ORDER_GRID
-from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, leg_profile
+from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, NavigatorLimits, leg_profile
 from gcs.types import Array
 
 THIRDS = np.array(SHARES)
-LIMITS: dict[str, Any] = {"slowest_mps": 0.5, "fastest_mps": 8.0, "airborne_s": 3.0}
-SPEED_NED_MPS = np.array([6.0, 6.0, 1.5])
+LIMITS = NavigatorLimits(np.array([6.0, 6.0, 1.5]), slowest_mps=0.5, fastest_mps=8.0)
 
 
 def northwards(t_s: Array, knots_s: list[float], north_m: list[float]) -> Array:
@@ -33,7 +33,7 @@ def test_shares_are_due_when_the_samples_pass_them_and_not_evenly() -> None:
     """From 5 s on: 30 m of which the last third takes longest, then 40 m at one speed up to 2 m before the end."""
     t_s = np.arange(5.0, 45.05, 0.1)
     places = northwards(t_s, [5.0, 10.0, 25.0, 45.0], [0.0, 20.0, 30.0, 70.0])
-    made, legs = leg_profile(t_s, places, [0, 200, 400], SPEED_NED_MPS, **LIMITS)
+    made, legs = leg_profile(t_s, places, [0, 200, 400], LIMITS, 3.0)
     assert legs == [0, 1]
     np.testing.assert_allclose(made.points_ned_m[:, 0], [0.0, 30.0, 70.0], atol=ORDER_GRID)
     assert made.due_s[0].tolist() == near([2.5, 5.0, 20.0])
@@ -51,17 +51,17 @@ def test_a_hold_takes_the_place_of_legs_without_a_length() -> None:
     t_s = np.arange(2.0, 42.05, 0.1)
     places = northwards(t_s, [2.0, 12.0, 22.0, 42.0], [0.0, 20.0, 20.0, 40.0])
     waypoints = [0, 100, 140, 200, 400]
-    made, legs = leg_profile(t_s, places, waypoints, SPEED_NED_MPS, **LIMITS)
+    made, legs = leg_profile(t_s, places, waypoints, LIMITS, 3.0)
     assert legs == [0, 3]
     assert made.holds_s.tolist() == pytest.approx([10.0, 0.0])
     assert made.due_s[:, -1].tolist() == near([10.0, 38.0])  # 2 m before the end at 1 m/s
     assert made.planned_mps.tolist() == pytest.approx([2.0, 20.0 / 18.0], rel=2e-3)
     # The delay of an autopilot that begins it 3 m before the point: 1.5 s earlier at 2 m/s, and as much longer.
-    early, _ = leg_profile(t_s, places, waypoints, SPEED_NED_MPS, **LIMITS, delay_begins_m=3.0)
+    early, _ = leg_profile(t_s, places, waypoints, replace(LIMITS, delay_begins_m=3.0), 3.0)
     assert early.holds_s.tolist() == pytest.approx([11.5, 0.0], abs=0.11)
     assert early.due_s[0].tolist() == near([10.0 / 3.0, 20.0 / 3.0, 20.0 - early.holds_s[0]])
     # One that begins it 15 m before: no share of the leg is due after that.
-    soon, _ = leg_profile(t_s, places, waypoints, SPEED_NED_MPS, **LIMITS, delay_begins_m=15.0)
+    soon, _ = leg_profile(t_s, places, waypoints, replace(LIMITS, delay_begins_m=15.0), 3.0)
     assert soon.holds_s[0] == pytest.approx(17.5, abs=0.11)
     assert soon.due_s[0].tolist() == near([20.0 - soon.holds_s[0]] * 3)
 
@@ -69,7 +69,7 @@ def test_a_hold_takes_the_place_of_legs_without_a_length() -> None:
 def test_a_rest_before_the_first_leg_is_flown_before_time_0() -> None:
     t_s = np.arange(2.0, 32.05, 0.1)
     places = northwards(t_s, [2.0, 12.0, 32.0], [5.0, 5.0, 45.0])
-    made, legs = leg_profile(t_s, places, [0, 40, 100, 300], SPEED_NED_MPS, **LIMITS)
+    made, legs = leg_profile(t_s, places, [0, 40, 100, 300], LIMITS, 3.0)
     assert legs == [2]
     assert made.airborne_s == pytest.approx(13.0)
     assert made.due_s[0].tolist() == near([20.0 / 3.0, 40.0 / 3.0, 19.0])
@@ -80,7 +80,7 @@ def test_a_rest_at_the_end_is_a_leg_that_is_due_at_once() -> None:
     """The last waypoint is always flown to; the vehicle is there from the beginning of the leg."""
     t_s = np.arange(0.0, 30.05, 0.1)
     places = northwards(t_s, [0.0, 20.0, 30.0], [0.0, 40.0, 40.0])
-    made, legs = leg_profile(t_s, places, [0, 200, 300], SPEED_NED_MPS, **LIMITS)
+    made, legs = leg_profile(t_s, places, [0, 200, 300], LIMITS, 3.0)
     assert legs == [0, 1]
     assert made.due_s[1].tolist() == near([20.0] * 3)
     assert made.planned_mps[1] == 0.5
@@ -99,9 +99,9 @@ def test_a_rest_at_the_end_is_a_leg_that_is_due_at_once() -> None:
 def test_no_axis_is_faster_than_its_limit(way: list[float], fastest: float) -> None:
     t_s = np.arange(0.0, 20.05, 0.1)
     places = t_s[:, None] / 20.0 * np.array(way)
-    made, _ = leg_profile(t_s, places, [0, 200], SPEED_NED_MPS, **LIMITS)
+    made, _ = leg_profile(t_s, places, [0, 200], LIMITS, 3.0)
     assert made.fastest_mps.tolist() == pytest.approx([fastest], rel=1e-3)
-    crawling, _ = leg_profile(t_s, places, [0, 200], SPEED_NED_MPS * 0.01, **LIMITS)
+    crawling, _ = leg_profile(t_s, places, [0, 200], replace(LIMITS, speed_ned_mps=LIMITS.speed_ned_mps * 0.01), 3.0)
     assert crawling.fastest_mps.tolist() == [0.5]
 
 

@@ -52,7 +52,7 @@ def drawn_plan(folder: Path, away_m: float, course_deg: float) -> Plan:
     flight = route_flight(drawing_in(text.encode(), "line.waypoints"))
     folder.mkdir(exist_ok=True)
     file = folder / "scenario.toml"
-    text = scenario_text(folder, LAT_DEG, LON_DEG, SEA_M, flight=flight, template="template_route.toml")
+    text = scenario_text(folder, Origin(LAT_DEG, LON_DEG, SEA_M), flight=flight, template="template_route.toml")
     file.write_text(text, encoding="utf-8")
     scenario = load_scenario(file)
     begin, end_m = (np.array(end.position_m) * [1, 1, -1] for end in (scenario.start, scenario.end))

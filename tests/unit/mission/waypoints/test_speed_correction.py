@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.autopilots.waypoint_models.predict import predict
 from gcs.mission.machine_independent import ORDER_GRID
-from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, correct, leg_profile
+from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, NavigatorLimits, correct, leg_profile
+from gcs.util.long_work import shown
 
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
-SPEED_NED_MPS = np.array([6.0, 6.0, 2.0])
+LIMITS = NavigatorLimits(np.array([6.0, 6.0, 2.0]), slowest_mps=0.3, fastest_mps=12.0)
 
 
 def bend() -> tuple[np.ndarray, np.ndarray, list[int]]:
@@ -33,7 +35,7 @@ def late_s(name: str, speeds_mps: np.ndarray, course: object) -> np.ndarray:
 
 @NAMES
 def test_late_waypoints_are_passed_in_time(name: str) -> None:
-    course, legs = leg_profile(*bend(), SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    course, legs = leg_profile(*bend(), LIMITS, 200.0)
     assert legs == list(range(8))
     before = late_s(name, course.planned_mps, course)
     found = correct(Autopilot.named(name).navigator, course, (0.0, 3.0))
@@ -45,17 +47,27 @@ def test_late_waypoints_are_passed_in_time(name: str) -> None:
     assert (found.speeds_mps <= course.fastest_mps + 1e-9).all()
 
 
+def test_the_progress_says_how_far_off_the_waypoints_still_are() -> None:
+    """It takes minutes for many vehicles: the same line again and again would look like a standstill."""
+    heard: list[str] = []
+    course, _ = leg_profile(*bend(), LIMITS, 200.0)
+    with shown(heard.append, every_s=0.0):
+        correct(Autopilot.ARDUPILOT.navigator, course, (0.0, 3.0))
+    off_s = [float(line.removesuffix(" s off").split()[-1]) for line in heard]
+    assert off_s[0] > 1.0 > off_s[-1]
+
+
 def test_a_speed_with_little_effect_stays_near_the_planned_one() -> None:
     """The last legs are 0.5 and 0.2 m long: the vehicle brakes there whatever is commanded."""
     t_s, position, _ = bend()
     ends = [0, 350, 450, 550, 700, 880, 890, 900]
-    course, _ = leg_profile(t_s, position, ends, SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    course, _ = leg_profile(t_s, position, ends, LIMITS, 200.0)
     found = correct(Autopilot.ARDUPILOT.navigator, course, (0.0, 3.0))
     assert np.abs(np.log(found.speeds_mps / course.planned_mps))[-2:].max() < 0.04
 
 
 def test_speeds_keep_to_the_limits_of_every_axis() -> None:
-    course, _ = leg_profile(*bend(), np.array([4.0, 4.0, 0.1]), slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    course, _ = leg_profile(*bend(), replace(LIMITS, speed_ned_mps=np.array([4.0, 4.0, 0.1])), 200.0)
     ways = np.diff(course.points_ned_m, axis=0)
     found = correct(Autopilot.ARDUPILOT.navigator, course)
     asked = np.abs(ways) / course.lengths_m[:, None] * found.speeds_mps[:, None]
@@ -67,9 +79,7 @@ def test_a_rest_is_a_hold_and_not_a_leg() -> None:
     t_s = np.arange(0.0, 60.05, 0.1)
     north = np.interp(t_s, [0.0, 20.0, 30.0, 60.0], [0.0, 80.0, 80.0, 200.0])
     position = np.stack([north, 0.0 * north, 0.0 * north - 10.0], axis=1)
-    course, legs = leg_profile(
-        t_s, position, [0, 200, 300, 600], SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=0.0
-    )
+    course, legs = leg_profile(t_s, position, [0, 200, 300, 600], LIMITS, 0.0)
     assert legs == [0, 2]
     assert course.holds_s.tolist() == pytest.approx([10.0, 0.0])
     assert course.due_s[0].tolist() == pytest.approx([20.0 * share for share in SHARES], abs=ORDER_GRID)
@@ -87,11 +97,8 @@ def test_a_hold_ends_when_the_plan_leaves_wherever_the_delay_begins(name: str) -
         t_s,
         np.stack([north, 0.0 * north, 0.0 * north - 10.0], axis=1),
         [0, 200, 300, 600],
-        SPEED_NED_MPS,
-        slowest_mps=0.3,
-        fastest_mps=12.0,
-        airborne_s=200.0,
-        delay_begins_m=navigator.delay_begins_m,
+        replace(LIMITS, delay_begins_m=navigator.delay_begins_m),
+        200.0,
     )
     early_s = {"ardupilot": 0.0, "px4": 0.5}[name]
     assert course.holds_s.tolist() == pytest.approx([10.0 + early_s, 0.0])
@@ -112,7 +119,7 @@ def slower_at_the_end(cruise_mps: float, slow_mps: float) -> LegProfile:
     north_m = np.array(along_m)
     waypoints = [int(np.abs(north_m - end_m).argmin()) for end_m in ends_m]
     t_s, position = 0.1 * np.arange(len(north_m)), np.stack([north_m, 0.0 * north_m, 0.0 * north_m - 25.0], axis=1)
-    return leg_profile(t_s, position, waypoints, SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)[0]
+    return leg_profile(t_s, position, waypoints, LIMITS, 200.0)[0]
 
 
 @pytest.mark.parametrize(("cruise_mps", "slow_mps"), [(2.9, 2.0), pytest.param(2.7, 1.6, marks=pytest.mark.slow)])

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import ScenarioError
+from gcs.frames import Origin
 from gcs.scenario.schema.vehicle_types import preset_file, presets
 from gcs.scenario.sources.load import load_scenario, load_vehicle
 from gcs.scenario.sources.template import scenario_text
@@ -15,7 +16,7 @@ QUAD = preset_file("quad500").read_text()
 
 
 def write(folder: Path, vehicle: str, more: str = "") -> Path:
-    text = scenario_text(folder / "first", 47.0, 8.0, 400.0).replace('"quad500"', f'"{vehicle}"')
+    text = scenario_text(folder / "first", Origin(47.0, 8.0, 400.0)).replace('"quad500"', f'"{vehicle}"')
     (folder / "scenario.toml").write_text(text + more)
     return folder
 

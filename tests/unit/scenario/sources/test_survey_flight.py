@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from gcs.errors import UsageError
+from gcs.frames import Origin
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.sources.survey_flight import SurveyOrder, survey_flight
@@ -22,7 +23,7 @@ FIELD = shapely.Polygon([(0, 0), (100, 20), (110, 230), (-10, 200)], [POND])
 def loaded(order: SurveyOrder, folder: Path) -> Scenario:
     folder.mkdir(exist_ok=True)
     (folder / "scenario.toml").write_text(
-        scenario_text(folder, 47.0, 8.0, 400.0, flight=survey_flight(order)), encoding="utf-8"
+        scenario_text(folder, Origin(47.0, 8.0, 400.0), flight=survey_flight(order)), encoding="utf-8"
     )
     return load_scenario(folder)
 

@@ -9,6 +9,7 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.errors import ScenarioError
+from gcs.frames import Origin
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.sources.template import scenario_text
 from tests.unit.scenario.validation.test_slips import END, ORIGIN, START, ZONE, Edits, edit, keeps_the_rules, told
@@ -167,7 +168,7 @@ def test_a_place_that_was_converted_is_not_taken_for_degrees(tmp_path: Path) -> 
     """A zone 47.4 m north and 8.6 m east of an origin at 47.4 degrees north and 8.55 degrees east."""
     lat_deg, lon_deg = 47.4 + 47.4123 / 111_190, 8.55 + 8.6123 / 75_400
     (tmp_path / "scenario.toml").write_text(
-        scenario_text(tmp_path / "mine", *ORIGIN).replace(
+        scenario_text(tmp_path / "mine", Origin(*ORIGIN)).replace(
             ZONE, f"lat_deg = {lat_deg}, lon_deg = {lon_deg}, radius_m = 0.5"
         )
     )
@@ -176,14 +177,14 @@ def test_a_place_that_was_converted_is_not_taken_for_degrees(tmp_path: Path) -> 
 
 
 def test_a_leader_in_degrees_starts_where_the_start_in_metres_is(tmp_path: Path) -> None:
-    text = scenario_text(tmp_path / "mine", *ORIGIN)
+    text = scenario_text(tmp_path / "mine", Origin(*ORIGIN))
     text = text.replace(FORMATION, VEHICLES % "position_deg = [47.4, 8.55], height_m = 15" + "\n")
     (tmp_path / "scenario.toml").write_text(text.replace("shape = [", "# shape = ["))
     assert load_scenario(tmp_path).formation.vehicle[0].position_m == (0.0, 0.0, 15.0)
 
 
 def test_gates_and_summits_have_degrees_of_their_own(tmp_path: Path) -> None:
-    file, text = tmp_path / "scenario.toml", scenario_text(tmp_path / "mine", *ORIGIN)
+    file, text = tmp_path / "scenario.toml", scenario_text(tmp_path / "mine", Origin(*ORIGIN))
     summits = (
         "\n[terrain.mountains]\nlat_deg = [47.4, 47.401]\nlon_deg = [8.54]\nheight_m = [1, 1]\n"
         "spread_north_m = [9, 9]\nspread_east_m = [9, 9]\n"

@@ -9,6 +9,7 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.errors import ScenarioError
+from gcs.frames import Origin
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.sources.template import scenario_text
 
@@ -102,7 +103,7 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
 
 def told(folder: Path, edits: Edits) -> ScenarioError:
     """The error of a new scenario with some passages replaced."""
-    text = scenario_text(folder / "mine", *ORIGIN)
+    text = scenario_text(folder / "mine", Origin(*ORIGIN))
     for old, new in edits:
         assert old in text, old
         text = text.replace(old, new, 1)
@@ -201,7 +202,7 @@ def test_a_disk_whose_centre_has_other_keys_is_still_checked_against_the_start(t
 
 
 def test_metres_at_an_origin_of_zero_degrees_are_metres(tmp_path: Path) -> None:
-    text = scenario_text(tmp_path / "mine", 0.0, 0.0, 0.0)
+    text = scenario_text(tmp_path / "mine", Origin(0.0, 0.0, 0.0))
     (tmp_path / "scenario.toml").write_text(text.replace(START, "position_m = [0.25, 0.25, 15.0]"))
     assert load_scenario(tmp_path).start.position_m[0] == 0.25
 
@@ -219,7 +220,9 @@ def test_a_start_in_degrees_is_no_flight_of_centimetres(tmp_path: Path) -> None:
 
 
 def test_metres_near_the_numbers_of_the_origin_are_metres(tmp_path: Path) -> None:
-    text = scenario_text(tmp_path / "mine", *ORIGIN).replace(ZONE, "north_m = 47.0, east_m = 9.0, radius_m = 0.5")
+    text = scenario_text(tmp_path / "mine", Origin(*ORIGIN)).replace(
+        ZONE, "north_m = 47.0, east_m = 9.0, radius_m = 0.5"
+    )
     (tmp_path / "scenario.toml").write_text(text.replace("[0.0, 0.0, 15.0]", "[-20.0, 8.5, 15.0]"))
     assert load_scenario(tmp_path).start.position_m[1] == 8.5
 
@@ -236,7 +239,7 @@ def test_a_single_pair_is_one_pair(tmp_path: Path) -> None:
 
 
 def test_speeds_in_kmh_are_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = scenario_text(tmp_path / "mine", *ORIGIN).replace(SEPARATION, SPEED + "[54, 54, 18]")
+    text = scenario_text(tmp_path / "mine", Origin(*ORIGIN)).replace(SEPARATION, SPEED + "[54, 54, 18]")
     (tmp_path / "scenario.toml").write_text(text)
     assert run(["show", str(tmp_path)]) == 0
     asked = "54 m/s are 194 km/h. Is it in km/h? Then write [15, 15, 5] instead of [54, 54, 18]"

@@ -9,6 +9,7 @@ import pytest
 
 from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.flight.recording.flight_folder import limit_text
+from gcs.frames import Origin
 from gcs.mission.flight_limits import limits_of
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
@@ -20,7 +21,7 @@ def first(folder: Path, more: str = "", separation_m: float = 5.0) -> Scenario:
     """The scenario of `gcs new`, with tables of a user's own at its end."""
     file = folder / "first" / "scenario.toml"
     file.parent.mkdir()
-    text = scenario_text(file.parent, 47.39, 8.54, 0.0)
+    text = scenario_text(file.parent, Origin(47.39, 8.54, 0.0))
     file.write_text(text.replace("separation_min_m = 5.0", f"separation_min_m = {separation_m}") + more)
     return load_scenario(file)
 

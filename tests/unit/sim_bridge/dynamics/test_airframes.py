@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.dynamics.airframes import Airframes
+from sim_bridge.dynamics.airframes import Airframes, Craft
 from sim_bridge.dynamics.failures import Failure, Sensor
 from sim_bridge.dynamics.sensors import GNSS, RTK
 from sim_bridge.dynamics.wind_field import parse_wind
@@ -169,7 +169,7 @@ def test_places_are_held_in_wind(q, limits, wind, gusts, rms_m):
 
 def test_who_has_no_fix_on_the_pad_waits_for_one_alone():
     pads = 3.0 * PADS_NED_M[:2]
-    airframes = Airframes(F150, flat_ground, pads, np.zeros(2), RTK, seed=1)
+    airframes = Airframes(Craft(F150), flat_ground, pads, np.zeros(2), RTK, seed=1)
     airframes.fail(1, [Failure(gnss_lost=True)])
     climb, ready_s = course(yaw_swing_rad=0.0), [np.inf, np.inf]
     for k in range(steps(20.0)):
@@ -190,7 +190,7 @@ def test_a_vehicle_flies_alike_in_any_fleet():
 
 
 def test_motors_do_not_turn_before_the_filters_are_aligned_nor_when_off():
-    airframes = Airframes(F150, flat_ground, PADS_NED_M, np.zeros(6), RTK, seed=1)
+    airframes = Airframes(Craft(F150), flat_ground, PADS_NED_M, np.zeros(6), RTK, seed=1)
     climb = course(yaw_swing_rad=0.0).at(steps(6.0), PADS_NED_M)
     motors = np.array([True] * 5 + [False])
     while not airframes.healthy.any():
@@ -205,7 +205,7 @@ def test_motors_do_not_turn_before_the_filters_are_aligned_nor_when_off():
 
 
 def test_time_is_counted_not_summed():
-    airframes = Airframes(F150, flat_ground, PADS_NED_M, np.zeros(6), RTK, seed=1)
+    airframes = Airframes(Craft(F150), flat_ground, PADS_NED_M, np.zeros(6), RTK, seed=1)
     for _ in range(7):
         airframes.step(hold(PADS_NED_M, np.zeros(6)), np.zeros(6, dtype=bool))
     assert airframes.t_s == 0.14
@@ -213,4 +213,4 @@ def test_time_is_counted_not_summed():
 
 def test_arrays_that_disagree_are_refused():
     with pytest.raises(ValueError, match=r"\(V, 3\)"):
-        Airframes(F150, flat_ground, PADS_NED_M, np.zeros(5), RTK, seed=1)
+        Airframes(Craft(F150), flat_ground, PADS_NED_M, np.zeros(5), RTK, seed=1)

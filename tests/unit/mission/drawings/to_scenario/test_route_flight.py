@@ -64,7 +64,7 @@ def square(size_m: float, north_m: float = 0.0, east_m: float = 0.0) -> tuple[tu
 def text_of(flight: RouteFlight) -> str:
     origin = flight.route.origin
     place = origin.lat_deg, origin.lon_deg, origin.alt_amsl_m
-    return scenario_text(Path("drawn"), *place, flight=flight, template="template_route.toml")
+    return scenario_text(Path("drawn"), Origin(*place), flight=flight, template="template_route.toml")
 
 
 @pytest.fixture
