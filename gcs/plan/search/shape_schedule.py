@@ -119,7 +119,7 @@ def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Problem, Tra
     mesh = first_mesh(fixed, LONGEST_S, SHORTEST_S, DEGREE)
     try:
         program = transcribe(fixed, mesh, guess.vehicle)
-        y = solve(program, program.scaled(guess.vehicle), most=_FOR_A_GUESS).y
+        y = solve(program, program.scaled(guess.vehicle), most=_FOR_A_GUESS, giving_up=True).y
     except PlanningError:
         return problem, guess, False
     flown, flown_mesh = program.trajectory(y), program.mesh(y)
