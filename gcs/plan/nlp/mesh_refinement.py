@@ -54,7 +54,7 @@ class Warm:
     """The mesh and the solution of a similar problem, from which a flight is solved again."""
 
     mesh: Mesh
-    solution: Solution | None  # None: the guess alone is near
+    solution: Solution
 
 
 @dataclass(frozen=True)

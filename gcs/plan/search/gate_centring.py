@@ -11,7 +11,7 @@ from itertools import permutations
 import numpy as np
 import shapely
 
-from gcs.errors import OutOfTime, PlanningError
+from gcs.errors import PlanningError
 from gcs.physics.states import POSITION
 from gcs.plan.nlp.mesh_refinement import Optimum, with_end, with_times
 from gcs.plan.ocp.problem import Problem
@@ -28,7 +28,7 @@ _EVERY_S = 0.1
 _TOLERATED_M = 0.05
 _CORRIDOR_SHARE = 0.9  # of a corridor that is used
 _ROUNDED = 0.98  # of what the cost allows: solutions are exact to less than that
-_WORTH = 80  # iterations: from the optimum, solves that succeed take 10 to 40
+_WORTH = 40  # iterations: from the optimum, solves that succeed take 5 to 20
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,8 @@ def centred(problem: Problem, best: Optimum, on_round: Callable[[MeshRound], Non
     while share > 0.0:
         try:
             found = _aside(problem, best, gates, share, on_round)
-        except OutOfTime:
-            return best
         except PlanningError:
-            share = 0.5 if share == 1.0 else 0.0
-            continue
+            return best
         if found.objective <= most:
             return replace(found, history=(*best.history, *found.history))
         # Near an optimum the cost is convex: a share of the way costs no more than that share of its price.
@@ -73,10 +70,8 @@ def _aside(
     same = replace(problem, scenario=scenario, lines=best.lines)
     if time is not None:
         same = replace(with_end(same, end_s), free_time=replace(time, earliest_s=end_s, latest_s=end_s))
-    assert best.last is not None
-    start = replace(best.last, solution=None)  # multipliers of the touched zone would hold the flight where it is
     same = with_times(same, end_s, best.point_s)
-    return optimise_on_schedule(same, best.trajectory, on_round, warm=start, most=_WORTH)
+    return optimise_on_schedule(same, best.trajectory, on_round, warm=best.last, most=_WORTH)
 
 
 def _gates(problem: Problem, best: Optimum) -> Iterator[OneSidedGate]:
