@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gcs.autopilots.traits import Autopilot as Autopilot
     from gcs.errors import GcsError as GcsError
+    from gcs.errors import OutOfTime as OutOfTime
     from gcs.flight.assessment.judge import Truth as Truth
     from gcs.flight.assessment.judge import Verdict as Verdict
     from gcs.flight.assessment.judge import load_truth as load_truth
@@ -82,6 +83,7 @@ _HOME = {
     "NamedStates": "gcs.physics.states",
     "NoFlyZone": "gcs.scenario.schema.places",
     "ObjectiveTerm": "gcs.plan.ocp.problem",
+    "OutOfTime": "gcs.errors",
     "Plan": "gcs.plan.trajectory.plan",
     "PolynomialTrack": "gcs.mission.proving.track",
     "ReadTracks": "gcs.mission.proving.track_formats",

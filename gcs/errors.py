@@ -83,7 +83,7 @@ class PlanningError(GcsError):
 
 
 class OutOfTime(PlanningError):
-    """Planning has no time left; the reason is what it was at."""
+    """Planning has no time left (`limit_s` of `make_plan`, `gcs plan --limit`); the reason says what it was doing."""
 
     @classmethod
     def because(cls, reason: str, *, hint: str = "", legs: Iterable[int] = ()) -> Self:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import gcs
+from gcs.errors import GcsError
 from gcs.scenario.schema.scenario import Scenario
 from tools.markdown import rows
 
@@ -50,7 +51,7 @@ CHAPTERS = {
     "Fleet": ("Connection",),
     "Fly": ("fly", "Emulated", "Flown", "Verdict", "Watcher"),
     "Read a flight": ("load_truth", "Truth", "load_record", "FlightReports"),
-    "Errors": ("GcsError",),
+    "Errors": ("GcsError", "OutOfTime"),
 }
 
 _REMARK = re.compile(r"^    (\w+): [^#\n]+?  # (.+)$", re.M)
@@ -71,7 +72,7 @@ def _entry(name: str, thing: Any) -> Iterator[str]:
         yield f"### `gcs.{name}`\n\n```text\n{_call(name, thing)}\n```\n\n{inspect.getdoc(thing)}\n"
         return
     yield f"### `gcs.{name}`\n\n{inspect.getdoc(thing)}\n"
-    if issubclass(thing, Scenario):
+    if issubclass(thing, (Scenario, GcsError)):  # an error is caught, never made
         return
     if found := [*_fields(thing), *_members(thing)]:
         yield "| | |\n| --- | --- |\n" + rows(found)

@@ -60,11 +60,15 @@ WARM_OPTIONS: Options = {
 _NEAR_OPTIONS = {"ipopt.mu_init": 1e-3}
 # CasADi ends a solve at Ctrl-C, suppresses the exception and reports this status; nothing else causes it.
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
-_OUT_OF_TIME = "User_Requested_Stop"  # by the callback
+_STOPPED = "User_Requested_Stop"  # by the callback
+# A guess is given up where after so many iterations the violation was never below this share of the first one: those
+# that succeed have a hundredth after 12, and those that do not creep on as long as they may.
+_CREEPS_AFTER, _CREEPS_SHARE = 30, 0.1
 _CASADI = "CasADi - "  # begins its messages
 _IN_WORDS = {
     "Infeasible_Problem_Detected": "no flight near the initial guess satisfies all constraints",
     "Maximum_Iterations_Exceeded": "the iteration limit was reached",
+    _STOPPED: "the constraints contradict each other",
     "Maximum_WallTime_Exceeded": f"one solve took longer than {_SOLVE_S / 60.0:g} min",
     "Restoration_Failed": "the solver could not reduce the violation of the constraints",
     "Invalid_Number_Detected": "a function returned a number that is not finite",
@@ -84,11 +88,18 @@ class Solution:
 
 
 def solve(
-    program: Program, start: Array, before: Solution | None = None, *, near: bool = False, most: int | None = None
+    program: Program,
+    start: Array,
+    before: Solution | None = None,
+    *,
+    near: bool = False,
+    most: int | None = None,
+    giving_up: bool = False,
 ) -> Solution:
     """The solution from `start`; a warm start where there is a solution `before`, on the previous mesh.
 
     `near`: the start is the solution of a similar problem. `most`: so many iterations are worth the while.
+    `giving_up`: a solve that creeps is not worth even those.
 
     Raises Infeasible or PlanningError with the solver's status, the worst constraint and the limits that oppose it;
     KeyboardInterrupt at Ctrl-C.
@@ -115,8 +126,14 @@ def solve(
         guess["lam_g0"] = [known.get((one, round(t_s, 6)), 0.0) for one, t_s in program.g_ids]
         if len(before.y) == len(start):
             guess["lam_x0"] = before.y_multipliers
-    found = run(solver(program.nlp, program.derivatives, options), program, guess)
+    made = solver(program.nlp, program.derivatives, options)
+    if giving_up:
+        made.iterations.give_up(program.g_low, program.g_high)
+    found = run(made, program, guess)
     return replace(found, seconds=time.perf_counter() - began)
+
+
+_ROWS = ca.nlpsol_out().index("g")
 
 
 class _Iterations(ca.Callback):
@@ -128,7 +145,19 @@ class _Iterations(ca.Callback):
         sizes = {"x": unknowns, "f": 1, "g": rows, "lam_x": unknowns, "lam_g": rows, "lam_p": parameters}
         self._sizes = [sizes[name] for name in ca.nlpsol_out()]
         self.done = 0
+        self._limits: tuple[Array, Array] | None = None
+        self._violations: list[float] = []
         self.construct("iterations", {})
+
+    def give_up(self, low: Array, high: Array) -> None:
+        """Stop a solve whose rows (G,) stay far outside of their bounds."""
+        self._limits = low, high
+
+    @property
+    def creeps(self) -> bool:
+        """Whether so far no iteration came near to the bounds of all rows."""
+        first = self._violations[0] if self._violations else 0.0
+        return len(self._violations) > _CREEPS_AFTER and min(self._violations) > _CREEPS_SHARE * first
 
     def get_n_in(self) -> int:
         """CasADi's number of inputs."""
@@ -142,10 +171,13 @@ class _Iterations(ca.Callback):
         """CasADi's shape of an input."""
         return ca.Sparsity.dense(self._sizes[number])
 
-    def eval(self, _: Sequence[ca.DM]) -> list[int]:
+    def eval(self, results: Sequence[ca.DM]) -> list[int]:
         """Called after every iteration."""
         self.done += 1
-        if left_s() < 0.0:
+        if self._limits is not None:
+            rows, (low, high) = np.asarray(results[_ROWS]).ravel(), self._limits
+            self._violations.append(float(np.maximum(low - rows, rows - high).max(initial=0.0)))
+        if left_s() < 0.0 or self.creeps:
             return [1]  # an exception would not come through
         report(lambda: f"solving: iteration {self.done} of at most {OPTIONS['ipopt.max_iter']}")
         return [0]
@@ -177,7 +209,7 @@ def run(solver: Solver, program: Program, guess: Mapping[str, Array | list[float
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if stats["return_status"] == _INTERRUPTED:
         raise KeyboardInterrupt
-    if stats["return_status"] == _OUT_OF_TIME:
+    if stats["return_status"] == _STOPPED and not solver.iterations.creeps:
         raise OutOfTime.because(f"solving, after {solver.iterations.done} iterations")
     if not stats["success"]:
         raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])

@@ -78,10 +78,12 @@ def optimise(
     *,
     near: bool = False,
     warm: Warm | None = None,
+    most: int | None = None,
 ) -> Optimum:
     """The best trajectory near a guess. Raises PlanningError where every mesh leaves violations between its nodes.
 
-    `near`: the guess is the solution of a similar problem. `warm`: it is that solution, on its mesh.
+    `near`: the guess is the solution of a similar problem. `warm`: it is that solution, on its mesh. `most`: each solve
+    is worth so many iterations.
     """
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S
@@ -91,7 +93,7 @@ def optimise(
     history: list[MeshRound] = []
     for _ in range(MAX_ROUNDS):
         program = transcribe(problem, mesh, trajectory)
-        solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None)
+        solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None, most=most)
         trajectory = program.trajectory(solution.y)
         before, mesh = mesh, program.mesh(solution.y)
         late = float(np.abs(mesh.joints_s - before.joints_s).max()) / problem.duration_s

@@ -13,6 +13,7 @@ from gcs.errors import PlanningError
 from gcs.plan.formation.shape import stretched_polynomials
 from gcs.plan.nlp.mesh_refinement import Optimum, with_end, with_times
 from gcs.plan.ocp.problem import FreeTime, Problem
+from gcs.plan.search.gate_centring import centred
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.leg_guess import least_legs_s
 from gcs.plan.search.shape_schedule import optimise_on_schedule
@@ -30,11 +31,13 @@ def best_flight(
     problem: Problem, on_round: Callable[[MeshRound], None], *, all_routes: bool, workers: int = 1
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
     """The best flight in the scenario's time, or in the best time where that is free. Raises PlanningError."""
-    if not problem.scenario.time.free:
-        return best_class(problem, on_round, all_routes=all_routes, workers=workers)
-    problem = with_free_time(problem)
+    free = problem.scenario.time.free
+    if free:
+        problem = with_free_time(problem)
     best, alternatives = best_class(problem, on_round, all_routes=all_routes, workers=workers)
-    return _rounded(problem, best, on_round), alternatives
+    if free:
+        best = _rounded(problem, best, on_round)
+    return centred(problem, best, on_round), alternatives
 
 
 def with_free_time(problem: Problem) -> Problem:

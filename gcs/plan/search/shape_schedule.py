@@ -55,10 +55,16 @@ _CHANGES = {name: kind for kind, name in COORDINATE_OF_CHANGE.items()}
 
 
 def optimise_on_schedule(
-    problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None
+    problem: Problem,
+    guess: Trajectory,
+    on_round: Callable[[MeshRound], None] = lambda _: None,
+    *,
+    warm: Warm | None = None,
+    most: int | None = None,
 ) -> Optimum:
     """The best flight near a guess, with all changes of shape at their times and gates.
 
+    `warm`: the guess is the solution of a similar problem, on its mesh. `most`: each solve is worth so many iterations.
     Raises Infeasible for changes that do not fit, PlanningError where gates and flight do not converge.
     """
     scenario = problem.scenario
@@ -69,14 +75,13 @@ def optimise_on_schedule(
     apart = in_turn(scenario, starts, problem.end_s)
     if np.max(np.abs(np.subtract(apart, starts)), initial=0.0) <= _GUESSED * problem.duration_s:
         starts = apart
-    near = False
-    warm: Warm | None = None
+    near = warm is not None
     for _ in range(_TRIES):
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         laid = replace(problem, shape=timeline.shape)
         if problem.follows_course and not near:
             laid, guess, near = _with_fixed_turns(laid, guess)
-        found = optimise(laid, guess, on_round, near=near, warm=warm)
+        found = optimise(laid, guess, on_round, near=near, warm=warm, most=most)
         history += found.history
         if problem.points:
             problem = with_times(problem, found.trajectory.end_s, found.point_s)
@@ -114,7 +119,7 @@ def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Problem, Tra
     mesh = first_mesh(fixed, LONGEST_S, SHORTEST_S, DEGREE)
     try:
         program = transcribe(fixed, mesh, guess.vehicle)
-        y = solve(program, program.scaled(guess.vehicle), most=_FOR_A_GUESS).y
+        y = solve(program, program.scaled(guess.vehicle), most=_FOR_A_GUESS, giving_up=True).y
     except PlanningError:
         return problem, guess, False
     flown, flown_mesh = program.trajectory(y), program.mesh(y)

@@ -173,8 +173,10 @@ class FirstFlight:
         }
 
     def _title(self) -> str:
+        if self.count == 1:
+            return "one quadrotor"  # in no formation
         count = _NUMBERS[self.count] if self.count < len(_NUMBERS) else str(self.count)
-        return f"{count} quadrotor{'s' * (self.count > 1)} in a {self.shape}"
+        return f"{count} quadrotors in a {self.shape}"
 
     def _box(self, offsets_ne_m: Array, end_ne_m: Array) -> tuple[list[float], ...]:
         """The least and the greatest place north and east, with room for detours."""

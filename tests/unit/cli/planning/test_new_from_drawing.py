@@ -32,6 +32,11 @@ def test_a_drawing_becomes_a_scenario_and_its_losses_are_printed(capsys: pytest.
     assert scenario.end.position_m == scenario.start.position_m
 
 
+def test_one_vehicle_flies_in_no_formation() -> None:
+    assert main.run(["new", "mast", "--route", str(DRAWN / "valley.plan"), "--count", "1"]) == 0
+    assert load_scenario("mast").title == "mast: one quadrotor along valley.plan"
+
+
 def test_programs_get_every_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["new", "pond", "--route", str(DRAWN / "pond.kml"), "--at", "47.4,8.5,500", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)

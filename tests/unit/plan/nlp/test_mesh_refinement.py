@@ -263,7 +263,7 @@ class Rounds:
     def scaled(self, _: Trajectory) -> Array:
         return np.zeros(1)
 
-    def solve(self, _: Rounds, __: Array, before: Solution | None, *, near: bool) -> Solution:
+    def solve(self, _: Rounds, __: Array, before: Solution | None, *, near: bool, most: int | None) -> Solution:
         self.solved.append((before, near))
         return Solution(np.zeros(1), np.zeros(1), {("limit", 1.0): 2.0}, 5.0 - len(self.solved), 10, 0.5)
 

@@ -7,6 +7,7 @@ from itertools import count
 
 import pytest
 
+import gcs
 from gcs.errors import OutOfTime
 from gcs.plan.nlp import ipopt
 from gcs.plan.ocp.problem import flight_problem
@@ -21,8 +22,8 @@ from tests.unit.plan.search.test_routes import DISK, beyond
 
 
 def test_a_plan_without_time_is_refused_in_a_sentence_that_names_the_option(simulation1: Scenario) -> None:
-    with pytest.raises(OutOfTime, match="no plan: the time limit of planning has passed, while ") as late:
-        make_plan(meadow(alone(simulation1)), limit_s=0.0)
+    with pytest.raises(gcs.OutOfTime, match="no plan: the time limit of planning has passed, while ") as late:
+        gcs.make_plan(meadow(alone(simulation1)), limit_s=0.0)
     assert "--limit" in str(late.value.hint)
     assert left_s() == math.inf
     report("nobody waits any longer")
