@@ -118,6 +118,5 @@ def _read(path: Path) -> pa.Table:
     try:
         return open_parquet(read_file(path, RECORD_FILE, hint="name the folder of a campaign")).read()
     except (OSError, ValueError, pa.ArrowException) as problem:
-        raise FileFormatError(
-            f"{path} is not a table of flights: {problem}.", hint="delete it: it is flown again"
-        ) from None
+        hint = "delete it: its flights are flown again" if path.parent.name == PARTS else _NEW_FOLDER
+        raise FileFormatError(f"{path} is not a table of flights: {problem}.", hint=hint) from None
