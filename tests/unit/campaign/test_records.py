@@ -53,7 +53,7 @@ def test_a_failure_of_the_machine_flies_again_and_counts_once(tmp_path: Path) ->
     folder = begun(tmp_path)
     folder.add([row(0, INFRASTRUCTURE, error="the worker was killed"), row(1, INFRASTRUCTURE)])
     assert folder.left() == DESIGN
-    folder.add([row(0)])
+    folder.add([row(0, INFRASTRUCTURE), row(0)])
     folder.add([row(0)])
     assert [(one["index"], one["outcome"]) for one in folder.results()] == [(0, "held"), (1, INFRASTRUCTURE)]
     assert folder.left() == DESIGN[1:]
