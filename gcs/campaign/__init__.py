@@ -1,4 +1,4 @@
-"""Campaigns of many emulated flights: the design, the table of results, and statistics of it.
+"""Campaigns of many emulated flights: the design, the workers, the table of results, and statistics of it.
 
-It imports leaves only.
+It may import plan and flight.
 """

@@ -45,6 +45,8 @@ ONLY_IN = {
     "pymavlink": "gcs/link/wire/codec.py",
     "mavsdk": "gcs/link/session",
     "nicegui": "gcs/page",
+    "dask": "gcs/campaign/campaign_cluster.py",
+    "distributed": "gcs/campaign",
 }
 # State machines and formulas: time is an argument, seeds are injected, bytes are handed over.
 SANS_IO = (
