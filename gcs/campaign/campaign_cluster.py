@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
+import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -54,6 +56,7 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
                 local_directory=str(scratch),
             )
             client = stack.enter_context(Client(stack.enter_context(local)))
+            stack.callback(_kill_workers, local)
         else:
             security = None
             if cluster.certificates is not None:
@@ -72,7 +75,7 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
                     f"the scheduler at {cluster.scheduler} has no workers.",
                     hint=f"start some with `dask worker {cluster.scheduler} --nthreads 1`",
                 )
-        client.register_plugin(PlanForWorkers(shared))
+        client.register_plugin(PlanForWorkers(shared, local=cluster.scheduler is None))
         said = client.run(worker_problem)
         if wrong := {where: text for where, text in said.items() if text}:
             where, text = sorted(wrong.items())[0]
@@ -80,17 +83,28 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
         yield client
 
 
+def _kill_workers(local: LocalCluster) -> None:
+    """End flights under way: Dask would wait for them. Their simulators end with the workers' pipes."""
+    for nanny in local.workers.values():
+        nanny.auto_restart = False
+        with suppress(ProcessLookupError):
+            if nanny.pid:
+                os.kill(nanny.pid, signal.SIGKILL)
+
+
 class PlanForWorkers(WorkerPlugin):  # type: ignore[misc]
     """Gives the plan to every worker, also to those that come later."""
 
     name = _KEY
 
-    def __init__(self, shared: CampaignPlan) -> None:
-        self._shared = shared
+    def __init__(self, shared: CampaignPlan, *, local: bool) -> None:
+        self._shared, self._local = shared, local
 
     def setup(self, worker: Worker) -> None:
         """Keep the plan at the worker."""
         setattr(worker, _KEY, self._shared)
+        if self._local and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the driver ends its workers
 
 
 @cache
