@@ -61,11 +61,12 @@ def run_campaign(
     worst: int,
     until: float | None,
     on_progress: OnProgress,
-    on_client: Callable[[Client], None] = lambda _: None,
+    on_workers: Callable[[int, str], None],
 ) -> None:
     """Fly what is left, holding `locked`. Raises LinkError where no workers are left.
 
-    `worst` flights are kept whole for each criterion. `on_progress` gets the number of flights by outcome.
+    `worst` flights are kept whole for each criterion. `on_progress` gets the number of flights by outcome,
+    `on_workers` that of workers, when they are there, and the address of Dask's dashboard.
     """
     results = folder.results()
     done = [row for row in results if row[OUTCOME] != INFRASTRUCTURE]
@@ -81,7 +82,7 @@ def run_campaign(
     scratch.mkdir()
     try:
         with connected(cluster, shared, scratch) as client:
-            on_client(client)
+            on_workers(len(client.nthreads()), client.dashboard_link)
             _Driver(folder, client, window, kept, counts, on_progress).run()
     finally:
         shutil.rmtree(scratch, ignore_errors=True)

@@ -108,9 +108,7 @@ def campaign(
 
     Exit status 0 when the campaign is complete, whatever its flights did.
 
-    Examples: gcs campaign field --flights 1000 --wind 0..6@any --gusts light,moderate --to campaigns/field
-
-    gcs campaign report campaigns/field
+    Example: gcs campaign field --flights 1000 --wind 0..6@any --gusts light,moderate --to campaigns/field
     """
     screen = Screen(json=json)
     from gcs.campaign.cluster_address import Cluster, refuse_open_scheduler, refuse_without_dask

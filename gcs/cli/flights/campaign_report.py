@@ -24,7 +24,7 @@ def campaign_report(
 
     `gcs campaign report FOLDER` is this command. It draws the effects into effects.png of that folder.
 
-    Example: gcs campaign report campaigns/field
+    Example: gcs campaign-report campaigns/field
     """
     show_report(Screen(json=json), folder)
     return 0

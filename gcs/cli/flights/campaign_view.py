@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, prepare
 from gcs.campaign.campaign_options import CampaignOptions
@@ -16,12 +15,10 @@ from gcs.campaign.cluster_address import Cluster
 from gcs.campaign.records import INFRASTRUCTURE, CampaignFolder
 from gcs.cli.flights.campaign_report import show_report
 from gcs.cli.shared.console import Screen
+from gcs.errors import counted
 from gcs.flight.monitoring.progress import Watcher
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 _LINE_EVERY_S = 10.0
 _ORDER = (HELD, FAILED, ABORTED, INFRASTRUCTURE)
@@ -44,12 +41,11 @@ def fly_campaign(
         folder.begin(asked.record(plan), asked.design(plan))
         shared = prepare(plan, report, asked.keeping, asked.choices, _Says(screen))
 
-        def on_client(client: Client) -> None:
-            screen.say(
-                f"flying {asked.flights} flights in {to}, on {len(client.nthreads())} workers; Ctrl-C keeps them"
-            )
+        def on_workers(count: int, dashboard: str) -> None:
+            workers = counted(count, "worker")
+            screen.say(f"flying {asked.flights} flights in {to}, on {workers}; Ctrl-C keeps what has ended")
             if cluster.dashboard:
-                screen.say(f"dashboard: {client.dashboard_link}")
+                screen.say(f"dashboard: {dashboard}")
 
         with _progress(screen, asked.flights) as on_progress:
             run_campaign(
@@ -59,7 +55,7 @@ def fly_campaign(
                 worst=worst,
                 until=asked.width,
                 on_progress=on_progress,
-                on_client=on_client,
+                on_workers=on_workers,
             )
     show_report(screen, to)
     return 0
