@@ -100,7 +100,8 @@ def house() -> tuple[str, str]:
             layers.setdefault(top, []).append(inner.replace(".", "/"))
         else:
             layers.setdefault(top, []).append(inner.replace(".", "/") if inner else top)
-    wanted = ("leaves", "autopilots", "scenario", "plan", "mission", "link", "flight", "page", "cli", "sim_bridge")
+    layered = ("autopilots", "scenario", "plan", "mission", "link", "flight", "campaign", "page", "cli")
+    wanted = ("leaves", *layered, "sim_bridge")
     drawn = "".join(_line(name, layers[name], " " if name == "leaves" else " < ") for name in wanted)
     rows = ((f"`{folder.replace('.', '/')}`", *sentences(folder)) for folder in sorted(order))
     return f"```text\n{drawn}```\n", table(("folder", "what it is for", "what it may import beside leaves"), rows)

@@ -140,6 +140,17 @@ COMMANDS = {
             "Fly an emulated flight again, and say whether the true states are the same to the last bit.",
         ),
         CommandRow(
+            "campaign",
+            "gcs.cli.flights.campaign",
+            "Fly a mission many times, emulated, in drawn wind, gusts and faults; the same command goes on where it "
+            "ended.",
+        ),
+        CommandRow(
+            "campaign-report",
+            "gcs.cli.flights.campaign_report",
+            "Show a campaign's pass rates, quantiles, effects and worst flights, also while it flies.",
+        ),
+        CommandRow(
             "attach",
             "gcs.cli.flights.attach",
             "Find a flight whose `gcs fly` was killed, show its vehicles, and land, return or resume it.",

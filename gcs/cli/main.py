@@ -51,6 +51,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
         app_of()(args=[], prog_name=NAME)
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:2] == ["campaign", "report"]:  # a mission of that name is ./report
+        words[:2] = ["campaign-report"]
     answer = ANSWERS.get(tuple(words))
     if arguments is not None:
         if answer is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import AsyncExitStack
@@ -21,7 +20,7 @@ from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeep
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.lateness import skew_s
+from gcs.flight.monitoring.lateness import skew_data
 from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
@@ -76,6 +75,7 @@ from gcs.scenario.values import si
 from gcs.util.aio import Stoppable, ended, insisted
 from gcs.util.long_work import shown
 
+Exported = tuple[ExportIndex, NavigatorChoice]
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
 _DRAWN_S = 0.2
@@ -99,6 +99,8 @@ class FlightRun:
     safety: bool = True  # with a link: fences, rally points and parameters go along
     limits: PreflightTable | None = None  # None: the scenario's
     also_to: tuple[str, ...] = ()  # `udpout:HOST:PORT` of other ground stations that watch
+    exported: Exported | None = None  # of many flights of one plan: nothing is exported into the folder
+    pictures: bool = True
 
 
 @dataclass(frozen=True)
@@ -165,15 +167,18 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
         save_plan(plan, order.report, folder / PLAN)
         with shown(watcher.say):
-            index, navigator = export_for_flight(plan, order.report, folder / "export", order.keeping, watcher.say)
+            index, navigator = order.exported or export_for_flight(
+                plan, order.report, folder / "export", order.keeping, watcher.say
+            )
         if order.link is None:  # the emulated vehicles get the scenario that the plan was made from
             how = order.options
             kept = EmulationRecord(order.keeping, order.emulated, how.follow, how.on_loss, how.on_leader_loss)
             write_emulation(folder, kept)
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
-    watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
-    # Once for all checks before the flight, and before the link: it takes a second.
-    watcher.say(f"wind: the plan stays proved {proved_everywhere(plan)}")
+    if order.exported is None:
+        watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
+        # Once for all checks before the flight, and before the link: it takes a second.
+        watcher.say(f"wind: the plan stays proved {proved_everywhere(plan)}")
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()
@@ -186,14 +191,14 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     extra |= {} if order.link is None else {"preflight": checks_data(now.checks)}
     watcher.lap("judge")
     gaps, late_s, nearest = now.journal.record.gaps, monitor.late_s, tuple(monitor.nearest.values())
-    if tracks is not None:
+    if tracks is not None and order.pictures:
         watcher.say("drawing the flight")
         with gaps.kept("map.png"):
             _draw(plan, tracks, folder)
     watcher.lap("pictures")
     extra |= {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
     extra |= {"missions": sent_data(now.sent), "incomplete": gaps.data()}
-    extra |= {**_skew(late_s), **nearest_data(nearest, times)}
+    extra |= {**skew_data(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     if verdict is not None:
         with gaps.kept("report.md"):
@@ -382,12 +387,6 @@ class _LinkedFlight:
         fleet.check()
         fleet.freeze()
         return charge
-
-
-def _skew(late_s: dict[int, float]) -> dict[str, object]:
-    skew = skew_s(late_s.values())
-    late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
-    return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}
 
 
 def _draw(plan: Plan, tracks: Tracks, folder: Path) -> None:

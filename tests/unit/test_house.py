@@ -25,7 +25,17 @@ LEAVES = (
     "gcs/util",
     "gcs/types.py",
 )
-LAYERS = ("gcs/autopilots", "gcs/scenario", "gcs/plan", "gcs/mission", "gcs/link", "gcs/flight", "gcs/page", "gcs/cli")
+LAYERS = (
+    "gcs/autopilots",
+    "gcs/scenario",
+    "gcs/plan",
+    "gcs/mission",
+    "gcs/link",
+    "gcs/flight",
+    "gcs/campaign",
+    "gcs/page",
+    "gcs/cli",
+)
 # `plan` and `link` never meet, save in `flight`.
 FORBIDDEN = {("gcs/link", "gcs/plan"), ("gcs/link", "gcs/scenario")}
 BRIDGE_MAY = (*LEAVES, "gcs/autopilots", "gcs/scenario", "gcs/link", "gcs/mission/model.py")
@@ -35,6 +45,8 @@ ONLY_IN = {
     "pymavlink": "gcs/link/wire/codec.py",
     "mavsdk": "gcs/link/session",
     "nicegui": "gcs/page",
+    "dask": "gcs/campaign/campaign_cluster.py",
+    "distributed": "gcs/campaign",
 }
 # State machines and formulas: time is an argument, seeds are injected, bytes are handed over.
 SANS_IO = (

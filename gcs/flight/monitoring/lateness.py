@@ -1,11 +1,11 @@
 """The delay of vehicles behind the plan, by least squares along the planned velocities."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from gcs.types import Array
+from gcs.types import Array, JsonObject
 
 SLOW_MPS = 0.3  # a slower vehicle is neither late nor early
 
@@ -45,3 +45,10 @@ def skew_s(late_s: Iterable[float]) -> float:
     """Return the largest delay less the smallest; NaN without any."""
     known = [late for late in late_s if math.isfinite(late)]
     return max(known) - min(known) if known else math.nan
+
+
+def skew_data(late_s: Mapping[int, float]) -> JsonObject:
+    """Return the delays of vehicles behind the plan, and their skew, as plain values; None for those unknown."""
+    skew = skew_s(late_s.values())
+    late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
+    return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}

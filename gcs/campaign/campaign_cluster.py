@@ -1,0 +1,129 @@
+"""The workers of a campaign: processes on this machine's cores, or those of a Dask scheduler elsewhere.
+
+Every worker gets the plan once, and must have the same code of Skein.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import dask
+from distributed import Client, LocalCluster, Security, Worker, WorkerPlugin, get_worker
+
+from gcs.campaign.campaign_flight import CampaignPlan, FlightResult, KeepRule, code_digest, fly_row
+from gcs.campaign.cluster_address import CERTIFICATES, Cluster
+from gcs.campaign.flight_window import Row
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
+from gcs.errors import LinkError, UsageError
+
+_CONNECT_S = 10.0
+_CONFIG = {
+    "distributed.scheduler.worker-saturation": 1.0,  # a worker holds one flight; the others wait at the scheduler
+    "distributed.scheduler.allowed-failures": 1,
+    "distributed.worker.daemon": True,  # nothing of a worker outlives the campaign
+    "distributed.admin.tick.limit": "1h",  # a flight holds Python's lock longer than Dask finds usual
+}
+_KEY = "skein_campaign"
+
+
+@contextmanager
+def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator[Client]:
+    """Yield a client whose workers have the plan. Raises LinkError without them, UsageError for another version.
+
+    `scratch` is where workers on this machine write. All processes that were started end with the block.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(_CONFIG))
+        if cluster.scheduler is None:
+            at = "127.0.0.1:0" if cluster.dashboard else None
+            local = LocalCluster(
+                n_workers=cluster.workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=at,
+                worker_dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                local_directory=str(scratch),
+            )
+            client = stack.enter_context(Client(stack.enter_context(local)))
+            stack.callback(_kill_workers, local)
+        else:
+            security = None
+            if cluster.certificates is not None:
+                ca, cert, key = (str(cluster.certificates / name) for name in CERTIFICATES)
+                security = Security(tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True)
+            try:
+                opened = Client(cluster.scheduler, timeout=_CONNECT_S, security=security)
+            except (OSError, ValueError) as problem:
+                raise LinkError(
+                    f"no scheduler answers at {cluster.scheduler}: {problem}.",
+                    hint="start one with `dask scheduler`, or leave --scheduler out for this machine",
+                ) from problem
+            client = stack.enter_context(opened)
+            if not client.nthreads():
+                raise LinkError(
+                    f"the scheduler at {cluster.scheduler} has no workers.",
+                    hint=f"start some with `dask worker {cluster.scheduler} --nthreads 1`",
+                )
+        client.register_plugin(PlanForWorkers(shared, local=cluster.scheduler is None))
+        said = client.run(worker_problem)
+        if wrong := {where: text for where, text in said.items() if text}:
+            where, text = sorted(wrong.items())[0]
+            raise UsageError(f"worker {where}: {text}", hint="install the same version of Skein on every machine")
+        yield client
+
+
+def _kill_workers(local: LocalCluster) -> None:
+    """End flights under way: Dask would wait for them. Their simulators end with the workers' pipes."""
+    for nanny in local.workers.values():
+        nanny.auto_restart = False
+        with suppress(ProcessLookupError):
+            if nanny.pid:
+                os.kill(nanny.pid, signal.SIGKILL)
+
+
+class PlanForWorkers(WorkerPlugin):  # type: ignore[misc]
+    """Gives the plan to every worker, also to those that come later."""
+
+    name = _KEY
+
+    def __init__(self, shared: CampaignPlan, *, local: bool) -> None:
+        self._shared, self._local = shared, local
+
+    def setup(self, worker: Worker) -> None:
+        """Keep the plan at the worker."""
+        setattr(worker, _KEY, self._shared)
+        if self._local and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all; the driver ends its workers
+
+
+@cache
+def _own_code() -> str:
+    return code_digest()
+
+
+def worker_problem(dask_worker: Worker) -> str:
+    """Return why a worker cannot fly the campaign; empty if it can. Dask gives the argument by its name."""
+    shared = getattr(dask_worker, _KEY, None)
+    if shared is None:
+        return "it has no plan"
+    return "" if shared.code == _own_code() else "its version or code of Skein is another one"
+
+
+def fly_at_worker(row: Row, rule: KeepRule) -> FlightResult:
+    """Fly a row of the design at a worker that has the plan."""
+    worker = get_worker()
+    if problem := worker_problem(worker):
+        return FlightResult({INDEX: row[INDEX], OUTCOME: INFRASTRUCTURE, "reason": problem})
+    with TemporaryDirectory(dir=worker.local_directory) as scratch:
+        return fly_row(getattr(worker, _KEY), row, rule, Path(scratch))

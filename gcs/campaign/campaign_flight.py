@@ -1,0 +1,155 @@
+"""One flight of a campaign, on whichever machine: its row of the design becomes a row of results, never an exception.
+
+An outcome is `held` (all criteria), `failed` (one of them), `aborted` (the flight did not come to its end), or
+`infrastructure`: the machine failed, which says nothing about the plan.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import re
+import time
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from gcs.campaign.design import plain
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
+from gcs.errors import FlightError, GcsError, PeerError
+from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.contingency.choices import TimeKeeping
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.monitoring.progress import Watcher
+from gcs.flight.run import Exported, FlightRun, fly_run
+from gcs.flight.setup.build_loads import export_for_flight
+from gcs.flight.setup.simulator_process import Emulated
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import Report
+
+HELD, FAILED, ABORTED = "held", "failed", "aborted"
+MARGIN = "_margin"
+MACHINE = ("took_s", "attempts")  # columns that another run of the same campaign has otherwise
+_NONE = ("none", "0", "0.0")
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """What all flights of a campaign share, made once and sent to every worker."""
+
+    plan: Plan
+    report: Report
+    keeping: TimeKeeping
+    options: FlightOptions
+    exported: Exported
+    code: str  # digest of the code that flies: another one flies otherwise
+
+
+@dataclass(frozen=True)
+class FlightResult:
+    """The row of results of one flight, and its folder as a ZIP archive if it is kept."""
+
+    row: dict[str, Any]
+    folder_zip: bytes | None = None
+
+
+@dataclass(frozen=True)
+class KeepRule:
+    """Which flights are kept whole: those that did not hold, and those with a margin below the threshold."""
+
+    below: Mapping[str, float] = field(default_factory=dict)  # by column of the margin; without a threshold all are
+
+    def keeps(self, row: Mapping[str, Any]) -> bool:
+        """Whether a flight with this row is kept whole."""
+        if row[OUTCOME] != HELD:
+            return bool(row[OUTCOME] != INFRASTRUCTURE)
+        margins = {name: value for name, value in row.items() if name.endswith(MARGIN) and value is not None}
+        return any(value <= self.below.get(name, math.inf) for name, value in margins.items())
+
+
+def prepare(plan: Plan, report: Report, keeping: TimeKeeping, options: FlightOptions, say: Watcher) -> CampaignPlan:
+    """Export the missions once, for all flights. Raises `NotWritten` where they cannot be flown."""
+    with TemporaryDirectory() as folder:
+        exported = export_for_flight(plan, report, Path(folder), keeping, say.say)
+    return CampaignPlan(plan, report, keeping, options, exported, code_digest())
+
+
+def code_digest() -> str:
+    """Return the digest of Skein's version and of the code that flies, so that two machines can be compared."""
+    package = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256(version("skein-gcs").encode())
+    for file in sorted([*package.rglob("*.py"), *(package.parent / "sim_bridge").rglob("*.py")]):
+        digest.update(str(file.relative_to(package.parent)).encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def emulated(row: Mapping[str, Any]) -> Emulated:
+    """Return the conditions of the flight of a row of the design, as `gcs fly` takes them."""
+    wind = gusts = None
+    if "wind_mps" in row:
+        wind = f"{plain(row['wind_mps'])}@{plain(row['wind_from_deg'])}"
+    if "gusts" in row and (text := plain(row["gusts"])) not in _NONE:
+        gusts = text
+    faults = [row[name] for name in sorted(row) if re.fullmatch(r"fault\d+_text", name) and row[name]]
+    if row.get("loss"):
+        faults.append(f"all:loss={plain(row['loss'])}")
+    return Emulated("max", int(row["seed"]), tuple(faults), wind, gusts)
+
+
+def fly_row(shared: CampaignPlan, row: Mapping[str, Any], rule: KeepRule, scratch: Path | None = None) -> FlightResult:
+    """Fly one row of the design; whatever fails is an outcome."""
+    began_s = time.monotonic()
+    result: dict[str, Any] = {INDEX: row[INDEX]}
+    with TemporaryDirectory(dir=scratch, prefix="flight-") as name:
+        root = Path(name)
+        run = FlightRun(shared.plan, shared.report, shared.keeping, emulated=emulated(row), root=root)
+        run = replace(run, options=shared.options, exported=shared.exported, pictures=False)
+        try:
+            flown = fly_run(run, Watcher())
+            verdict = flown.verdict
+            if verdict is None:
+                raise RuntimeError("the flight has no verdict")
+            failed = [str(one.name) for one in verdict.criteria if not one.ok]
+            result |= {OUTCOME: FAILED if failed else HELD, "reason": ", ".join(failed)}
+            result |= figures(verdict.criteria)
+            result["formation_error_m"] = verdict.formation_error_m
+        except (FlightError, PeerError) as failure:
+            # A simulator that ended by itself has written no true states: the vehicles did not abort this flight.
+            whole = any(root.glob("*/truth.npz"))
+            result |= {OUTCOME: ABORTED if whole else INFRASTRUCTURE, "reason": failure.message}
+        except GcsError as failure:
+            result |= {OUTCOME: INFRASTRUCTURE, "reason": failure.message}
+        except Exception as failure:
+            result |= {OUTCOME: INFRASTRUCTURE, "reason": f"{type(failure).__name__}: {failure}"}
+        result["took_s"] = time.monotonic() - began_s
+        found = next(root.iterdir(), None)
+        kept = zipped(found) if found is not None and rule.keeps(result) else None
+    return FlightResult(result, kept)
+
+
+def figures(criteria: tuple[Criterion, ...]) -> dict[str, float]:
+    """Return the columns of a verdict: the worst measured value of each criterion, and its margin, negative if failed.
+
+    Columns are named by criterion and unit: `separation_m`, `separation_m_margin`.
+    """
+    found: dict[str, float] = {}
+    for one in criteria:
+        name = f"{re.sub('[^a-z]+', '_', str(one.name).lower()).strip('_')}_{one.unit}"
+        found[name] = one.value
+        found[name + MARGIN] = one.value - one.limit if one.at_least else one.limit - one.value
+    return found
+
+
+def zipped(folder: Path) -> bytes:
+    """Return the files of a folder as a ZIP archive."""
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                archive.write(file, file.relative_to(folder))
+    return held.getvalue()
