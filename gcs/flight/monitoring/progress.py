@@ -22,6 +22,7 @@ from gcs.link.session.upload_fleet import Holdings
 from gcs.types import Array
 
 if TYPE_CHECKING:
+    from gcs.flight.monitoring.predicted_tracks import PredictedTracks
     from gcs.flight.monitoring.preflight_check import PreflightCheck
 
 _SAME_S = 1e-3
@@ -183,6 +184,7 @@ class VehicleNow:
     ceiling_m: float = math.nan  # below `[limits] height_m`
     place_ned_m: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     velocity_ned_mps: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    in_band: bool | None = None  # of the predicted track of its own mission; None while it flies none
 
 
 GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
@@ -226,6 +228,11 @@ class InFlight(Protocol):
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         """Return every vehicle as it reports itself now."""
+        ...
+
+    @property
+    def predicted(self) -> PredictedTracks | None:
+        """What is predicted of the missions on board; None while none is flown."""
         ...
 
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
