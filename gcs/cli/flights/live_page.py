@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 from gcs.errors import GcsError
 from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.assessment.judge import Verdict
-from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
-from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight
+from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight, PredictedPlaces
 from gcs.flight.recording.flight_folder import limit_text
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.flight.scene.plan_scene import scene_of_plan
@@ -34,7 +33,7 @@ _LEFT_S = 10.0  # without a browser, after which a page of a flight that is over
 _LOOK_S = 0.2
 _SHARE = 0.05  # of the time at most goes into pictures: of a large fleet there are fewer
 
-_Band = Callable[[PredictedTracks], Any]
+_Band = Callable[[PredictedPlaces], Any]
 
 
 class _Said(NamedTuple):

@@ -22,7 +22,6 @@ from gcs.link.session.upload_fleet import Holdings
 from gcs.types import Array
 
 if TYPE_CHECKING:
-    from gcs.flight.monitoring.predicted_tracks import PredictedTracks
     from gcs.flight.monitoring.preflight_check import PreflightCheck
 
 _SAME_S = 1e-3
@@ -219,6 +218,18 @@ class OrderForecast:
     words: str
 
 
+class PredictedPlaces(Protocol):
+    """Where missions on board have their vehicles over time, and how far off that they may be."""
+
+    sysids: tuple[int, ...]
+    band_m: float  # beside the track
+    band_s: Array  # (V,) early or late
+
+    def places(self, rows: list[int], t_s: Array) -> Array:
+        """Return positions (R, T, 3) of the vehicles in these rows, each at its own plan times (R, T)."""
+        ...
+
+
 class InFlight(Protocol):
     """A flight, as far as a watcher reads it."""
 
@@ -231,7 +242,7 @@ class InFlight(Protocol):
         ...
 
     @property
-    def predicted(self) -> PredictedTracks | None:
+    def predicted(self) -> PredictedPlaces | None:
         """What is predicted of the missions on board; None while none is flown."""
         ...
 

@@ -3,12 +3,13 @@
 import numpy as np
 
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks, TrackWatch
+from gcs.flight.monitoring.progress import PredictedPlaces
 from gcs.flight.scene.scene_model import PlannedBand, Rows
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
 
-def band_of(tracks: PredictedTracks, plan: Plan, t_s: Array) -> PlannedBand:
+def band_of(tracks: PredictedPlaces, plan: Plan, t_s: Array) -> PlannedBand:
     """Return the band of a plan's missions at plan times (N,); it is watched between T0 and the arrival."""
     rows = [tracks.sysids.index(sysid) for sysid in plan.sysids]
     places = tracks.places(rows, np.broadcast_to(t_s, (len(rows), len(t_s))))
