@@ -8,10 +8,10 @@ const OUT = new THREE.Color("#d03020");
 export class Band {
   constructor(space, scene) {
     this.scene = scene;
-    const look = { color: 0xffffff, transparent: true, opacity: 0.22, depthWrite: false };
+    const look = { color: 0xffffff, transparent: true, opacity: 0.12, depthWrite: false };
     const count = scene.sysids.length * PIECES;
     const tube = new THREE.CylinderGeometry(1, 1, 1, 12, 1, true);
-    this.tubes = new THREE.InstancedMesh(tube, new THREE.MeshBasicMaterial({ ...look, side: THREE.DoubleSide }), count);
+    this.tubes = new THREE.InstancedMesh(tube, new THREE.MeshBasicMaterial(look), count);
     this.balls = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 12, 8), new THREE.MeshBasicMaterial(look), 2 * scene.sysids.length);
     for (const mesh of [this.tubes, this.balls]) {
       mesh.frustumCulled = false;

@@ -31,7 +31,8 @@ export class Curves {
 
   // Read the curves again: of a flight under way they grow.
   update() {
-    this.lines = this.scene.curveLines().filter((curve) => !curve.on_demand || this.showsAll);
+    const isShown = (curve) => (!curve.on_demand || this.showsAll) && curve.flown.length + curve.planned.length > 0;
+    this.lines = this.scene.curveLines().filter(isShown);
     this.canvas.style.height = `${this.lines.length * PANEL + STRIP}px`;
     this.drawn = null;
   }

@@ -76,7 +76,7 @@ class Page {
     this.scene = new SceneData(whole);
     const { scene } = this;
     this.element.innerHTML = PAGE;
-    this.find("h1").textContent = scene.name;
+    this.find("h1").textContent = this.find("h1").title = scene.name;
     this.find(".notes").textContent = scene.notes.join(" ");
     this.t = scene.isLive ? this.newest() : scene.begin;
     this.isNow = scene.isLive;
