@@ -148,7 +148,7 @@ export class SceneData {
       loss: finite(one.loss),
       error: finite(one.error_m),
       needed: isPlanned && this.needed_pct ? this.value(this.needed_pct, this.row.get(one.sysid), at) : NaN,
-      inBand: one.in_band,
+      inBand: (one.link_age_s ?? Infinity) > 2 ? null : one.in_band, // of a silent vehicle nobody knows
     }));
   }
 
