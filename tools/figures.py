@@ -18,6 +18,7 @@ from tools.pictures.change import draw_change
 from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
 from tools.pictures.gallery import write_gallery
+from tools.pictures.live import write_page
 from tools.pictures.scenery import save
 from tools.pictures.tutorial import write_pictures
 from tools.pictures.view import camera_near, draw_view
@@ -76,8 +77,8 @@ PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
     "gap": gap,
     "survey": survey,
 }
-TUTORIAL, GALLERY = "tutorial", "gallery"
-NAMES = (*PICTURES, TUTORIAL, GALLERY)
+TUTORIAL, GALLERY, PAGE = "tutorial", "gallery", "page"
+NAMES = (*PICTURES, TUTORIAL, GALLERY, PAGE)
 
 
 def main(
@@ -99,6 +100,8 @@ def written(name: str, folder: Path) -> Iterator[Path]:
         yield from write_pictures(ROOT / "docs" / "tutorial.md", folder)
     elif name == GALLERY:
         yield from write_gallery(ROOT, folder)
+    elif name == PAGE:
+        yield from write_page(ROOT, folder)
     else:
         yield from PICTURES[name](gcs.make_plan(gcs.load_scenario(ROOT / "missions" / name)), folder)
 

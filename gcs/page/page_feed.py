@@ -5,6 +5,7 @@ are kept: a frozen page delays nothing, and knows all events once it reads again
 """
 
 import json
+import re
 import secrets
 import subprocess
 import sys
@@ -26,6 +27,7 @@ _PROCESS = ("-m", "gcs.page.page_process")
 _START_S = 60.0  # a busy machine needs long to import NiceGUI
 _EVENTS = 10_000  # kept for a page that does not read; then the oldest go
 _ASKS = 16  # messages of the page that wait; then the oldest go
+_TILES = re.compile(r"(https?://[\w.-]+(?::\d+)?)(/[^\s\"'<>]*)")
 _TAIL = 400  # characters of what the process said before it failed
 
 
@@ -35,16 +37,28 @@ def refuse_without_nicegui() -> None:
         raise UsageError("--page needs NiceGUI, which is not installed", hint="pip install 'skein-gcs[page]'")
 
 
+def origin_of_tiles(tiles: str) -> str:
+    """Return scheme and host of an address of map tiles; empty for none. Raises UsageError."""
+    found = _TILES.fullmatch(tiles) if tiles else None
+    if tiles and (found is None or not all(f"{{{name}}}" in found[2] for name in "zxy")):
+        raise UsageError(
+            f"--tiles {tiles}: not an address of map tiles",
+            hint="it has {z}, {x} and {y}, as https://tile.openstreetmap.org/{z}/{x}/{y}.png",
+        )
+    return found[1] if found else ""
+
+
 class PageFeed:
     """One page of one scene. Use it as a context manager: the page ends with it."""
 
-    def __init__(self, scene: bytes, address: str = "", *, orders_from_afar: bool = False) -> None:
+    def __init__(self, scene: bytes, address: str = "", *, orders_from_afar: bool = False, tiles: str = "") -> None:
         """Start the process and wait until it answers at its address. Raises UsageError and GcsError.
 
         `address`, numeric and of this machine: other machines see the page there, and order with `orders_from_afar`.
+        `tiles`, an address with {z}, {x} and {y}: the browser lays this map under the scene.
         """
         refuse_without_nicegui()
-        settings = json.dumps([address, orders_from_afar])
+        settings = json.dumps([address, orders_from_afar, origin_of_tiles(tiles)])
         self._token = secrets.token_urlsafe(16)
         self._wake = threading.Condition()
         self._frames: deque[tuple[PageFrame, bytes]] = deque(maxlen=_EVENTS)
@@ -61,6 +75,8 @@ class PageFeed:
             start_new_session=True,  # Ctrl-C is for the flight
         )
         self._frames.extend([(PageFrame.TOKEN, self._token.encode()), (PageFrame.SCENE, scene)])
+        if tiles:
+            self.put("tiles", tiles)
         self._writer = threading.Thread(target=self._write, daemon=True, name="page")
         self._writer.start()
         self.url = f"http://127.0.0.1:{self._port()}/?token={self._token}"

@@ -29,13 +29,21 @@ class PageGuard:
     """Stands before an ASGI application, and passes what it allows."""
 
     def __init__(
-        self, inner: Application, token: str, port: int, address: str = "", *, orders_from_afar: bool = False
+        self,
+        inner: Application,
+        token: str,
+        port: int,
+        address: str = "",
+        *,
+        orders_from_afar: bool = False,
+        tiles: str = "",
     ) -> None:
-        """`address`: where other machines reach the page, if they do."""
+        """`address`: where other machines reach the page, if they do. `tiles`: scheme and host of a map, if any."""
         self._inner = inner
         self._token = token
         self._hosts = tuple(f"{name}:{port}" for name in ("127.0.0.1", "localhost", address) if name)
         self._orders_from_afar = orders_from_afar
+        self._tiles = tiles
         self._cookie = f"skein-{port}"  # browsers share cookies between ports
         self._session = secrets.token_urlsafe(32)
 
@@ -47,7 +55,7 @@ class PageGuard:
         host = self._host(scope)
         if host is not None and self._has_cookie(scope["headers"]):
             if self._may_change(scope):
-                await self._inner(scope, receive, _restricting(send, host))
+                await self._inner(scope, receive, _restricting(send, host, self._tiles))
             else:
                 await _answer(_restricting(send, host), 403, _READ_ONLY, [])
         elif scope["type"] == "websocket":
@@ -104,11 +112,12 @@ def _is_same(given: str, secret: str) -> bool:
     return secrets.compare_digest(given.encode(), secret.encode())
 
 
-def _restricting(send: Send, host: str) -> Send:
-    """Have the browser ask nobody but this host, and show the page in no other."""
+def _restricting(send: Send, host: str, tiles: str = "") -> Send:
+    """Have the browser ask nobody but this host, and the one of a map for pictures; show the page in no other."""
+    pictures = " ".join(["'self' data: blob:", *([tiles] if tiles else [])])
     policy = (
         "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
-        f"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws://{host}; "
+        f"img-src {pictures}; font-src 'self' data:; connect-src 'self' ws://{host}; "
         "frame-ancestors 'none'; form-action 'none'; base-uri 'self'"
     )
     extra = [(b"content-security-policy", policy.encode()), (b"referrer-policy", b"no-referrer")]

@@ -143,11 +143,16 @@ def serve() -> None:
         if begun is None:
             return
         token, state = begun
-        address, orders_from_afar = json.loads(sys.argv[1])
+        address, orders_from_afar, tiles = json.loads(sys.argv[1])
         with socket.create_server((_ADDRESS, 0)) as listening:
             port = int(listening.getsockname()[1])
             guard = PageGuard(
-                application(state, partial(write_frame, out)), token, port, address, orders_from_afar=orders_from_afar
+                application(state, partial(write_frame, out)),
+                token,
+                port,
+                address,
+                orders_from_afar=orders_from_afar,
+                tiles=tiles,
             )
             also = [socket.create_server((address, port))] if address else []
             config = uvicorn.Config(guard, log_level="warning", access_log=False, proxy_headers=False)

@@ -10,7 +10,7 @@ import typer
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.cli.shared.page_option import PageOption
+from gcs.cli.shared.page_option import PageOption, TilesOption, refuse_tiles
 from gcs.errors import UsageError
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLeaderLoss, OnLoss, TimeKeeping
 from gcs.page.page_feed import refuse_without_nicegui
@@ -120,6 +120,7 @@ def fly(
             "--page-keep",
         ),
     ] = False,
+    tiles: TilesOption = "",
     yes_arm: Annotated[bool, shared.option("With --link: arm without confirmation.", "--yes-arm")] = False,
     unverified: shared.UnverifiedOption = False,
     json: shared.JsonOption = False,
@@ -149,6 +150,7 @@ def fly(
         refuse_without_nicegui()
         if json:
             raise UsageError("--page and --json exclude each other: nobody would read the page's address")
+    refuse_tiles(tiles, page=page)
     _check_page(page, page_address, page_control, page_keep)
     if share is not None and not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {reserve}: not a share", hint="give a share of a full battery: 30% or 0.3")
@@ -203,6 +205,7 @@ def fly(
         page_address=page_address,
         page_control=page_control,
         page_keep=page_keep,
+        tiles=tiles,
     )
 
 

@@ -138,6 +138,7 @@ def fly_and_judge(
     page_address: str = "",
     page_control: bool = False,
     page_keep: bool = False,
+    tiles: str = "",
 ) -> int:
     """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
@@ -151,7 +152,7 @@ def fly_and_judge(
         count = len(run.plan.sysids)
         question = f"This arms and flies {counted(count, 'vehicle')} at {run.link}. Type '{CONFIRMATION}' to continue:"
     with (
-        live_page(run.plan, screen.say, page_address, orders_from_afar=page_control)
+        live_page(run.plan, screen.say, page_address, orders_from_afar=page_control, tiles=tiles)
         if page
         else nullcontext() as shown,
     ):

@@ -9,18 +9,19 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gcs.errors import GcsError
 from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
-from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight
+from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight, PredictedPlaces
 from gcs.flight.recording.flight_folder import limit_text
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.flight.scene.plan_scene import scene_of_plan
+from gcs.flight.scene.predicted_band import band_of
 from gcs.flight.scene.recording_scene import happening
-from gcs.flight.scene.scene_json import event_json, picture_json, scene_json
+from gcs.flight.scene.scene_json import band_json, event_json, picture_json, scene_json
 from gcs.flight.scene.scene_model import SceneKind
 from gcs.page.page_feed import PageFeed
 from gcs.page.page_orders import PageAsk
@@ -31,6 +32,8 @@ _CONFIRM_S = 60.0  # an order that was said before that is said again
 _LEFT_S = 10.0  # without a browser, after which a page of a flight that is over ends; one that loads again is back
 _LOOK_S = 0.2
 _SHARE = 0.05  # of the time at most goes into pictures: of a large fleet there are fewer
+
+_Band = Callable[[PredictedPlaces], Any]
 
 
 class _Said(NamedTuple):
@@ -45,8 +48,10 @@ class _Said(NamedTuple):
 class LivePage:
     """Feeds a page from a flight. A page that ends is told once."""
 
-    def __init__(self, feed: PageFeed, say: Callable[[str], None]) -> None:
+    def __init__(self, feed: PageFeed, say: Callable[[str], None], band: _Band | None = None) -> None:
+        """`band` gives the page what stands for the predicted tracks of missions on board."""
         self._feed = feed
+        self._band = band
         self._say = say
         self._said: _Said | None = None  # not given yet
         self._word = ""  # that arms, while it is waited for
@@ -144,6 +149,8 @@ class LivePage:
 
     async def run(self, flight: InFlight) -> None:
         """Send pictures, and take orders, until cancelled, or until the page ends."""
+        if flight.predicted is not None and self._band is not None:
+            self._feed.put("band", self._band(flight.predicted))
         while not self._feed.has_ended:
             for asked in self._feed.asks():
                 text, may = self._answer(flight, asked)
@@ -161,12 +168,12 @@ class LivePage:
 
 @contextmanager
 def live_page(
-    plan: Plan, say: Callable[[str], None], address: str = "", *, orders_from_afar: bool = False
+    plan: Plan, say: Callable[[str], None], address: str = "", *, orders_from_afar: bool = False, tiles: str = ""
 ) -> Iterator[LivePage]:
     """Open the page of a plan's flight, say its address, and end it with the block. Raises as `PageFeed`."""
-    scene = scene_json(scene_of_plan(plan, SceneKind.FLIGHT))
-    with PageFeed(scene, address, orders_from_afar=orders_from_afar) as feed:
+    scene = scene_of_plan(plan, SceneKind.FLIGHT)
+    with PageFeed(scene_json(scene), address, orders_from_afar=orders_from_afar, tiles=tiles) as feed:
         say(f"page: {feed.url}")
         if address:
             say(f"page for other machines, {'orders too' if orders_from_afar else 'read-only'}: {feed.far_url}")
-        yield LivePage(feed, say)
+        yield LivePage(feed, say, lambda tracks: band_json(band_of(tracks, plan, scene.t_s)))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import Screen
-from gcs.cli.shared.page_option import PageOption, show_page
+from gcs.cli.shared.page_option import PageOption, TilesOption, refuse_tiles, show_page
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, as_rate, option, recordings
 from gcs.errors import UsageError
 from gcs.page.page_feed import refuse_without_nicegui
@@ -39,6 +39,7 @@ def replay(
         ),
     ] = None,
     page: PageOption = False,
+    tiles: TilesOption = "",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -57,6 +58,7 @@ def replay(
     given = [name for name, is_given in (("--picture", picture), ("--to-link", to_link), ("--page", page)) if is_given]
     if len(given) > 1:
         raise UsageError(f"{' and '.join(given)} exclude each other", hint="give each in a command of its own")
+    refuse_tiles(tiles, page=page)
     if page:
         refuse_without_nicegui()
     if picture is not None:
@@ -73,7 +75,7 @@ def replay(
     if page:
         from gcs.flight.scene.recording_scene import scene_of_recording
 
-        show_page(screen, scene_of_recording(recording, *window), _data(recording, window))
+        show_page(screen, scene_of_recording(recording, *window), _data(recording, window), tiles)
         return 0
     if picture is not None:
         from gcs.flight.plots.replay_plot import save_picture

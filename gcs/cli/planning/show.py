@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from gcs.cli.planning.pad_tables import pads_of, refuse_no_csv, say_pads, write_pads
 from gcs.cli.planning.plan_tables import route_data, route_table, say_coverage, say_rest, shown
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.cli.shared.page_option import PageOption, show_page
+from gcs.cli.shared.page_option import PageOption, TilesOption, refuse_tiles, show_page
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, option
 from gcs.errors import UsageError
 from gcs.page.page_feed import refuse_without_nicegui
@@ -33,6 +33,7 @@ def show(
     pads: Annotated[Path | None, option("Write the pads of all vehicles as CSV, for the crew.", metavar="FILE")] = None,
     coverage: Annotated[Path | None, option("Draw the coverage of a survey's area.", metavar="FILE")] = None,
     page: PageOption = False,
+    tiles: TilesOption = "",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -51,6 +52,7 @@ def show(
     screen = Screen(json=json)
     if pads is not None:
         refuse_no_csv(pads)
+    refuse_tiles(tiles, page=page)
     if page:
         refuse_without_nicegui()
     from gcs.plan.verification.navigation_margins import thin_margins
@@ -107,7 +109,7 @@ def show(
     if page and plan is not None:
         from gcs.flight.scene.plan_scene import scene_of_plan
 
-        show_page(screen, scene_of_plan(plan), data)
+        show_page(screen, scene_of_plan(plan), data, tiles)
     else:
         screen.result(data)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.shared_options import option
-from gcs.errors import GcsError
+from gcs.errors import GcsError, UsageError
 
 if TYPE_CHECKING:
     from gcs.flight.scene.scene_model import Scene
@@ -18,7 +18,27 @@ PageOption = Annotated[
 ]
 
 
-def show_page(screen: Screen, scene: Scene, data: JsonObject) -> None:
+TilesOption = Annotated[
+    str,
+    option(
+        "With --page: the address of map tiles, as https://tile.openstreetmap.org/{z}/{x}/{y}.png; the browser asks "
+        "there for a map of the ground. Left out: nobody is asked for anything.",
+        "--tiles",
+        metavar="URL",
+    ),
+]
+
+
+def refuse_tiles(tiles: str, *, page: bool) -> None:
+    """Raise UsageError for an address that is none, or without a page."""
+    from gcs.page.page_feed import origin_of_tiles
+
+    if tiles and not page:
+        raise UsageError("--tiles needs a page", hint="add --page")
+    origin_of_tiles(tiles)
+
+
+def show_page(screen: Screen, scene: Scene, data: JsonObject, tiles: str = "") -> None:
     """Open the page of a scene, print its address, and the result `data` with it; return at Ctrl-C.
 
     Raises UsageError without NiceGUI, and GcsError for a page that does not start, or ends by itself.
@@ -26,7 +46,7 @@ def show_page(screen: Screen, scene: Scene, data: JsonObject) -> None:
     from gcs.flight.scene.scene_json import scene_json
     from gcs.page.page_feed import PageFeed
 
-    with PageFeed(scene_json(scene)) as feed:
+    with PageFeed(scene_json(scene), tiles=tiles) as feed:
         screen.say(f"page: {feed.url}")
         screen.say("Ctrl-C ends the page.")
         screen.result({**data, "page": feed.url})

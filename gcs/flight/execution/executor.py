@@ -63,7 +63,7 @@ class ContingencyExecutor:
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
         self._loop = asyncio.get_running_loop()
         self._on_event = on_event
-        self._positions = PositionChecks(fleet, self.policy)
+        self.positions = PositionChecks(fleet, self.policy)
         self._watches = {
             sysid: VehicleWatch(sysid, one.behaviour, options.limits, math.inf, self._plan_modes(one))
             for sysid, one in fleet.vehicles.items()
@@ -164,7 +164,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         self._standstill.land()
-        self._positions.lands = True
+        self.positions.lands = True
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
@@ -204,7 +204,7 @@ class ContingencyExecutor:
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
-        for incident in (*self._positions.off_track(now_s), *self._positions.down(now_s, t_s)):
+        for incident in (*self.positions.off_track(now_s), *self.positions.down(now_s, t_s)):
             self._decide(incident, t_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)
@@ -213,12 +213,12 @@ class ContingencyExecutor:
             ours = self._standstill.ours(now_s)
             self.charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
             for incident in watch.look(
-                now_s, usable=self._positions.usable(sysid), ours=ours, place=self._positions.place(sysid)
+                now_s, usable=self.positions.usable(sysid), ours=ours, place=self.positions.place(sysid)
             ):
                 if incident.kind is IncidentKind.MOTORS_STOPPED:
-                    self._positions.falls(sysid, now_s)
+                    self.positions.falls(sysid, now_s)
                 self._decide(self._with_energy(incident, t_s), t_s)
-        for incident in self._positions.conflicts(now_s, t_s, gathers=self._standstill.gathers):
+        for incident in self.positions.conflicts(now_s, t_s, gathers=self._standstill.gathers):
             self._decide(incident, t_s)
         if not self._t0_known:
             self._standstill.close()

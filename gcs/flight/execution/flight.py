@@ -93,7 +93,7 @@ class FlightSequence:
         self.plan = plan
         self.loads = tuple(loads)
         self.held: Holdings | None = None
-        self._returns = returns
+        self._returns, self.predicted = returns, tracks
         self._hooks = (hooks or FlightHooks()).spared()
         self.sessions = sessions
         self.options = options
@@ -179,7 +179,7 @@ class FlightSequence:
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         """Return every vehicle as it reports itself now, for display."""
-        return self._reported.vehicles()
+        return self._reported.vehicles(None if self._contingency is None else self._contingency.positions.in_band)
 
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
         """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`; NaN if not known."""

@@ -59,6 +59,13 @@ class PositionChecks:
             return self._tracks.inside(sysid)
         return not self._monitor.views[sysid].error_m > USABLE_M
 
+    def in_band(self, sysid: int) -> bool | None:
+        """Whether a vehicle that flies its own mission is in the band of its predicted track; None for any other."""
+        t_s = self._monitor.plan_time_s
+        if self._tracks is None or t_s is None or not 0.0 <= t_s <= self._plan.flight_s:
+            return None
+        return self._tracks.inside(sysid) if sysid in self._policy.in_formation else None
+
     def off_track(self, now_s: float) -> list[Incident]:
         """Return an incident for each vehicle that left the band of its predicted track, or its setpoints."""
         t0_unix_s = self._monitor.t0_unix_s

@@ -194,23 +194,33 @@ class TrackWatch:
         if not flying:
             return []
         rows, ned_m, t_s = self._tracks.reports(flying, t0_unix_s)
-        at_s, off_m, outside_m = self._tracks.nearest(rows, ned_m, t_s)
+        at_s, off_m = self.follow(rows, ned_m, t_s)
         found = []
         for n, (sysid, now_s) in enumerate(zip([view.sysid for view in flying], t_s.tolist(), strict=True)):
-            beyond_m = float(max(outside_m[n] - self._tracks.band_m, outside_m[n] - off_m[n] - _LATE_M))
-            began_m = self._began_m.setdefault(sysid, float(outside_m[n]))
-            if beyond_m <= 0.0:
-                self._began_m[sysid] = 0.0
-            if beyond_m <= began_m:
-                self._since_s.pop(sysid, None)
-                self._reported.discard(sysid)
-                continue
-            since_s = self._since_s.setdefault(sysid, now_s)
-            if now_s - since_s >= CONFIRMED_S and sysid not in self._reported:
+            if now_s - self._since_s.get(sysid, np.inf) >= CONFIRMED_S and sysid not in self._reported:
                 self._reported.add(sysid)
                 band_s = float(self._tracks.band_s[rows[n]])
                 found.append(OffTrack(sysid, now_s - float(at_s[n]), float(off_m[n]), band_s, self._tracks.band_m))
         return found
+
+    def follow(self, rows: list[int], ned_m: Array, t_s: Array) -> tuple[Array, Array]:
+        """Take in vehicles at `ned_m` (R, 3) and plan times (R,); `inside` then tells of each.
+
+        Returns the time (R,) for which its track has the position, and the distance from there (R,).
+        """
+        at_s, off_m, outside_m = self._tracks.nearest(rows, ned_m, t_s)
+        beyond_m = np.maximum(outside_m - self._tracks.band_m, outside_m - off_m - _LATE_M)
+        for n, row in enumerate(rows):
+            sysid = self._tracks.sysids[row]
+            began_m = self._began_m.setdefault(sysid, float(outside_m[n]))
+            if beyond_m[n] <= 0.0:
+                self._began_m[sysid] = 0.0
+            if beyond_m[n] <= began_m:
+                self._since_s.pop(sysid, None)
+                self._reported.discard(sysid)
+            else:
+                self._since_s.setdefault(sysid, float(t_s[n]))
+        return at_s, off_m
 
     def inside(self, sysid: int) -> bool:
         """Whether the last look found the vehicle inside its band."""

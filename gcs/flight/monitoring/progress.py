@@ -183,6 +183,7 @@ class VehicleNow:
     ceiling_m: float = math.nan  # below `[limits] height_m`
     place_ned_m: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     velocity_ned_mps: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    in_band: bool | None = None  # of the predicted track of its own mission; None while it flies none
 
 
 GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
@@ -217,6 +218,18 @@ class OrderForecast:
     words: str
 
 
+class PredictedPlaces(Protocol):
+    """Where missions on board have their vehicles over time, and how far off that they may be."""
+
+    sysids: tuple[int, ...]
+    band_m: float  # beside the track
+    band_s: Array  # (V,) early or late
+
+    def places(self, rows: list[int], t_s: Array) -> Array:
+        """Return positions (R, T, 3) of the vehicles in these rows, each at its own plan times (R, T)."""
+        ...
+
+
 class InFlight(Protocol):
     """A flight, as far as a watcher reads it."""
 
@@ -226,6 +239,11 @@ class InFlight(Protocol):
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         """Return every vehicle as it reports itself now."""
+        ...
+
+    @property
+    def predicted(self) -> PredictedPlaces | None:
+        """What is predicted of the missions on board; None while none is flown."""
         ...
 
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:

@@ -1,7 +1,7 @@
 """Every vehicle as it reports itself at one moment, for display: state, link, and the margins to zones and ground."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -33,8 +33,8 @@ class ReportedNow:
     def _fence_corners_m(self) -> Array:
         return inclusion_corners(planned_places_m(self._plan))
 
-    def vehicles(self) -> tuple[VehicleNow, ...]:
-        """Return all vehicles, in the plan's order."""
+    def vehicles(self, in_band: Callable[[int], bool | None] | None = None) -> tuple[VehicleNow, ...]:
+        """Return all vehicles, in the plan's order. `in_band` tells it of a system id."""
         plan, errors_m = self._plan, self._monitor.errors_m
         places, t_s = self._places(plan.sysids), self._monitor.plan_time_s
         known = np.asarray(np.isfinite(places).all(axis=1))
@@ -67,6 +67,7 @@ class ReportedNow:
                     plan.scenario.limits.height_m[1] - float(places[row, 2]),
                     (float(places[row, 0]), float(places[row, 1]), -float(places[row, 2])),
                     (float(rates[0]), float(rates[1]), float(rates[2])),
+                    None if in_band is None else in_band(sysid),
                 )
             )
         return tuple(found)

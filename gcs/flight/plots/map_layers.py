@@ -1,6 +1,5 @@
 """Common layers of all maps: area, ground, zones, and the wind in the legend."""
 
-import re
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.transforms import Affine2D
 from shapely.geometry.base import BaseGeometry
 
 from gcs.flight.plots.figure_file import Labels, Look
-from gcs.flight.scene.ground_area import Area, ground_grid, moving_s, outlines
+from gcs.flight.scene.ground_area import Area, ground_grid, moving_s, outlines, route_labels
 from gcs.scenario.environment.no_fly import zones
 from gcs.scenario.schema.scenario import KeepIn, Scenario
 from gcs.types import Array
@@ -30,7 +29,6 @@ ZONE = "#c00000"
 ROUTE = "#7b2d8e"
 KEEP_IN = "#1b7837"
 WIND = "#1f77b4"
-_PASS = re.compile(r"^(before |after )?(pass \d+)")  # as `gcs new --survey` names points
 ARROW = Shape(
     [(-0.12, -1.0), (0.12, -1.0), (0.12, 0.2), (0.5, 0.2), (0.0, 1.0), (-0.5, 0.2), (-0.12, 0.2), (-0.12, -1.0)]
 )
@@ -115,21 +113,12 @@ def draw_route(axes: Axes, scenario: Scenario) -> list[Line2D]:
 
 
 def label_route(axes: Axes, labels: Labels, scenario: Scenario) -> None:
-    """Write its number, and its name if it has one, beside each route point. Later rounds fly the same points.
-
-    Each pass of a survey is named once, at the first of its points.
-    """
+    """Write beside each route point how it is called."""
     places = [(point.position_m[1], point.position_m[0]) for point in scenario.route]
     if places:
         labels.avoid_points(axes, places)
-    passes: set[str] = set()
-    for number, (place, point) in enumerate(zip(places, scenario.route, strict=True), start=1):
-        name = point.name or ""
-        if scenario.survey is not None and (of := _PASS.search(name)):
-            name = "" if of[2] in passes or of[1] else of[2]
-            passes.add(name)
-        text = f"{number} {name}".strip().replace("$", r"\$")
-        labels.place(axes, text, place, color=ROUTE, fontweight="bold")
+    for place, text in zip(places, route_labels(scenario), strict=True):
+        labels.place(axes, text.replace("$", r"\$"), place, color=ROUTE, fontweight="bold")
 
 
 def label_zones(axes: Axes, labels: Labels, scenario: Scenario, span_s: tuple[float, float]) -> None:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError, counted
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import Event, PlanTime, flown_plan_time
-from gcs.flight.recording.flight_folder import EVENTS, PLAN, read_events
+from gcs.flight.recording.flight_folder import EVENTS, PLAN, PREDICTED, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.record_table import NAME as RECORD
@@ -313,8 +314,14 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
     events = tuple(_placed(event, plan_time) for event in events if math.isfinite(event.unix_s))
     systems = {state.systems.get(sysid, sysid): sysid for sysid in plan.sysids}
     landings = reported_profiles(messages, systems)
-    notes = (*notes, *map(str, state.incomplete))
-    recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes, landings)
+    notes, predicted = (*notes, *map(str, state.incomplete)), None
+    if (folder / PREDICTED).exists():
+        try:
+            predicted = PredictedTracks.load(folder / PREDICTED)
+        except FileFormatError as problem:
+            notes = (*notes, problem.message)
+    name = f"{state.mission}, {state.step}"
+    recording = Recording(name, tracks, events, tuple(said), plan, notes, landings, predicted)
     return LoadedRecording(_not_empty(recording, folder), plan_time.t_s(unix_s), frames)
 
 

@@ -9,6 +9,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
 from gcs.flight.monitoring.expected_motion import ExpectedMotion
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import Event
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
@@ -61,6 +62,7 @@ class Recording:
     plan: Plan | None
     notes: tuple[str, ...] = ()  # what was not read, in sentences
     landings: Mapping[int, LandingProfile] = field(default_factory=dict)  # by system id
+    predicted: PredictedTracks | None = None  # of missions on board
 
     @property
     def sysids(self) -> tuple[int, ...]:

@@ -33,6 +33,7 @@ def picture_of(flight: InFlight) -> FlightPicture:
                 now.above_ground_m,
                 vehicles[int(rows[row, 0])].sysid if rows[row, 0] >= 0 else 0,
                 float(away_m[row, 0]),
+                now.in_band,
             )
             for row, now in enumerate(vehicles)
         ),

@@ -1,4 +1,6 @@
-"""The area of the ground that a flight is seen over, its heights, and the outlines of zones in it."""
+"""The area of the ground that a flight is seen over, its heights, the outlines of zones, names of route points."""
+
+import re
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from gcs.types import Array
 
 Area = tuple[Array, Array]  # the least and the greatest north and east (2,), m
 _GRID = 141
+_PASS = re.compile(r"^(before |after )?(pass \d+)")  # as `gcs new --survey` names points
 _ROOM, _LEAST_ROOM_M = 0.12, 5.0  # around tracks: share of their extent, and metres
 _OUTSIDE_M = 15.0  # of the box of Eq. 51, how far its ground is known
 _THIN = 0.4  # shorter over longer side of an area, at least
@@ -58,3 +61,18 @@ def outlines(zone: Zone, span_s: tuple[float, float]) -> list[Array]:
     area = zone.area if isinstance(zone, KeepIn) else outline(zone)
     corners = np.array(area.exterior.coords)
     return [corners + one for one in moved[: 1 + bool(np.ptp(moved, axis=0).any())]]
+
+
+def route_labels(scenario: Scenario) -> tuple[str, ...]:
+    """Return what stands beside each route point: its number, and its name if it has one. Later rounds fly the same.
+
+    Each pass of a survey is named once, at the first of its points.
+    """
+    labels, passes = [], set()
+    for number, point in enumerate(scenario.route, start=1):
+        name = point.name or ""
+        if scenario.survey is not None and (of := _PASS.search(name)):
+            name = "" if of[2] in passes or of[1] else of[2]
+            passes.add(name)
+        labels.append(f"{number} {name}".strip())
+    return tuple(labels)

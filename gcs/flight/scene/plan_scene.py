@@ -5,17 +5,30 @@ import shapely
 
 from gcs.autopilots.traits import traits_of
 from gcs.flight.scene import scene_curves
-from gcs.flight.scene.ground_area import area_of, ground_grid
-from gcs.flight.scene.scene_model import GroundGrid, Happening, Motion, Scene, SceneKind, SceneZone, TimeSpan
+from gcs.flight.scene.ground_area import area_of, ground_grid, route_labels
+from gcs.flight.scene.scene_model import (
+    GroundGrid,
+    Happening,
+    Motion,
+    NamedPlace,
+    Scene,
+    SceneKind,
+    SceneSurvey,
+    SceneZone,
+    TimeSpan,
+)
+from gcs.frames import ned_to_geodetic, unwrapped_deg
 from gcs.mission.returns.fence_areas import inclusion_area, planned_places_m
 from gcs.mission.returns.rtl_cases import rally_points_ned_m
 from gcs.physics.states import POSITION, VELOCITY, NamedStates
 from gcs.plan.formation.timeline import AUTO
+from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import Zone, outline, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import KeepIn, Scenario
 from gcs.scenario.values.navigation_error import judged_separation_m
+from gcs.scenario.values.si import NED_FROM_UP, local_origin
 from gcs.types import Array
 
 _CELLS = 121  # of the ground along each side
@@ -55,7 +68,35 @@ def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
         else (),
         rally_ned_m=rally_of(plan),
         limits=limits,
+        needed_pct=needed_pct(plan, t_s),
+        survey=survey_of(plan),
+        points=points_of(scenario),
     )
+
+
+def needed_pct(plan: Plan, t_s: Array) -> Array | None:
+    """Return what the rest of the plan takes of a full battery, (V, N) at plan times (N,); None if it is not known."""
+    model = battery_model(plan)
+    if model.full_J is None:
+        return None
+    used = np.array([np.interp(t_s, model.t_s, row) for row in model.used])
+    return np.asarray(100.0 * (model.used[:, -1:] - used))
+
+
+def survey_of(plan: Plan) -> SceneSurvey | None:
+    """Return the area of [survey]."""
+    survey = plan.scenario.survey
+    if survey is None:
+        return None
+    rings = [survey.polygon_m, *(hole.polygon_m for hole in survey.hole)]
+    closed = tuple(np.array([*ring, ring[0]], dtype=np.float64) for ring in rings)
+    return SceneSurvey(closed, survey.swath_m, survey.height_above_ground_m, plan.flight_s)
+
+
+def points_of(scenario: Scenario) -> tuple[NamedPlace, ...]:
+    """Return the points of the drawn route, each as it is called on maps."""
+    places = (np.array(point.position_m) * NED_FROM_UP for point in scenario.route)
+    return tuple(map(NamedPlace, route_labels(scenario), places))
 
 
 def rally_of(plan: Plan) -> Array | None:
@@ -105,7 +146,15 @@ def ground_of(scenario: Scenario, places_ned_m: Array) -> GroundGrid:
         height_m = ground_height_m(scenario.terrain, north, east)
     if np.ptp(height_m) <= _LEVEL_M:
         north, east, height_m = (grid[:: _CELLS - 1, :: _CELLS - 1] for grid in (north, east, height_m))
-    return GroundGrid(north[:, 0], east[0], height_m)
+    return GroundGrid(north[:, 0], east[0], height_m, _mercator(scenario, north[:, 0], east[0]))
+
+
+def _mercator(scenario: Scenario, north_m: Array, east_m: Array) -> tuple[tuple[float, float], ...]:
+    """South-west, south-east, north-west and north-east corner on the square map that tiles of the web divide."""
+    corners = [(north, east, 0.0) for north in north_m[[0, -1]] for east in east_m[[0, -1]]]
+    lat_deg, lon_deg, _ = ned_to_geodetic(np.array(corners), local_origin(scenario))
+    y = 0.5 - np.arcsinh(np.tan(np.radians(lat_deg))) / (2.0 * np.pi)
+    return tuple(zip((0.5 + unwrapped_deg(lon_deg) / 360.0).tolist(), y.tolist(), strict=True))
 
 
 def zones_of(scenario: Scenario) -> tuple[SceneZone, ...]:

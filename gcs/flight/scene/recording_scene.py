@@ -4,7 +4,7 @@ import numpy as np
 
 from gcs.autopilots.traits import mode_name
 from gcs.flight.monitoring.progress import Event
-from gcs.flight.recording.recording import Recording, VehicleTrack
+from gcs.flight.recording.recording import Recording
 from gcs.flight.scene import scene_curves
 from gcs.flight.scene.plan_scene import (
     changes_of,
@@ -12,10 +12,14 @@ from gcs.flight.scene.plan_scene import (
     ground_of,
     inside_s,
     limits_of,
+    needed_pct,
     phases_of_plan,
+    points_of,
     rally_of,
+    survey_of,
     zones_of,
 )
+from gcs.flight.scene.predicted_band import band_of, in_band
 from gcs.flight.scene.scene_model import Curve, Happening, Motion, ReportedState, Scene, SceneKind
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
@@ -45,7 +49,7 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         () if scenario is None or plan is None else (*zones_of(scenario), fence_of(plan)),
         planned,
         flown,
-        _reported(recording.tracks, t_s, error_m),
+        _reported(recording, t_s, places, error_m),
         () if plan is None else phases_of_plan(plan),
         () if plan is None else changes_of(plan),
         (*_curves(plan, ids, t_s, flown, planned, error_m, limits), *_controls(plan, ids, t_s)),
@@ -53,6 +57,10 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         limits,
         recording.notes,
         None if plan is None else rally_of(plan),
+        None if plan is None else needed_pct(plan, t_s),
+        None if plan is None or recording.predicted is None else band_of(recording.predicted, plan, t_s),
+        None if plan is None else survey_of(plan),
+        () if scenario is None else points_of(scenario),
     )
 
 
@@ -73,7 +81,8 @@ def _known(places: Array, planned: Motion | None) -> Array:
     return places if planned is None else np.concatenate([places, planned.places_ned_m])
 
 
-def _reported(tracks: tuple[VehicleTrack, ...], t_s: Array, error_m: Array) -> ReportedState:
+def _reported(recording: Recording, t_s: Array, places_ned_m: Array, error_m: Array) -> ReportedState:
+    tracks, plan, predicted = recording.tracks, recording.plan, recording.predicted
     words: dict[str, int] = {}
     shape = len(tracks), len(t_s)
     mode, armed, battery = (np.full(shape, fill, dtype=np.int64) for fill in (-1, 0, -1))
@@ -87,7 +96,10 @@ def _reported(tracks: tuple[VehicleTrack, ...], t_s: Array, error_m: Array) -> R
         mode[row, heard] = [place[int(one)] for one in track.mode[at]]
         armed[row, heard], battery[row, heard] = track.armed[at], track.battery_pct[at]
         age_s[row, heard] = t_s[heard] - track.t_s[at]
-    return ReportedState(tuple(words), mode, armed, battery, age_s, error_m)
+    band = np.full(shape, -1, dtype=np.int64)
+    if plan is not None and predicted is not None:
+        band = in_band(predicted, plan, t_s, places_ned_m)
+    return ReportedState(tuple(words), mode, armed, battery, age_s, error_m, band)
 
 
 def _curves(

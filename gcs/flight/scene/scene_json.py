@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.flight.scene.scene_model import FlightPicture, Happening, Scene
+from gcs.flight.scene.scene_model import FlightPicture, Happening, PlannedBand, Scene
 
 
 def scene_json(scene: Scene) -> bytes:
@@ -19,6 +19,11 @@ def scene_json(scene: Scene) -> bytes:
 def picture_json(picture: FlightPicture) -> bytes:
     """Return the picture as one JSON object, likewise."""
     return to_bytes(_plain(picture))
+
+
+def band_json(band: PlannedBand) -> Any:
+    """Return the band as plain values, likewise."""
+    return _plain(band)
 
 
 def event_json(event: Happening) -> bytes:

@@ -26,6 +26,7 @@ class GroundGrid:
     north_m: Array  # (G,)
     east_m: Array  # (H,)
     height_m: Array  # (G, H)
+    mercator: tuple[tuple[float, float], ...] = ()  # of its corners: x and y of the web's square map, 0 to 1
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,33 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class PlannedBand:
+    """Where missions on board may have their vehicles, by the model of the autopilot."""
+
+    places_ned_m: Array  # (V, N, 3) predicted, at the times of the scene; NaN where nothing is predicted
+    late_s: Array  # (V,) so early or late
+    off_m: float  # so far beside the track
+
+
+@dataclass(frozen=True)
+class SceneSurvey:
+    """The area of a survey, and how wide a vehicle sees."""
+
+    rings_m: tuple[Array, ...]  # (C, 2) each, north and east, closed: the edge, then the holes
+    swath_m: float
+    seen_from_m: float | None  # above the ground; from half of it half of the width is seen. None: from every height
+    until_s: float  # plan time; what is seen counts from T0 until then
+
+
+@dataclass(frozen=True)
+class NamedPlace:
+    """A point of the drawn route."""
+
+    name: str
+    place_ned_m: Array  # (3,)
+
+
+@dataclass(frozen=True)
 class ReportedState:
     """What vehicles reported of themselves over the times of a scene, from their last report."""
 
@@ -61,6 +89,7 @@ class ReportedState:
     battery_pct: Rows  # (V, N) -1: not reported
     age_s: Array  # (V, N) since the last report; NaN before the first
     error_m: Array  # (V, N) distance to the planned position at the same time
+    in_band: Rows  # (V, N) 1 in the band of its predicted track, 0 outside, -1 where none is predicted
 
 
 @dataclass(frozen=True)
@@ -117,6 +146,10 @@ class Scene:
     limits: dict[str, float] = field(default_factory=dict)  # least `above_ground_m` and `separation_m`
     notes: tuple[str, ...] = ()
     rally_ned_m: Array | None = None  # (V, R, 3) rally points of each vehicle, on the ground, its landing point first
+    needed_pct: Array | None = None  # (V, N) of a full battery, from then to the end of the plan
+    band: PlannedBand | None = None
+    survey: SceneSurvey | None = None
+    points: tuple[NamedPlace, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -136,6 +169,7 @@ class VehiclePicture:
     above_ground_m: float
     neighbour: int  # system id; 0 without one
     neighbour_m: float
+    in_band: bool | None = None
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,11 @@ export class Board {
     this.element = element;
     this.parts = {};
     element.innerHTML = `
-      <details class="checks" hidden><summary></summary><div></div></details>
       <form class="question" hidden>
         <label><span></span> <input autocomplete="off" autocapitalize="off" spellcheck="false" size="8"></label>
         <button>confirm</button> <output aria-live="assertive"></output>
       </form>
+      <details class="checks" hidden><summary></summary><div></div></details>
       <section class="report" hidden aria-label="how the flight ended"></section>`;
     this.checks = element.querySelector(".checks");
     this.question = element.querySelector(".question");

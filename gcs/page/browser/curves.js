@@ -31,7 +31,8 @@ export class Curves {
 
   // Read the curves again: of a flight under way they grow.
   update() {
-    this.lines = this.scene.curveLines().filter((curve) => !curve.on_demand || this.showsAll);
+    const isShown = (curve) => (!curve.on_demand || this.showsAll) && curve.flown.length + curve.planned.length > 0;
+    this.lines = this.scene.curveLines().filter(isShown);
     this.canvas.style.height = `${this.lines.length * PANEL + STRIP}px`;
     this.drawn = null;
   }
@@ -102,6 +103,20 @@ export class Curves {
     return { text: `${isBad ? "! " : ""}${curve.name}: ${said}`, isBad };
   }
 
+  // When a curve is worst between take-off and landing: flown if it was flown. Null where nothing is known.
+  worst(curve) {
+    let found = null;
+    for (const [t, value] of curve.flown.length ? curve.flown : curve.planned) {
+      if (!Number.isFinite(value) || (this.scene.phases.length && !this.scene.isAloft(t))) continue;
+      if (!found || (curve.at_least ? value < found.value : value > found.value)) found = { t, value };
+    }
+    return found;
+  }
+
+  get separation() {
+    return this.lines.find((curve) => curve.name === "least separation");
+  }
+
   drawStill(pen, style, height) {
     pen.font = "10px system-ui, sans-serif";
     for (const [n, curve] of this.lines.entries()) this.drawPanel(pen, style, curve, n * PANEL);
@@ -141,6 +156,18 @@ export class Curves {
       pen.lineTo(this.width - RIGHT, y(value));
       pen.stroke();
       pen.fillText(`${Number(value.toPrecision(3))}`, LEFT - 5, y(value));
+    }
+    const worst = this.worst(curve);
+    if (worst) {
+      pen.font = "12px system-ui, sans-serif";
+      pen.textBaseline = "top";
+      const text = `${curve.at_least ? "least" : "most"} ${worst.value.toFixed(2)} ${curve.unit} at ${worst.t.toFixed(1)} s`;
+      if (this.width > 700) pen.fillText(text, this.width - RIGHT, top + 4);
+      pen.font = "10px system-ui, sans-serif";
+      pen.textBaseline = "middle";
+      pen.beginPath();
+      pen.arc(this.x(worst.t), y(worst.value), 3, 0, 2 * Math.PI);
+      pen.fill();
     }
     pen.save();
     pen.beginPath();

@@ -12,7 +12,7 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50];
 const FRAME_MS = 30; // between frames
 const TABLE_MS = 200; // between redraws of the table
 const NEWS_MS = 1000; // between redraws of what a flight under way adds to: curves, tracks, log
-const KEYS = "space: play, ← →: 1 s (with shift 10 s), [ ]: slower, faster, home, end, n: now, a: all, c: chase, u: above";
+const KEYS = "space: play, ← →: 1 s (with shift 10 s), [ ]: slower, faster, home, end, n: now, a: all, c: chase, u: above, s: side, w: nearest two";
 const LOOKS = {
   light: { text: "#15191e", back: "#ffffff", faint: "#dde3ea", band: "#c3cedb" },
   dark: { text: "#eef2f6", back: "#1d2229", faint: "#39424d", band: "#4a5666" },
@@ -24,7 +24,7 @@ const PAGE = `
     <h1></h1><output class="now" aria-live="off"></output>
     <span class="views" role="group" aria-label="view">
       <button data-view="all">all</button><button data-view="chase">chase</button>
-      <button data-view="above">from above</button><select aria-label="one vehicle"><option value="">vehicle …</option></select>
+      <button data-view="above">from above</button><button data-view="side">side</button><select aria-label="one vehicle"><option value="">vehicle …</option></select>
     </span>
     <button class="dark" title="light or dark">◐</button>
   </header>
@@ -39,6 +39,7 @@ const PAGE = `
       <select class="rate" aria-label="speed"></select>
       <input class="time" type="range" step="any" aria-label="time">
       <button class="live" hidden>now</button>
+      <button class="nearest" title="go to when two vehicles were nearest between take-off and landing (w)">nearest two</button>
       <label class="more" hidden><input type="checkbox"> U1–U4</label>
     </div>
     <div class="curves"><canvas></canvas></div>
@@ -75,18 +76,17 @@ class Page {
     this.scene = new SceneData(whole);
     const { scene } = this;
     this.element.innerHTML = PAGE;
-    this.find("h1").textContent = scene.name;
+    this.find("h1").textContent = this.find("h1").title = scene.name;
     this.find(".notes").textContent = scene.notes.join(" ");
     this.t = scene.isLive ? this.newest() : scene.begin;
     this.isNow = scene.isLive;
     this.find(".live").hidden = !scene.isLive;
     this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
     this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
-    this.table = new VehicleTable(this.find(".fleet"), scene, (sysid) => this.look(`${sysid}`));
+    this.makeTable();
     if (scene.isLive) {
       this.find(".command").hidden = false;
       this.orders = new Orders(this.find(".command"), () => this.table.ticked());
-      this.table.onTick = () => this.orders.name();
     }
     this.board = new Board(this.find(".board"));
     this.showBoard(whole.board);
@@ -98,6 +98,13 @@ class Page {
     this.frame = requestAnimationFrame((ms) => this.draw(ms));
     this.onDrawn(scene.events.length);
     new ResizeObserver(() => (this.isStale = true)).observe(this.element);
+  }
+
+  makeTable() {
+    this.find(".fleet").replaceChildren();
+    this.table = new VehicleTable(this.find(".fleet"), this.scene, (sysid) => this.look(`${sysid}`));
+    this.table.onTick = () => this.orders.name();
+    this.isStale = true;
   }
 
   listen() {
@@ -118,6 +125,8 @@ class Page {
       this.curves.showAll(target.checked);
       this.isStale = true;
     };
+    this.find(".nearest").hidden = this.scene.sysids.length < 2;
+    this.find(".nearest").onclick = () => this.nearest();
     this.find(".dark").onclick = () => this.setDark(!this.isDark);
     const time = this.find(".time");
     [time.min, time.max] = [this.scene.begin, this.scene.end];
@@ -144,6 +153,8 @@ class Page {
       a: () => this.look("all"),
       c: () => this.look("chase"),
       u: () => this.look("above"),
+      s: () => this.look("side"),
+      w: () => this.nearest(),
     };
     const act = acts[event.key];
     if (!act) return;
@@ -185,6 +196,17 @@ class Page {
     this.t = Math.min(Math.max(t, this.scene.begin), this.scene.end);
   }
 
+  // Go to when two vehicles were nearest, and look at one of them: the other stands beside it.
+  nearest() {
+    const { separation } = this.curves;
+    const worst = separation && this.curves.worst(separation);
+    if (!worst) return;
+    this.play(false);
+    this.seek(worst.t);
+    const [sysid] = separation.behind(worst.t);
+    if (sysid > 0) this.look(`${sysid}`);
+  }
+
   newest() {
     const t = this.scene.newest?.t_s;
     return Number.isFinite(t) ? t : this.scene.begin;
@@ -211,6 +233,11 @@ class Page {
   // A flight that is over takes no orders.
   showBoard(changes) {
     this.board.show(changes);
+    if (changes.tiles) this.world.layMap(changes.tiles);
+    if (changes.band) {
+      this.scene.take("band", changes.band);
+      this.makeTable();
+    }
     if (this.board.isOver) this.find(".command").hidden = true;
   }
 

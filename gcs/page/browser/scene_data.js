@@ -51,6 +51,11 @@ export class SceneData {
     this.pictures.push(picture);
   }
 
+  // What a flight under way learns of its missions on board.
+  take(name, value) {
+    this[name] = unpacked(value);
+  }
+
   // The last instant at or before a time, and how far the time is on the way to the next.
   at(t) {
     const times = this.times;
@@ -107,6 +112,7 @@ export class SceneData {
         above: this.value(motion.above_ground_m, row, at),
         neighbour: neighbour < 0 ? 0 : this.sysids[neighbour],
         apart: this.value(motion.neighbour_m, row, at),
+        needed: this.needed_pct ? this.value(this.needed_pct, row, at) : NaN,
       };
       if (!told) return found;
       const mode = this.value(told.mode, row, at);
@@ -117,6 +123,7 @@ export class SceneData {
         battery: mode < 0 ? NaN : this.value(told.battery_pct, row, at),
         age: this.value(told.age_s, row, at),
         error: this.value(told.error_m, row, at),
+        inBand: [null, false, true][this.value(told.in_band, row, at) + 1],
       };
     });
   }
@@ -140,6 +147,8 @@ export class SceneData {
       age: one.link_age_s ?? Infinity,
       loss: finite(one.loss),
       error: finite(one.error_m),
+      needed: isPlanned && this.needed_pct ? this.value(this.needed_pct, this.row.get(one.sysid), at) : NaN,
+      inBand: (one.link_age_s ?? Infinity) > 2 ? null : one.in_band, // of a silent vehicle nobody knows
     }));
   }
 

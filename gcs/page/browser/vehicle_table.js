@@ -10,14 +10,26 @@ function columns(scene) {
   const told = [
     { name: "mode", of: (one) => one.mode ?? "", text: (one) => one.mode || "–" },
     { name: "armed", of: (one) => Number(one.armed ?? 0), text: (one) => (one.armed ? "yes" : "no") },
-    { name: "battery %", of: (one) => (one.battery >= 0 ? one.battery : NaN), decimals: 0 },
+    {
+      name: scene.needed_pct ? "battery % (needs)" : "battery %",
+      of: (one) => (one.battery >= 0 ? one.battery : NaN),
+      text: (one) => number(one.battery >= 0 ? one.battery : NaN, 0) + (one.needed > 0 ? ` (${number(one.needed, 0)})` : ""),
+      isBad: (one) => one.battery >= 0 && one.battery < NEAR * one.needed,
+    },
     { name: "heard s ago", of: (one) => one.age, decimals: 1, isBad: (one) => one.age > LINK_S },
     { name: "lost %", of: (one) => 100 * one.loss, decimals: 1, isLive: true },
     { name: "error m", of: (one) => one.error, decimals: 2 },
+    {
+      name: "band",
+      of: (one) => Number(one.inBand ?? -1),
+      text: (one) => ({ true: "in", false: "out" })[one.inBand] ?? "–",
+      isBad: (one) => one.inBand === false,
+      isBand: true,
+    },
   ];
   return [
     { name: "vehicle", of: (one) => one.sysid, text: (one) => `${one.sysid}${one.sysid === scene.leader ? "★" : ""}` },
-    ...(scene.told || scene.isLive ? told.filter((column) => !column.isLive || scene.isLive) : []),
+    ...(scene.told || scene.isLive ? told.filter((column) => (!column.isLive || scene.isLive) && (!column.isBand || scene.band)) : []),
     { name: "height m", of: (one) => (one.place ? -one.place[2] : NaN), decimals: 1 },
     {
       name: "above ground m",

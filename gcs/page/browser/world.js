@@ -1,7 +1,10 @@
 // The scene in space: east is x, north is y, up is z, all less the middle of the scene, so that numbers stay small.
 import { OrbitControls, THREE } from "nicegui-scene";
 
+import { Band } from "./band.js";
 import { colourOf } from "./colours.js";
+import { layMap } from "./map_tiles.js";
+import { Survey } from "./survey.js";
 
 const MARKER_PX = 11; // half the length of a marker
 const LABELS = 60; // vehicles with a number beside them, at most
@@ -26,7 +29,13 @@ export class World {
     this.labels.className = "labels";
     this.scale = document.createElement("div");
     this.scale.className = "scale";
-    element.append(this.renderer.domElement, this.labels, this.scale);
+    this.remarks = ["seen", "owner"].map((name) => {
+      const remark = document.createElement("div");
+      remark.className = `remark ${name}`;
+      return remark;
+    });
+    element.append(this.renderer.domElement, this.labels, this.scale, ...this.remarks);
+    this.onChange = onChange;
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener("start", () => (this.isMoved = true));
@@ -39,6 +48,8 @@ export class World {
     this.drawZones();
     this.drawPlanned();
     this.drawRally();
+    this.drawPoints();
+    this.survey = scene.survey ? new Survey(this, this.remarks[0]) : null;
     this.tracks = scene.sysids.map((sysid) => this.line(colourOf(scene, sysid), 1));
     this.errors = this.line("#d55e00", 0.9);
     this.drops = this.line("#808080", 0.5);
@@ -131,8 +142,32 @@ export class World {
     const look = new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide });
     look.polygonOffset = true;
     look.polygonOffsetFactor = look.polygonOffsetUnits = 1;
-    this.space.add(new THREE.Mesh(shape, look));
+    this.ground = new THREE.Mesh(shape, look);
+    this.space.add(this.ground);
     this.drawGrid(places, rows, columns);
+  }
+
+  // Height of the ground at a place, between the instants of its grid.
+  heightAt(north, east) {
+    const { ground } = this.scene;
+    if (!ground) return 0;
+    const along = (values, value) => {
+      const step = (values[values.length - 1] - values[0]) / (values.length - 1);
+      const at = Math.min(Math.max((value - values[0]) / step, 0), values.length - 1);
+      const low = Math.min(Math.floor(at), values.length - 2);
+      return [low, at - low];
+    };
+    const [i, up] = along(ground.north_m.data, north);
+    const [j, right] = along(ground.east_m.data, east);
+    const columns = ground.east_m.data.length;
+    const height = (a, b) => ground.height_m.data[(i + a) * columns + j + b];
+    return (1 - up) * ((1 - right) * height(0, 0) + right * height(0, 1)) + up * ((1 - right) * height(1, 0) + right * height(1, 1));
+  }
+
+  // A map under it all, from the tiles that this address has.
+  layMap(template) {
+    const { ground } = this.scene;
+    if (ground?.mercator.length) layMap(this.ground, ground, template, this.remarks[1], this.onChange);
   }
 
   // Lines over the ground, to see slopes and distances by.
@@ -221,6 +256,17 @@ export class World {
     }
   }
 
+  // The points of the drawn route, by name.
+  drawPoints() {
+    this.points = this.scene.points.map(({ name, place_ned_m: place }) => {
+      const label = document.createElement("span");
+      label.className = "point";
+      label.textContent = name;
+      this.labels.append(label);
+      return { label, place: this.at(place.data), sure: name.split(" ").length > 1 };
+    });
+  }
+
   line(colour, opacity) {
     const look = new THREE.LineBasicMaterial({ color: colour, transparent: opacity < 1, opacity });
     const line = new THREE.LineSegments(new THREE.BufferGeometry(), look);
@@ -243,6 +289,7 @@ export class World {
       line.geometry.dispose();
       line.geometry = new THREE.BufferGeometry().setFromPoints(places);
     }
+    this.survey?.update();
   }
 
   drawMarkers() {
@@ -282,7 +329,7 @@ export class World {
     if (!this.isMoved) this.setView(this.view);
   }
 
-  // "all", "above", "chase", or the number of a vehicle.
+  // "all", "above", "chase", "side", or the number of a vehicle.
   setView(view) {
     this.view = view;
     this.isMoved = false;
@@ -325,6 +372,11 @@ export class World {
       line.geometry.setDrawRange(0, n ? ends[n - 1][1] : 0);
       line.userData.last = n ? ends[n - 1][2] : null;
     }
+    if (this.scene.band) {
+      this.band ??= new Band(this.space, this.scene);
+      this.band.show(t, vehicles, (place) => this.at(place));
+    }
+    this.survey?.show(t);
     const matrix = new THREE.Matrix4();
     const none = new THREE.Matrix4().makeScale(0, 0, 0);
     const north = new THREE.Quaternion();
@@ -381,6 +433,7 @@ export class World {
   label(vehicles) {
     const limit = this.scene.limits.separation_m;
     const shown = [];
+    this.labelPoints();
     for (const [row, name] of this.names.entries()) {
       const one = vehicles[row];
       const seen = this.markers.get(one.sysid)?.clone().project(this.camera);
@@ -406,8 +459,50 @@ export class World {
     }
   }
 
+  // Write the names of route points where they are; a bare number gives way to what stands there already.
+  labelPoints() {
+    const taken = [];
+    for (const { label, place } of [...this.points].sort((a, b) => b.sure - a.sure)) {
+      const seen = place.clone().project(this.camera);
+      const at = [((seen.x + 1) * this.width) / 2 + 4, ((1 - seen.y) * this.height) / 2 + 2];
+      const isFree = taken.every(([x, y, wide]) => Math.abs(at[1] - y) > LABEL_PX || at[0] > x + wide || at[0] + 8 * label.textContent.length < x);
+      const isShown = Math.abs(seen.x) < 1 && Math.abs(seen.y) < 1 && Math.abs(seen.z) < 1 && isFree;
+      label.style.display = isShown ? "" : "none";
+      if (!isShown) continue;
+      taken.push([...at, 8 * label.textContent.length]);
+      label.style.transform = `translate(${at[0]}px, ${at[1]}px)`;
+    }
+  }
+
+  // Look at the whole formation from where it is widest, level with it, and move with its middle.
+  followSide(vehicles) {
+    const places = vehicles.filter((one) => one.place).map((one) => this.at(one.place));
+    if (!places.length) return;
+    const middle = places.reduce((sum, one) => sum.add(one), new THREE.Vector3()).divideScalar(places.length);
+    if (this.followed) {
+      this.camera.position.add(middle.clone().sub(this.followed));
+    } else {
+      let [xx, xy, yy] = [0, 0, 0];
+      for (const place of places) {
+        const [x, y] = [place.x - middle.x, place.y - middle.y];
+        [xx, xy, yy] = [xx + x * x, xy + x * y, yy + y * y];
+      }
+      const widest = 0.5 * Math.atan2(2 * xy, xx - yy);
+      const far = Math.max(...places.map((place) => place.distanceTo(middle)), 2);
+      const from = new THREE.Vector3(Math.sin(widest), -Math.cos(widest), 0.06).normalize();
+      const room = Math.min(1, this.width / this.height);
+      this.camera.position.copy(middle).addScaledVector(from, (1.25 * far) / Math.tan((FIELD_DEG * Math.PI) / 360) / room);
+    }
+    this.controls.target.copy(middle);
+    this.followed = middle;
+  }
+
   // Move the camera with the leader, and as far away as the formation is wide; or with one vehicle.
   follow(vehicles) {
+    if (this.view === "side") {
+      this.followSide(vehicles);
+      return;
+    }
     const sysid = this.view === "chase" ? this.scene.leader || this.scene.sysids[0] : Number(this.view);
     const one = vehicles.find((vehicle) => vehicle.sysid === sysid);
     if (!one?.place) return;

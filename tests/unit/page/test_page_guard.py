@@ -202,3 +202,18 @@ def test_from_another_machine_the_page_is_read_only_unless_orders_are_allowed(
 def test_without_an_address_for_other_machines_none_is_served(guard: PageGuard, cookie: str) -> None:
     headers = [("host", FAR_HOST), ("cookie", cookie), ("origin", f"http://{FAR_HOST}")]
     assert verdict(asked(guard, http(headers))) == verdict(asked(guard, socket(headers))) == REFUSED
+
+
+def test_the_browser_may_fetch_pictures_from_the_server_of_a_map_alone_and_only_where_there_is_one(
+    guard: PageGuard, cookie: str
+) -> None:
+    def allowed(which: PageGuard) -> dict[str, list[str]]:
+        entry = asked(which, http([("host", HOST)], f"token={TOKEN}"))
+        own = dict(entry[0]["headers"])[b"set-cookie"].decode().split(";")[0]
+        sent = asked(which, http([("host", HOST), ("cookie", own)]))
+        policy = dict(sent[0]["headers"])[b"content-security-policy"].decode()
+        return {rule.split()[0]: rule.split()[1:] for rule in policy.split(";")}
+
+    without, beside = allowed(guard), allowed(PageGuard(_page, TOKEN, PORT, tiles="https://tile.example.org"))
+    assert without["img-src"] == ["'self'", "data:", "blob:"]
+    assert beside == {**without, "img-src": [*without["img-src"], "https://tile.example.org"]}

@@ -189,9 +189,15 @@ def test_checks_the_word_that_arms_and_the_report_stand_beside_the_scene(
         assert "NO-GO" in shown.until(f"{shown_board}.querySelector('summary').innerText")
         assert shown.value(f"{shown_board}.querySelectorAll('td.bad').length") == 1
         assert shown.value(f"{shown_board}.querySelector('.question').hidden"), "nothing is to be confirmed"
-        feed.put("checks", {"title": "GO", "rows": [{**one, "ok": True} for one in rows]})
+        more = [{**one, "ok": True, "name": f"{one['name']} {n}"} for n in range(20) for one in rows]
+        feed.put("checks", {"title": "GO", "rows": more})
         feed.put("question", "Type 'arm' to continue:")
         shown.until(f"!{shown_board}.querySelector('.question').hidden")
+        bottoms = (
+            f"[{shown_board}.querySelector('input'), {shown_board}].map((one) => one.getBoundingClientRect().bottom)"
+        )
+        word, board = shown.value(bottoms)
+        assert word <= board, "a long table does not hide where the word is typed"
         shown.value(f"{shown_board}.querySelector('input').focus()")
         for key in "arm":
             shown.press(key)

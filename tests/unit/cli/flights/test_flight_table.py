@@ -18,6 +18,7 @@ from rich.console import Console
 from gcs.cli.flights.flight_table import AS_REPORTED, FlightTable, metres, worst_of_each_column
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import FlightPart, InFlight, NearestPair, Snapshot, Step, VehicleNow
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -41,6 +42,8 @@ class Still:
 
     def snapshot(self) -> Snapshot:
         return self.now
+
+    predicted: PredictedTracks | None = None
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         return self.vehicles

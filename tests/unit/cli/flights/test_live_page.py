@@ -20,6 +20,7 @@ from gcs.cli.shared.plan_argument import Stopwatch
 from gcs.errors import FlightError, UsageError
 from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.flight.assessment.judge import Verdict
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import (
     AskedOrder,
     Event,
@@ -51,6 +52,8 @@ class Flight:
 
     def snapshot(self) -> Snapshot:
         return self.now
+
+    predicted: PredictedTracks | None = None
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         return self.fleet

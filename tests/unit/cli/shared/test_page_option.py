@@ -81,3 +81,22 @@ def test_a_page_is_shown_to_other_machines_only_at_an_address_of_theirs(
 ) -> None:
     assert run(["fly", str(PLAN), "--sim", *options]) == 2
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--tiles", "https://a.example/{z}/{x}/{y}.png"], "--tiles needs a page"),
+        (["--page", "--tiles", "https://a.example/{z}/{x}.png"], "not an address of map tiles"),
+        (["--page", "--tiles", "a.example/{z}/{x}/{y}.png"], "not an address of map tiles"),
+        (["--page", "--tiles", "file:///{z}/{x}/{y}.png"], "not an address of map tiles"),
+        (["--page", "--tiles", "https://a.example; script-src https://b.example/{z}/{x}/{y}"], "not an address of map"),
+        (["--page", "--tiles", "https://me:word@a.example/{z}/{x}/{y}.png"], "not an address of map tiles"),
+    ],
+)
+@pytest.mark.parametrize("command", [["show", str(PLAN)], ["replay", "flights/any"], ["fly", "field", "--sim"]])
+def test_a_map_comes_from_an_address_of_tiles(
+    command: list[str], options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*command, *options]) == 2
+    assert words in capsys.readouterr().err
