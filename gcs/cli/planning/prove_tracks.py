@@ -124,10 +124,11 @@ def prove(
     abort: Annotated[
         str | None,
         option(
-            "Prove too that all vehicles may break off at any instant, together: brake straight on and hold, or land.",
+            "Prove too that all vehicles may break off at any instant, together: brake straight on and hold, or land; "
+            "or return, of a plan, as the ground station returns its vehicles.",
             metavar="WAY",
             shown="not checked",
-            words=("hold", "land"),
+            words=("hold", "land", "return"),
         ),
     ] = None,
     brake: Annotated[
@@ -181,7 +182,7 @@ def prove(
             raise UsageError("a fence is a place on Earth", hint="give the scenario, whose origin is place 0")
         place = within_fence(place, fence)
     how = next((BreakOff(way, brake, sink) for way in MANOEUVRES if way == abort), None)
-    report = proved(read.tracks, limits, place, vehicle, how)
+    report = proved(read.tracks, limits, place, vehicle, how, plan)
     for line in read.account:
         screen.say(line)
     table = Table("criterion", "value", "limit", "verdict", "nearest at")

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.mission.proving.track import PolynomialTrack
-from gcs.physics.states import POSITION
+from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import shifted_coefficients
 from gcs.types import Array
@@ -14,10 +14,19 @@ from gcs.types import Array
 
 def plan_tracks(plan: Plan) -> tuple[PolynomialTrack, ...]:
     """One track for each vehicle, named by its system id, from take-off to landing in the plan's time and frame."""
-    state, functions = plan.leader_trajectory.state, plan.shape.functions
+    return _tracks(plan, POSITION, plan.shape.functions)
+
+
+def plan_velocities(plan: Plan) -> tuple[PolynomialTrack, ...]:
+    """The velocities with which vehicles leave the plan, as tracks: the leader's are polynomials of their own."""
+    return _tracks(plan, VELOCITY, plan.shape.functions.derivative())
+
+
+def _tracks(plan: Plan, part: slice, functions: PPoly) -> tuple[PolynomialTrack, ...]:
+    state = plan.leader_trajectory.state
     joints_s = np.union1d(state.x, functions.x)
     joints_s = joints_s[(joints_s >= plan.t_start_s) & (joints_s <= plan.t_end_s)]
-    leader = _powers(PPoly(np.ascontiguousarray(state.c[:, :, POSITION]), state.x), joints_s)
+    leader = _powers(PPoly(np.ascontiguousarray(state.c[:, :, part]), state.x), joints_s)
     factors = _powers(functions, joints_s)
     degree = max(len(leader), len(factors))
     found = []
