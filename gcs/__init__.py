@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gcs.mission.model import SetpointStream as SetpointStream
     from gcs.mission.model import VehicleMission as VehicleMission
     from gcs.mission.proving.break_off import BreakOff as BreakOff
+    from gcs.mission.proving.plan_tracks import plan_tracks as plan_tracks
     from gcs.mission.proving.prove import TrackLimits as TrackLimits
     from gcs.mission.proving.prove import prove as prove
     from gcs.mission.proving.track import PolynomialTrack as PolynomialTrack
@@ -112,6 +113,7 @@ _HOME = {
     "load_scenario": "gcs.scenario.sources.load",
     "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",
+    "plan_tracks": "gcs.mission.proving.plan_tracks",
     "prove": "gcs.mission.proving.prove",
     "read_tracks": "gcs.mission.proving.track_formats",
     "save_plan": "gcs.plan.plan_file",

@@ -27,6 +27,7 @@ CHAPTERS = {
     ),
     "Verify": ("verify", "Report", "Check", "wind_envelope", "WindEnvelope", "WindBorder"),
     "Prove trajectories": (
+        "plan_tracks",
         "prove",
         "TrackLimits",
         "TrackReport",

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gcs.cli.shared.console import Screen
-from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, missions, option
-from gcs.errors import counted
+from gcs.cli.shared.shared_options import PLAN, DebugOption, JsonOption, argument, missions, option
+from gcs.errors import UsageError, counted
 
 if TYPE_CHECKING:
+    from gcs.mission.proving.track_formats import ReadTracks
     from gcs.mission.proving.track_report import TrackCheck, UnsafeSpan
+    from gcs.plan.trajectory.plan import Plan
+    from gcs.scenario.schema.scenario import Scenario
     from gcs.types import JsonObject
 
 _LENGTH = (1e-3, 1e6, "m")
@@ -24,7 +28,7 @@ def prove(
         list[Path],
         argument(
             "Trajectories: CSV of timed samples, CSV of polynomial pieces (uav_trajectories, Crazyswarm), .setpoints, "
-            "shows (.skyc), missions (.plan, .waypoints).",
+            "shows (.skyc), missions (.plan, .waypoints); or one plan (.skein) or scenario of Skein's own.",
             "FILE...",
         ),
     ],
@@ -92,6 +96,14 @@ def prove(
             limits=_LENGTH,
         ),
     ] = None,
+    fence: Annotated[
+        Path | None,
+        option(
+            "Fence whose areas to keep, at all heights: a .fence, a .plan, or MAVProxy's list of points.",
+            metavar="FILE",
+            shown="none",
+        ),
+    ] = None,
     frame: Annotated[
         str | None,
         option(
@@ -112,10 +124,11 @@ def prove(
     abort: Annotated[
         str | None,
         option(
-            "Prove too that all vehicles may break off at any instant, together: brake straight on and hold, or land.",
+            "Prove too that all vehicles may break off at any instant, together: brake straight on and hold, or land; "
+            "or return, of a plan, as the ground station returns its vehicles.",
             metavar="WAY",
             shown="not checked",
-            words=("hold", "land"),
+            words=("hold", "land", "return"),
         ),
     ] = None,
     brake: Annotated[
@@ -139,15 +152,17 @@ def prove(
     Examples: gcs prove cf1.csv cf2.csv --separation 0.3 --vertical-scale 2
 
     gcs prove out/*.setpoints --scenario simulation1
+
+    gcs prove simulation1 --abort land
     """
     screen = Screen(json=json)
     from rich.markup import escape
     from rich.table import Table
 
     from gcs.mission.proving.break_off import MANOEUVRES, BreakOff
+    from gcs.mission.proving.fence_zones import within_fence
     from gcs.mission.proving.prove import TrackLimits
     from gcs.mission.proving.prove import prove as proved
-    from gcs.mission.proving.track_formats import read_tracks
     from gcs.plan.plan_file import is_plan_file, read_plan
     from gcs.scenario.sources.load import load_scenario
 
@@ -159,9 +174,15 @@ def prove(
     place = None
     if scenario is not None:
         place = read_plan(scenario)[0].scenario if is_plan_file(scenario) else load_scenario(scenario)
-    read = read_tracks(files, frame=frame, scenario=place, start_s=start)
+    read, plan = _read(files, screen, frame, place, start)
+    if place is None and plan is not None:
+        place = plan.scenario
+    if fence is not None:
+        if place is None:
+            raise UsageError("a fence is a place on Earth", hint="give the scenario, whose origin is place 0")
+        place = within_fence(place, fence)
     how = next((BreakOff(way, brake, sink) for way in MANOEUVRES if way == abort), None)
-    report = proved(read.tracks, limits, place, vehicle, how)
+    report = proved(read.tracks, limits, place, vehicle, how, plan)
     for line in read.account:
         screen.say(line)
     table = Table("criterion", "value", "limit", "verdict", "nearest at")
@@ -198,6 +219,31 @@ def prove(
         save_proof(read.tracks, report, place, picture)
         screen.say(f"picture: {picture}")
     return screen.ended(report.refusal())
+
+
+def _read(
+    files: list[Path], screen: Screen, frame: str | None, place: Scenario | None, start_s: float
+) -> tuple[ReadTracks, Plan | None]:
+    """The tracks of files, or those of one plan or scenario and the plan."""
+    from gcs.mission.proving.plan_tracks import plan_tracks
+    from gcs.mission.proving.track_formats import ReadTracks, read_tracks
+    from gcs.scenario.sources.bundled_missions import bundled_mission
+
+    own = [
+        path
+        for path in files
+        if path.suffix in (PLAN, ".toml") or path.is_dir() or (bundled_mission(path) and not path.exists())
+    ]
+    if not own:
+        return read_tracks(files, frame=frame, scenario=place, start_s=start_s), None
+    if len(files) > 1 or frame is not None or start_s:
+        text = f"{own[0]} is a whole fleet in the frame and the time of its own scenario"
+        raise UsageError(text, hint="give it alone, without --frame and --start")
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+
+    plan, _ = plan_for(own[0], screen, Stopwatch(time.perf_counter()), unverified=True, from_the_air=True)
+    tracks = plan_tracks(plan)
+    return ReadTracks(tracks, (f"{own[0]}: plan of {counted(len(tracks), 'vehicle')}",)), plan
 
 
 def _data(found: TrackCheck | UnsafeSpan) -> JsonObject:

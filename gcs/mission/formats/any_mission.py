@@ -19,6 +19,7 @@ from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.formats.table_rows import HEADER
 from gcs.mission.formats.vendor_quirks import Quirk, first_line
+from gcs.mission.geofence import NO_FENCE, Geofence
 from gcs.util.bounded_file import MISSION_FILE, SHEETS, as_utf8, read_file
 
 _BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
@@ -68,6 +69,20 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
     rows = [row for row in FORMATS if row.content is Content.MISSION and start.startswith(row.begins)]
     mission: MissionFile = max(rows, key=lambda row: len(row.begins)).read(data, source, firmware)
     return mission
+
+
+def load_fence(path: Path) -> Geofence:
+    """The fence in a file of fences, or in a mission. Raises `FileFormatError` for one without a fence."""
+    data = _utf8(read_file(path, MISSION_FILE, hint="check the path and its rights"), str(path))
+    extra = _extra(data, str(path))
+    fence: Geofence = NO_FENCE
+    if extra is None:
+        fence = read_mission(data, str(path)).geofence
+    elif "geofence" in extra[0]:
+        fence = extra[0]["geofence"]
+    if not (fence.polygons or fence.circles):
+        raise FileFormatError(f"{path}: holds no fence.", hint="give a .fence, a .plan, or MAVProxy's list of points")
+    return fence
 
 
 def _utf8(data: bytes, source: str) -> bytes:

@@ -1,4 +1,5 @@
 """Trajectories of any planner: read from files, and proved at every instant as plans are.
 
-It may import mission.formats, mission.formats.tables, mission.predicted, scenario, plan and mission.
+It may import mission.formats, mission.formats.tables, mission.predicted, mission.returns, scenario, plan and
+mission.
 """

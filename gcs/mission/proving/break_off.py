@@ -20,8 +20,8 @@ from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.verdict import LENGTH_TOLERANCE_M
 from gcs.types import Array
 
-Manoeuvre = Literal["hold", "land"]
-MANOEUVRES: tuple[Manoeuvre, ...] = ("hold", "land")
+Manoeuvre = Literal["hold", "land", "return"]
+MANOEUVRES: tuple[Manoeuvre, ...] = ("hold", "land", "return")
 BROKEN_OFF = Constraint(LENGTH_TOLERANCE_M, 0.01)  # a margin to a centimetre: there are two times to divide
 _TINY_MPS = 1e-12
 
@@ -31,7 +31,9 @@ class BreakOff:
     """What all vehicles do when a flight is broken off, all at the same instant.
 
     They brake straight on to rest with `brake_mps2`. Then they hold, or land: descend on the spot at any speeds up to
-    `sink_mps`. Raises `UsageError` for a number that is not above 0.
+    `sink_mps`; or return as the ground station returns the vehicles of a plan, which says how.
+
+    Raises `UsageError` for a number that is not above 0.
     """
 
     manoeuvre: Manoeuvre

@@ -47,6 +47,9 @@ class BreakOffPlaces(TrackPlaces):
         """Every piece of every vehicle, until it rests and no zone moves any more."""
         row, start_s, end_s = self.motion.row, self.motion.starts_s, self.motion.ends_s
         cells = Cells(row[:, None], start_s, end_s, np.zeros(len(row), dtype=np.intp), np.zeros((len(row), 2)))
+        if self.how.manoeuvre == "return":
+            cells.patch[:, _TO] = self._braking(cells).rest_s[1]
+            return cells
         moved_s = max((zone.moves[-1][0] for _, zone in self.zones if zone.moves), default=-np.inf)
         cells.patch[:, _TO] = np.maximum(self._braking(cells).rest_s[1], moved_s - start_s)
         return cells

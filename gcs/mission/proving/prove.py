@@ -11,6 +11,7 @@ import numpy as np
 from gcs.errors import UsageError
 from gcs.mission.proving.break_off import BreakOff
 from gcs.mission.proving.break_off_places import WAY_HALVES, BreakOffPlaces, ground_below_brakes
+from gcs.mission.proving.break_off_returns import returned
 from gcs.mission.proving.break_off_separation import BreakOffSeparation
 from gcs.mission.proving.break_off_spans import Moved, proved_or_spans
 from gcs.mission.proving.track import FleetMotion, PolynomialTrack
@@ -25,6 +26,7 @@ from gcs.mission.proving.track_criteria import (
 from gcs.mission.proving.track_report import TrackCheck, TrackReport, UnsafeSpan, settled_checks
 from gcs.physics.quadrotor import Quadrotor
 from gcs.physics.wind import STILL
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
 from gcs.plan.verification.proof.subdivision import Cells, Family, Rows
 from gcs.plan.verification.proof.taylor import Taylor
@@ -84,20 +86,31 @@ def prove(
     scenario: Scenario | None = None,
     vehicle: str | Path | None = None,
     abort: BreakOff | None = None,
+    plan: Plan | None = None,
 ) -> TrackReport:
     """Prove tracks of any planner on intervals of time: separation, motion, effort, heights, ground, zones, continuity.
 
     Time 0 and place (0, 0, 0) are those of the scenario. With a `vehicle`, a preset's name or a vehicle file, thrust
-    and tilt are proved in the scenario's wind. With `abort`, it is proved too that all may break off at
-    any instant: the same distances, heights, ground and zones, until the last vehicle rests.
+    and tilt are proved in the scenario's wind. With `abort`, it is proved too that all may break off at any instant:
+    the same distances, heights, ground and zones, until the last vehicle rests. To prove returns, the tracks are those
+    of a `plan`, and the scenario is its own.
 
     Raises `UsageError` for tracks or limits that leave nothing to prove.
     """
     limits = limits or TrackLimits()
     flown = None if vehicle is None else vehicle_type(vehicle)
     _refuse(tracks, limits, scenario, flown, abort)
+    if abort is not None and abort.manoeuvre == "return":
+        if plan is None:
+            text = "the ground station returns the vehicles of a plan alone"
+            raise UsageError(text, hint="give a plan or a scenario of Skein; or hold, or land")
+        if scenario is None or (scenario.no_fly, scenario.keep_in) != (plan.scenario.no_fly, plan.scenario.keep_in):
+            text = "returns lead round the zones of the plan's own scenario"
+            raise UsageError(
+                text, hint="give no other scenario and no fence; `no_fly` and `keep_in` may have its areas"
+            )
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
-        return _Proofs(tuple(tracks), limits, scenario, flown, abort).report()
+        return _Proofs(tuple(tracks), limits, scenario, flown, abort, plan).report()
 
 
 def _refuse(
@@ -144,6 +157,7 @@ class _Proofs:
     scenario: Scenario | None
     vehicle: VehicleFile | None
     abort: BreakOff | None
+    plan: Plan | None
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -195,7 +209,11 @@ class _Proofs:
         checks: list[TrackCheck] = []
         spans: list[UnsafeSpan] = []
         parts: list[tuple[tuple[str, ...], Family, tuple[TrackCriterion, ...], Cells, Moved]] = []
-        if separation_m and len(self.tracks) > 1:
+        if self.plan is not None and how.manoeuvre == "return":
+            straight, apart_m = returned(self.plan, motion, self.limits.separation_m, self.limits.vertical_scale)
+            checks += straight
+            parts += [(self._names, each, each.criteria, each.cells(), each.moved_m) for each in apart_m]
+        elif separation_m and len(self.tracks) > 1:
             apart = BreakOffSeparation(motion, separation_m, self.limits.vertical_scale, how)
             parts.append((self._names, apart, apart.criteria, apart.cells(), apart.moved_m))
         if places.criteria:

@@ -25,6 +25,7 @@ _WINDOW_S = 10.0  # in which a moving zone's covered area is the same
 _SLOWEST_SHARE = 0.5  # of the speed limit: the slowest return
 _LONGEST_SHARE = 1.5  # of the fence's diameter: the longest way that a moving zone's area is taken for
 _STRAIGHT = 1e-9  # sine of a corner's turn
+_AROUND = 1.006  # of a disk's radius: its outline of 32 corners holds it
 _SIDE = 1e-6  # m: an edge is on both sides of a leg along it
 
 Flags = NDArray[np.bool_]
@@ -89,6 +90,23 @@ class ReturnRoutes:
                     break
         return Ways(points, lengths)
 
+    def graph(self, t_s: float, clearance_m: float) -> _Graph:
+        """The visibility graph of returns that begin about a plan time."""
+        return self._graph(int(np.floor(t_s / _WINDOW_S)) if self._moves else 0, clearance_m)
+
+    @property
+    def changes_s(self) -> float:
+        """The areas to avoid are the same between two multiples of this time; infinite without moving zones."""
+        return _WINDOW_S if self._moves else float(np.inf)
+
+    def forbidden(self, t_s: float) -> shapely.Geometry:
+        """No-fly zones and all that is outside the fence, about a plan time."""
+        window = int(np.floor(t_s / _WINDOW_S)) if self._moves else 0
+        if window not in self._forbidden:
+            self._forbidden[window] = self._avoided(window, 0.0, _WINDOW_S)
+            shapely.prepare(self._forbidden[window])
+        return self._forbidden[window]
+
     def outside_fence_m(self, places_m: Array) -> Array:
         """How far places (..., 2) are outside the fence; 0 inside."""
         return np.asarray(shapely.distance(self._inclusion, shapely.points(places_m)))
@@ -98,10 +116,7 @@ class ReturnRoutes:
         lines, inside_m = shapely.linestrings(tracks_m), np.zeros(len(tracks_m))
         windows = np.floor(t_s / _WINDOW_S).astype(int) if self._moves else np.zeros(len(tracks_m), dtype=int)
         for window in np.unique(windows).tolist():
-            if window not in self._forbidden:
-                self._forbidden[window] = self._avoided(window, 0.0, _WINDOW_S)
-                shapely.prepare(self._forbidden[window])
-            area = self._forbidden[window]
+            area = self.forbidden(window * _WINDOW_S)
             rows = np.flatnonzero((windows == window) & shapely.intersects(area, lines))
             inside_m[rows] = shapely.length(shapely.intersection(lines[rows], area))
         return inside_m
@@ -168,6 +183,58 @@ class _Graph:
             np.concatenate([starts[:, None], outs[:, None], middle, ins[:, None], ends[:, None]], axis=1), length_m
         )
 
+    def possible(self, centres: Array, reach_m: Array, end: Array) -> list[list[Array] | None]:
+        """Ways (W, 2) to one end, of which the one from any start within a disk (N) is one, but for its start.
+
+        The first point of each is the disk's centre. None where that is not certain: a disk that meets the area to
+        avoid, or one without a certain way.
+        """
+        disks = shapely.buffer(shapely.points(centres), reach_m * _AROUND + _SIDE, quad_segs=8)  # of 0 it is empty
+        free = ~shapely.intersects(self._avoided, disks)
+        last = self._nearest_free(end[None])
+        rest = last if np.array_equal(last[0], end) else np.concatenate([last, end[None]])
+        straight = free & self._clear(disks, np.broadcast_to(last[0], centres.shape))
+        found: list[list[Array] | None] = [None] * len(centres)
+        for row in np.flatnonzero(free).tolist():
+            centre, corners = centres[row], self._corners
+            if straight[row]:
+                found[row] = [np.concatenate([centre[None], rest])]
+                continue
+            if not len(corners):
+                continue
+            left_m, chains = self._tree(last[0])
+            total_m = np.linalg.norm(corners - centre, axis=1) + left_m
+            reach = float(reach_m[row])
+            every = np.flatnonzero(np.isfinite(total_m) & self._turns(centre[None], -reach)[0])
+            turning = every[self._turns(centre[None], reach)[0, every]]
+            sure = turning[self._clear(np.full(len(turning), disks[row]), corners[turning])]
+            if not len(sure):
+                continue
+            near = every[total_m[every] <= total_m[sure].min() + 2.0 * reach + _SIDE]
+            near = near[~self._blocked(centre, corners[near], reach)]
+            ways = [] if self._blocked(centre, last, reach)[0] else [rest]
+            # A corner, and then what leads on from it; the place itself ends each chain, several times.
+            for corner in near.tolist():
+                chain = np.concatenate([chains[corner], rest])
+                ways.append(chain[np.append(True, np.any(chain[1:] != chain[:-1], axis=1))])
+            found[row] = [np.concatenate([centre[None], way]) for way in ways]
+        return found
+
+    def _clear(self, disks: NDArray[np.object_], places: Array) -> Flags:
+        """Whether (N,) all legs from disks (N,) to places (N, 2) keep out of the area."""
+        if not len(disks):
+            return np.zeros(0, dtype=bool)
+        parts = [disks, shapely.points(places)]
+        hulls = shapely.convex_hull(shapely.union(*parts))
+        return np.asarray(~shapely.intersects(self._avoided, hulls))
+
+    def _blocked(self, centre: Array, places: Array, reach_m: float) -> Flags:
+        """Whether (N,) no leg from a disk to places (N, 2) keeps out: a point of the middle one is that deep inside."""
+        legs = shapely.linestrings(np.stack([np.broadcast_to(centre, places.shape), places], axis=1))
+        inside = shapely.intersection(self._avoided, legs)
+        deep_m = shapely.distance(shapely.point_on_surface(inside), shapely.boundary(self._avoided))
+        return np.asarray(~shapely.is_empty(inside) & (deep_m > reach_m))
+
     def _tree(self, place: Array) -> tuple[Array, Array]:
         """The length (C,) of the way from each corner to a place, and its corners (C, K, 2), followed by the place."""
         key = (float(place[0]), float(place[1]))
@@ -187,11 +254,15 @@ class _Graph:
             self._trees[key] = left_m[:count], np.append(self._corners, place[None], axis=0)[np.stack(chain, axis=1)]
         return self._trees[key]
 
-    def _turns(self, starts: Array) -> Flags:
-        """Whether (N, C) a way from a start may turn at a corner: both edges lie on one side of the leg."""
+    def _turns(self, starts: Array, reach_m: float = 0.0) -> Flags:
+        """Whether (N, C) a way from a start may turn at a corner: both edges lie on one side of the leg.
+
+        With a reach, whether that is certain of all starts so near to these; below 0, whether it is so of one of them.
+        """
         legs = self._corners - starts[:, None]
         sides = [legs[..., 0] * edge[:, 1] - legs[..., 1] * edge[:, 0] for edge in (self._before, self._after)]
-        return np.asarray(((sides[0] > -_SIDE) & (sides[1] > -_SIDE)) | ((sides[0] < _SIDE) & (sides[1] < _SIDE)))
+        least = reach_m - _SIDE
+        return np.asarray(((sides[0] > least) & (sides[1] > least)) | ((sides[0] < -least) & (sides[1] < -least)))
 
     def _sees(self, first: Array, second: Array) -> Flags:
         """Whether straight legs (N, 2) to (N, 2) keep out of the area."""
