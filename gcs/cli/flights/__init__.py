@@ -1,4 +1,4 @@
-"""The commands about vehicles and flights: fly, attach, replay, report, vehicles and tell.
+"""The commands about vehicles and flights: fly, tell, attach, replay, report and vehicles.
 
 It may import cli.planning, cli.shared, autopilots, scenario, plan, mission, link, flight and page.
 """

@@ -1,7 +1,7 @@
 """The delay of vehicles behind the plan, by least squares along the planned velocities."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -45,3 +45,10 @@ def skew_s(late_s: Iterable[float]) -> float:
     """Return the largest delay less the smallest; NaN without any."""
     known = [late for late in late_s if math.isfinite(late)]
     return max(known) - min(known) if known else math.nan
+
+
+def lateness_data(late_s: Mapping[int, float]) -> dict[str, object]:
+    """Return the delays of vehicles, by system id, and their spread, as plain values."""
+    skew = skew_s(late_s.values())
+    late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
+    return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}
