@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gcs
+from gcs.cli.main import run
 from gcs.flight.recording.flight_folder import PLAN, later_plans, read_events, read_flown_plan
 from gcs.flight.setup.order_socket import NAME
 from gcs.plan.plan_file import load_plan
@@ -18,34 +19,34 @@ from tests.kept import GCS
 pytestmark = pytest.mark.slow
 
 
-def tell(flights: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*GCS, "tell", *words, "--to", str(flights)], capture_output=True, text=True, timeout=400, check=False
-    )
+def test_a_flight_takes_orders_from_a_second_terminal(
+    hop_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights, middle_m = tmp_path / "flights", gcs.load_plan(hop_skein)[0].leader_trajectory.state(20.0)
+    zone = f"{middle_m[0]:.1f},{middle_m[1] + 1.0:.1f},3"
 
+    def tell(*words: str) -> int:
+        return run(["tell", *words, "--to", str(flights)])
 
-def test_a_flight_takes_orders_from_a_second_terminal(hop_skein: Path, tmp_path: Path) -> None:
-    flights = tmp_path / "flights"
-    assert "no flight under way" in tell(flights, "hold").stderr
+    assert tell("hold") == 2
+    assert "no flight under way" in capsys.readouterr().err
     command = [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "1", "--to", str(flights)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as flight:
-        assert flight.stdout is not None
-        said = []
-        for line in flight.stdout:
-            said.append(line)
-            if line.startswith(
-                ("flying: t = 0 ", "flying: t = 1 ", "flying: t = 2 ", "flying: t = 3 ", "flying: t = 4 ")
-            ):
-                break
-        middle_m = gcs.load_plan(hop_skein)[0].leader_trajectory.state(20.0)
-        zone = f"{middle_m[0]:.1f},{middle_m[1] + 1.0:.1f},3"
-        first = tell(flights, "avoid", zone)
-        assert first.returncode == 0, first.stderr
-        assert "a new plan is flown from t = " in first.stdout
-        second = tell(flights, "shape", "heart")
-        assert second.returncode == 9
-        assert 'no shape "heart"' in second.stderr
-        said += flight.stdout.readlines()
+        try:
+            assert flight.stdout is not None
+            said = []
+            for line in flight.stdout:
+                said.append(line)
+                if line.startswith(tuple(f"flying: t = {second} " for second in range(5))):
+                    break
+            assert tell("avoid", zone) == 0
+            assert "a new plan is flown from t = " in capsys.readouterr().out
+            assert tell("shape", "heart") == 9
+            assert 'no shape "heart"' in capsys.readouterr().err
+            said += flight.stdout.readlines()
+        except BaseException:
+            flight.kill()
+            raise
     assert flight.returncode == 0, "".join(said)
     (folder,) = flights.iterdir()
     assert not (folder / NAME).exists()
