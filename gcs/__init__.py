@@ -54,6 +54,9 @@ if TYPE_CHECKING:
     from gcs.plan.plan_file import load_plan as load_plan
     from gcs.plan.plan_file import save_plan as save_plan
     from gcs.plan.planner import make_plan as make_plan
+    from gcs.plan.replanning.plan_changer import Avoid as Avoid
+    from gcs.plan.replanning.plan_changer import Reshape as Reshape
+    from gcs.plan.replanning.plan_changer import Scale as Scale
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan import MeshRound as MeshRound
     from gcs.plan.trajectory.plan import Plan as Plan
@@ -71,6 +74,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Altitude": "gcs.mission.model",
     "Autopilot": "gcs.autopilots.traits",
+    "Avoid": "gcs.plan.replanning.plan_changer",
     "BreakOff": "gcs.mission.proving.break_off",
     "Check": "gcs.plan.verification.proof.verdict",
     "Connection": "gcs.link.session.connection",
@@ -89,7 +93,9 @@ _HOME = {
     "PolynomialTrack": "gcs.mission.proving.track",
     "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
+    "Reshape": "gcs.plan.replanning.plan_changer",
     "Report": "gcs.plan.verification.verify",
+    "Scale": "gcs.plan.replanning.plan_changer",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
     "TrackCheck": "gcs.mission.proving.track_report",

@@ -24,7 +24,7 @@ for module, (name, *makers) in KEPT.items():
     place = import_module(module)
     setattr(place, name, kept(getattr(place, name), *makers))
 
-# The same examples in each run, so that a change is blamed for its own mistakes only; SKEIN_NEW_EXAMPLES=1 draws others.
+# The same examples in each run: a change is blamed for its own mistakes only. SKEIN_NEW_EXAMPLES=1 draws others.
 settings.register_profile("suite", max_examples=40, deadline=None, derandomize="SKEIN_NEW_EXAMPLES" not in os.environ)
 settings.load_profile("suite")
 LONG = (

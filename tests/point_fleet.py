@@ -73,6 +73,10 @@ class StandingLoop(SteadyLoop):
     def stalls(self) -> SteadyClock:
         return self._virtual.stalls
 
+    @property
+    def follows(self) -> bool:
+        return False
+
     def time(self) -> float:
         return self.stalls.look(self._virtual.host_s)
 
@@ -179,7 +183,7 @@ class PointFleet:
         self.streamer = Streamer(plan, build_stream(plan, 10.0), self.vehicles, self.time, options)
         self.events: list[Event] = []
         self.carrier = OrderCarrier(lambda i: self.sessions[i].armed, lambda i: self.sessions[i].silent_s() < 5.0)
-        fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
+        fleet = FlyingFleet(self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
         self.executor = ContingencyExecutor(fleet, self.carrier, returns, battery_model(plan), self.events.append)
         self.error: BaseException | None = None
         self._begin_s = t_s

@@ -172,8 +172,8 @@ COMMANDS = {
         ),
         CommandRow(
             "tell",
-            "gcs.cli.flights.vehicles",
-            "Command vehicles in flight to hold their position, to land there, or to return (RTL).",
+            "gcs.cli.flights.tell",
+            "Give an order to a flight under way: change its plan, or have vehicles hold, land or return.",
         ),
     )
 }

@@ -20,7 +20,7 @@ from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeep
 from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.fleet_time import FleetTime
-from gcs.flight.monitoring.lateness import skew_data
+from gcs.flight.monitoring.lateness import lateness_data
 from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.own_battery import ChargeRule
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
@@ -53,6 +53,7 @@ from gcs.flight.setup.build_loads import (
     refuse_other_autopilots,
     refuse_without_timed_start,
 )
+from gcs.flight.setup.order_socket import taking_orders
 from gcs.flight.setup.preflight import confirmed_event, go_or_no_go, waived_events
 from gcs.flight.setup.simulator_process import Emulated, SimulatorOptions, simulator
 from gcs.flight.setup.telemetry_budget import telemetry_share
@@ -187,7 +188,9 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         flew, monitor = ctrl_c.run(now.run(ctrl_c))
     watcher.lap("fly")
     times = replace(flew, clock=flown_plan_time(flew.t0_unix_s, read_events(folder / EVENTS)))
-    verdict, tracks, extra = _judged_truth(now, times) if order.link is None else _judged_reports(now, times, watcher)
+    plan = monitor.plan  # as flown: orders may have changed it
+    found = _judged_truth(now, plan, times) if order.link is None else _judged_reports(now, plan, times, watcher)
+    verdict, tracks, extra = found
     extra |= {} if order.link is None else {"preflight": checks_data(now.checks)}
     watcher.lap("judge")
     gaps, late_s, nearest = now.journal.record.gaps, monitor.late_s, tuple(monitor.nearest.values())
@@ -196,10 +199,9 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         with gaps.kept("map.png"):
             _draw(plan, tracks, folder)
     watcher.lap("pictures")
-    extra |= {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
-    extra |= {"missions": sent_data(now.sent), "incomplete": gaps.data()}
-    extra |= {**skew_data(late_s), **nearest_data(nearest, times)}
-    data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
+    extra |= {"mode": order.keeping.mode.value, "folder": str(folder), "missions": sent_data(now.sent)}
+    extra |= {"time_s": watcher.laps_s, **lateness_data(late_s), **nearest_data(nearest, times)}
+    data = report_data(plan.scenario.name, order.plan.hash, times, verdict, extra | {"incomplete": gaps.data()})
     if verdict is not None:
         with gaps.kept("report.md"):
             write_report(folder, data, verdict)
@@ -213,8 +215,8 @@ def _telemetry_share(order: FlightRun) -> float:
     return telemetry_share(order.link.slowest_baud, len(order.plan.sysids), order.keeping.mode, rate_hz)
 
 
-def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
-    order, plan = now.order, now.order.plan
+def _judged_truth(now: _LinkedFlight, plan: Plan, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
+    order = now.order
     truth = load_truth(now.folder / "truth.npz")
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
     tracks = Tracks(times.plan_time.t_s(truth.unix_s), truth.states[rows][..., POSITION])
@@ -225,9 +227,9 @@ def _judged_truth(now: _LinkedFlight, times: FlightTimes) -> tuple[Verdict, Trac
 
 
 def _judged_reports(
-    now: _LinkedFlight, times: FlightTimes, watcher: Watcher
+    now: _LinkedFlight, plan: Plan, times: FlightTimes, watcher: Watcher
 ) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
-    plan, link = now.order.plan, now.order.link
+    link = now.order.link
     record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {}, watcher.say)
     tracks = reported_tracks(plan, record, times.plan_time)
     verdict = None if tracks is None else judge_reports(plan, tracks)
@@ -287,6 +289,7 @@ class _LinkedFlight:
             sessions = await fleet.vehicles(plan.sysids, order.options.find_timeout_s, systems=systems)
             flight = await self._flight(fleet, sessions)
             ctrl_c.again_calls(flight.landing.report_airborne)
+            await stack.enter_async_context(taking_orders(flight, self.folder, journal.say))
             showing = asyncio.ensure_future(self._show(flight))
             try:
                 times = await flight.run()
@@ -341,6 +344,7 @@ class _LinkedFlight:
             returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
             hooks=hooks,
             tracks=self._noted_tracks(),
+            folder=self.folder,
         )
 
     def _noted_tracks(self) -> PredictedTracks | None:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
 from gcs.plan.formation.reshape import SLACK_M
@@ -19,7 +18,7 @@ from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.problem import ObjectiveTerm, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.trajectory.ground_phases import landing_step, smooth_step, straight_down, vertical
+from gcs.plan.trajectory.ground_phases import landing_step, shape_from_ground, straight_down, vertical
 from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
@@ -33,9 +32,7 @@ from gcs.scenario.values.si import (
     leader_index,
     pads_ned_m,
     quadrotor,
-    steady_wind,
 )
-from gcs.types import Array
 from gcs.util.long_work import within
 
 LIMIT_S = 1800.0  # of planning, in all: far longer than any plan that succeeds
@@ -163,29 +160,12 @@ def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -
     """Offsets from ground to ground: those of the flight, rigid before and after, and onto uneven ground."""
     begin, end = flight.at(flight.start_s), flight.at(np.nextafter(flight.end_s, -np.inf))
     takeoff, landing = phases[0], phases[-1]
-    parts = [_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, scenario)]
+    parts = [shape_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, scenario)]
     if takeoff.end_s < flight.start_s:
         parts.append(rigid(begin, takeoff.end_s, flight.start_s))
     parts.append(flight)
     if flight.end_s < landing.start_s:
         parts.append(rigid(end, flight.end_s, landing.start_s))
     ground = landing_points_ned_m(scenario, end)
-    parts.append(_from_ground(landing.end_s, landing.start_s, ground, end, scenario))
+    parts.append(shape_from_ground(landing.end_s, landing.start_s, ground, end, scenario))
     return joined_shapes(parts)
-
-
-def _from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Array, scenario: Scenario) -> Shape:
-    """Offsets between uneven ground and the air: each vehicle's height over the leader's changes in between."""
-    leader = leader_index(scenario)
-    difference = np.zeros_like(offsets)
-    difference[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
-    if not difference.any():
-        return rigid(offsets, min(ground_s, air_s), max(ground_s, air_s))
-    if ground_s < air_s:
-        step = smooth_step(ground_s, air_s, 1.0, 0.0, steady_wind(scenario))
-    else:
-        step = landing_step(air_s, ground_s, 0.0, 1.0, scenario)
-    functions = np.zeros((*step.c.shape, 2))
-    functions[-1, :, 0] = 1.0
-    functions[..., 1] = step.c
-    return Shape(PPoly(functions, step.x), np.stack([offsets, difference]))

@@ -204,8 +204,8 @@ def test_those_in_the_air_are_told(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("dance", "--link", "udpin:127.0.0.1:0"), "give one of hold, land, return"),
-        (("land",), "--link is missing"),
+        (("dance", "--link", "udpin:127.0.0.1:0"), "with --link give one of hold, land, return"),
+        (("land",), "there is no flight under way"),
         (("land", "--link", "udpin:127.0.0.1:0", "--vehicles", "1,x"), "--vehicles 1,x: not system ids"),
     ],
 )

@@ -24,7 +24,7 @@ from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry, until_placed
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import FlightHooks
-from gcs.flight.recording.flight_folder import BEFORE, PREDICTED
+from gcs.flight.recording.flight_folder import BEFORE, PREDICTED, later_plans
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
@@ -35,6 +35,7 @@ from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.plan_file import load_plan, read_plan
+from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import refusal
 from gcs.util.aio import Stoppable, each
@@ -116,6 +117,19 @@ def _plan_of(request: AttachRequest, book: FlightState | None, links: Sequence[s
         raise doubt
     if doubt is not None:
         request.screen.warn(doubt.message)
+    return _changed(request, plan)
+
+
+def _changed(request: AttachRequest, plan: Plan) -> Plan:
+    """The plan with what orders changed in flight; to resume, the last change is verified again."""
+    for path in later_plans(request.folder):
+        if request.what is Resume.RESUME:
+            later, report = load_plan(path, request.screen.warn)
+            if not report.ok:
+                raise refusal(report)
+        else:
+            later, _ = read_plan(path)
+        plan = continued(plan, later)
     return plan
 
 

@@ -35,10 +35,10 @@ def refly(
 
     from gcs.cli.flights.fly_view import FlightView
     from gcs.cli.shared.plan_argument import Stopwatch
-    from gcs.errors import GcsError, JudgementError
+    from gcs.errors import GcsError, JudgementError, counted
     from gcs.flight.contingency.options import FlightOptions
     from gcs.flight.recording.emulation_record import first_difference_s, read_emulation
-    from gcs.flight.recording.flight_folder import PLAN
+    from gcs.flight.recording.flight_folder import PLAN, later_plans
     from gcs.flight.run import FlightRun, fly_run
     from gcs.plan.plan_file import load_plan
 
@@ -46,6 +46,9 @@ def refly(
     if record.skein != version("skein-gcs"):
         screen.warn(f"the flight was flown with Skein {record.skein}, this is {version('skein-gcs')}")
     plan, report = load_plan(folder / PLAN, screen.warn)
+    if changes := later_plans(folder):
+        words = counted(len(changes), "order")
+        screen.warn(f"{words} that changed the plan in flight, given by hand, will not be given again")
     emulated = replace(record.emulated, speedup=speedup) if speedup else record.emulated
     options = FlightOptions(follow=record.follow, on_loss=record.on_loss, on_leader_loss=record.on_leader_loss)
     run = FlightRun(plan, report, record.keeping, emulated=emulated, root=folder / "again", options=options)

@@ -45,10 +45,16 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
     from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.monitoring.lateness import skew_s
     from gcs.flight.monitoring.progress import FlightTimes, flown_plan_time
-    from gcs.flight.recording.flight_folder import EVENTS, REPORTS, TRUE_STATES, criteria_data, read_events
+    from gcs.flight.recording.flight_folder import (
+        EVENTS,
+        REPORTS,
+        TRUE_STATES,
+        criteria_data,
+        read_events,
+        read_flown_plan,
+    )
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record
-    from gcs.plan.plan_file import read_plan
 
     book = read_flight_state(folder)
     if book.t0_unix_s is None:
@@ -56,7 +62,7 @@ def report(folder: FlightArgument, json: JsonOption = False, debug: DebugOption 
             f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.",
             hint="name a flight that reached T0",
         )
-    plan, _ = read_plan(folder / "plan.skein")
+    plan = read_flown_plan(folder)
     happened = read_events(folder / EVENTS)
     plan_time = flown_plan_time(book.t0_unix_s, happened)
     record = write_record(folder, plan, plan_time, book.systems, screen.say)

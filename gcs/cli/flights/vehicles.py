@@ -1,14 +1,16 @@
-"""`gcs vehicles`: list the vehicles on a link with their state. `gcs tell`: command those in flight."""
+"""`gcs vehicles`: list the vehicles on a link with their state. and command those in flight."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import Screen
 from gcs.errors import PeerError, UsageError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gcs.link.session.connection import Connection
     from gcs.link.session.mavsdk_vehicle import MavsdkVehicle
     from gcs.link.session.status_report import VehicleReport
@@ -150,48 +152,32 @@ def _data(report: VehicleReport) -> JsonObject:
     return data
 
 
-def tell(
-    what: Annotated[
-        str, shared.argument("Command for the vehicles.", "hold|land|return", shared.one_of("hold", "land", "return"))
-    ],
-    link: shared.LinkOption = None,
-    vehicles: Annotated[
-        str | None,
-        shared.option("System ids of the vehicles; without it, all vehicles heard on the link.", metavar="1,3"),
-    ] = None,
-    listen: shared.ListenOption = 2.0,
-    signing_key_file: shared.KeyOption = None,
-    backend: shared.BackendOption = "skein",
-    json: shared.JsonOption = False,
-    debug: shared.DebugOption = False,
+def command_directly(
+    screen: Screen,
+    what: str,
+    link: list[str],
+    vehicles: str | None,
+    listen_s: float,
+    signing_key_file: Path | None,
+    backend: str,
 ) -> int:
-    """Command vehicles in flight to hold their position, to land there, or to return (RTL).
+    """Command vehicles on links, whichever program flies them; each obeys by itself.
 
-    Each vehicle returns on its own; `gcs attach --return` returns a formation at staggered altitudes. Vehicles that are
-    not armed receive no command. Exit status 0 when every armed vehicle has confirmed.
-
-    Examples: gcs tell land --link udpin:127.0.0.1:14550
-
-    gcs tell hold --vehicles 1,3 --link udpin:127.0.0.1:14550
+    Raises UsageError for an unknown command, PeerError where a vehicle did not confirm.
     """
-    screen = Screen(json=json)
     if what not in _DONE:
-        raise UsageError(f"gcs tell {what}: unknown command", hint=f"give one of {', '.join(_DONE)}")
-    if not link:
-        raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
+        raise UsageError(f"gcs tell {what}: unknown command", hint=f"with --link give one of {', '.join(_DONE)}")
     from gcs.util.aio import Stoppable
 
     known = shared.connection(link, None, signing_key_file)
-    parts = [part.strip() for part in vehicles.split(",")] if vehicles is not None else []
-    if not all(map(shared.is_system, parts)):
-        raise UsageError(f"--vehicles {vehicles}: not system ids", hint="give for example --vehicles 1,3")
-    said = Stoppable().run(_command(known, backend, what, tuple(dict.fromkeys(map(int, parts))), listen))
+    named = shared.system_ids(vehicles)
+    said = Stoppable().run(_command(known, backend, what, named, listen_s))
     for sysid, (_, word) in said.items():
         screen.say(f"vehicle {sysid}: {word}")
     if failed := [sysid for sysid, (ok, _) in said.items() if not ok]:
-        named = ", ".join(map(str, failed))
+        them = ", ".join(map(str, failed))
         raise PeerError(
-            f"vehicles {named} did not confirm.", hint="send the command again, or take over with the remote control"
+            f"vehicles {them} did not confirm.", hint="send the command again, or take over with the remote control"
         )
     screen.result({"told": what, "vehicles": {str(sysid): word for sysid, (_, word) in said.items()}})
     return 0

@@ -276,6 +276,14 @@ def unknown_choice(option: str, value: str, known: Sequence[str], *, meant: str 
     return UsageError(f"{option} {value}: unknown value", hint=hint)
 
 
+def system_ids(text: str | None) -> tuple[int, ...]:
+    """The system ids of `--vehicles 1,3`, each once; none for None. Raises UsageError."""
+    parts = [part.strip() for part in text.split(",")] if text is not None else []
+    if not all(map(is_system, parts)):
+        raise UsageError(f"--vehicles {text}: not system ids", hint="give for example --vehicles 1,3")
+    return tuple(dict.fromkeys(map(int, parts)))
+
+
 def is_system(text: str) -> bool:
     """Whether a text is a system id that a vehicle can have."""
     return text.isascii() and text.isdigit() and len(text) < 9 and 0 < int(text) <= LARGEST_SYSTEM

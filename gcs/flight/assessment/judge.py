@@ -80,9 +80,11 @@ def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Crit
     """
     found, scenario = [], plan.scenario
     t_s, places, within_m = everywhere.t_s, everywhere.ned_m, everywhere.horizontal_m
-    for name, zones in ((CriterionName.ZONES, scenario.no_fly), (CriterionName.KEEP_IN, scenario.keep_in)):
+    since_s = plan.zones_since_s[len(scenario.keep_in) :]
+    kinds = (CriterionName.ZONES, scenario.no_fly, since_s), (CriterionName.KEEP_IN, scenario.keep_in, ())
+    for name, zones, from_s in kinds:
         if zones:
-            away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1])
+            away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1], from_s)
             figures = _Figures(plan.sysids, t_s, away_m, within_m)
             found.append(figures.at_least(name, 0.0, scenario.limits.zone_margin_m))
     inside = inside_m(inclusion_corners(planned_places_m(plan)), places)

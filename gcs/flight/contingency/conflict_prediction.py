@@ -63,6 +63,10 @@ class SeparationWatch:
         self._straight_s = STEERED_S if streamed else HORIZON_S
         self._ahead_s = np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S)
 
+    def follow(self, plan: Plan) -> None:
+        """The vehicles fly another plan."""
+        self._plan = plan
+
     def look(
         self,
         views: Mapping[int, VehicleView],

@@ -168,6 +168,10 @@ class EnergyAdviser:
         rows = zip(plan.sysids, plan.autopilots, strict=True)
         self._landings = [given.get(sysid) or known.traits.landing.profile() for sysid, known in rows]
 
+    def follow(self, plan: Plan, model: BatteryModel, returns: ReturnPlan) -> None:
+        """Take the needs of another plan."""
+        self._plan, self.model, self._returns = plan, model, returns
+
     def committed(self, now: EnergySituation) -> bool:
         """Whether a vehicle is over its landing point in the landing phase: it lands there, whatever is left."""
         if now.plan_time_s is None or now.plan_time_s < self._plan.landing_s:
@@ -263,6 +267,10 @@ class ChargeWatch:
         self._adviser = adviser
         self._discharge = {sysid: Discharge() for sysid in plan.sysids}
         self._seen_s: dict[int, float] = {}
+
+    def follow(self, plan: Plan, model: BatteryModel, returns: ReturnPlan) -> None:
+        """Take the needs of another plan; what was measured stays."""
+        self._adviser.follow(plan, model, returns)
 
     @property
     def model(self) -> BatteryModel:

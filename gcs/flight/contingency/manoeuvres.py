@@ -40,21 +40,32 @@ class PlanReference:
     """One vehicle's setpoints of the plan; before and after the plan, its ends at rest."""
 
     def __init__(self, stream: SetpointStream, row: int) -> None:
+        self._row = row
+        self._rows: list[list[float]] = []
+        self.follow(stream)
+
+    @property
+    def last(self) -> int:
+        """The number of the last setpoint."""
+        return len(self._rows) - 1
+
+    def follow(self, stream: SetpointStream) -> None:
+        """Take the setpoints of another stream, which has the same grid."""
+        row = self._row
         columns = (
             stream.position_ned_m[row],
             stream.velocity_ned_mps[row],
             stream.acceleration_ned_mps2[row],
             stream.yaw_ned_rad[row][:, None],
         )
-        self._rows: list[list[float]] = np.hstack(columns).tolist()
+        self._rows = np.hstack(columns).tolist()
 
     def at(self, k: int, t_s: float) -> Values:
         """The planned setpoint."""
         del t_s
-        last = len(self._rows) - 1
-        if 0 <= k <= last:
+        if 0 <= k <= self.last:
             return self._rows[k]
-        end = self._rows[max(0, min(k, last))]
+        end = self._rows[max(0, min(k, self.last))]
         return (*end[:3], *_STILL, end[9])
 
 
@@ -218,10 +229,14 @@ class OrderedTracks:
     """Makes and judges the references of orders. `routes` are the ways back, `chosen` the last choices of energy."""
 
     def __init__(self, plan: Plan, returns: ReturnPlan, chosen: Mapping[int, EnergyChoice]) -> None:
+        self._chosen = chosen
+        self.follow(plan, returns)
+
+    def follow(self, plan: Plan, returns: ReturnPlan) -> None:
+        """Take the ways back from another plan."""
         self.routes = ReturnRoutes(plan)
         self._plan = plan
         self._returns = returns
-        self._chosen = chosen
 
     def reference(
         self, order: Order, view: VehicleView, row: int, t0_unix_s: float, begin_s: float

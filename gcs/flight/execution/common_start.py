@@ -68,6 +68,15 @@ class CommonStart:
         wait_s = self.unix_s - self._time.sure_s()
         return held, f"keep their start at {_clock(self.unix_s)} UTC, in {wait_s:.0f} s{': ' if reason else ''}{reason}"
 
+    def refuse_missed(self) -> None:
+        """Raise FlightError after the start: a mission that is ordered then flies late."""
+        late_s = self._time.sure_s() - self.unix_s
+        if late_s > 0:
+            raise FlightError(
+                f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
+                hint="fly again; a slow link needs more time between upload and start",
+            )
+
     async def _change(
         self, held: Holdings, loads: Sequence[VehicleLoad], until_s: float, *, look_first: bool = False
     ) -> Holdings:

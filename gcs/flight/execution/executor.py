@@ -26,6 +26,7 @@ from gcs.flight.monitoring.progress import AskedOrder, Event, OrderForecast
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
@@ -59,7 +60,7 @@ class ContingencyExecutor:
         self.over = asyncio.Event()
         self.returns = returns
         self._fleet = fleet
-        self._plan, self._options, self._vehicles = plan, options, fleet.vehicles
+        self._options, self._vehicles = options, fleet.vehicles
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
         self._loop = asyncio.get_running_loop()
         self._on_event = on_event
@@ -77,11 +78,27 @@ class ContingencyExecutor:
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
-        self._standstill = Standstill(fleet, self._tracks.routes, self.policy, carrier)
+        self._standstill = Standstill(fleet, self._tracks, self.policy, carrier)
         self.operator = OperatorOrders(fleet, self.policy, self._standstill, self.charge, self._watches, returns)
         self._reported: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
         self._rests = False
+
+    @property
+    def _plan(self) -> Plan:
+        return self._fleet.plan
+
+    def follow(self, plan: Plan) -> None:
+        """The vehicles fly another plan from an instant ahead on."""
+        self._positions.follow(plan)
+        self._tracks.follow(plan, self.returns)
+
+    def return_from(self, plan: Plan, returns: ReturnPlan, model: BatteryModel) -> None:
+        """Take ways back and needs of the plan that is flown: they take longer to make than the plan."""
+        self.returns = returns
+        self._tracks.follow(plan, returns)
+        self.charge.follow(plan, model, returns)
+        self.operator.returns = returns
 
     def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
         m = vehicle.behaviour

@@ -6,8 +6,9 @@ for whatever reason, the vehicles in the air are ordered to land.
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from collections.abc import Callable, Collection, Coroutine, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
@@ -21,8 +22,9 @@ from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.fleet_arming import arm_all, climb_to_hover
 from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.execution.flight_guard import FlightGuard
-from gcs.flight.execution.hover_charge import check_hover
+from gcs.flight.execution.hover_charge import check_hover, model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
+from gcs.flight.execution.plan_orders import PlanOrders
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,
@@ -60,14 +62,12 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.plan.trajectory.energy import BatteryModel, battery_model
+from gcs.plan.replanning.plan_changer import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.util.aio import alongside, each, ended
 
 T = TypeVar("T")
-_FEW = 12  # vehicles
 _HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
 
 
@@ -85,12 +85,12 @@ class FlightSequence:
         returns: ReturnPlan | None = None,
         hooks: FlightHooks | None = None,
         tracks: PredictedTracks | None = None,
+        folder: Path | None = None,
     ) -> None:
         """`returns`: those of the export for the vehicles' autopilot; None: they are planned before take-off.
 
-        `tracks`: what is predicted of missions on board; None: nothing is.
+        `tracks`: what is predicted of missions on board; None: nothing is. `folder` keeps plans that replace this one.
         """
-        self.plan = plan
         self.loads = tuple(loads)
         self.held: Holdings | None = None
         self._returns, self.predicted = returns, tracks
@@ -111,14 +111,16 @@ class FlightSequence:
             )
             for row, sysid in enumerate(plan.sysids)
         }
-        self._reported = ReportedNow(plan, sessions, self.monitor)
+        self._reported = ReportedNow(sessions, self.monitor)
         self.time = FleetTime(sessions)
         self._texts = TextWatch(sessions, self.monitor, self._hooks.on_event)
         self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
         self._leaving_s = self.loads[0].mission.leaves_s
         self._start: CommonStart | None = None
         self._contingency: ContingencyExecutor | None = None
-        self._fleet = FlyingFleet(plan, self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
+        self._folder = folder
+        self._changes: PlanOrders | None = None
+        self._fleet = FlyingFleet(self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
         self.landing = FleetLanding(
             self._fleet,
             lambda: self._contingency.policy.states if self._contingency else {},
@@ -129,6 +131,11 @@ class FlightSequence:
         self._guard = FlightGuard(
             sessions, self.landing, lambda: self.step, options.lost_after_s, self._report, self._ends_early
         )
+
+    @property
+    def plan(self) -> Plan:
+        """The plan as it is flown; an order may change it."""
+        return self.monitor.plan
 
     @property
     def contingency(self) -> ContingencyExecutor:
@@ -144,38 +151,21 @@ class FlightSequence:
         """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         try:
-            return await self._guard.run(self._with_telemetry(flying))
+            return await self._guard.run(self._watched(flying))
         finally:
             for stop in stops:
                 stop()
 
-    async def _with_telemetry(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def _watched(self, flying: Coroutine[Any, Any, T]) -> T:
         async with alongside(self._telemetry.run()):
             return await flying
 
     def snapshot(self) -> Snapshot:
         """Return how the flight stands now, for display."""
-        t_s = self.monitor.plan_time_s
-        span = self.plan.t_end_s - self.plan.t_start_s
-        progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
-        nearest = self.monitor.nearest_now()
         left = self.landing.of_pilots() if self.step is Step.LAND else []
-        return Snapshot(
-            f"{named(left)} flown by a pilot" if left else self.step.value,
-            1.0 if self.step is Step.DONE else progress,
-            t_s,
-            self.monitor.errors_m,
-            {sysid: s.silent_s() for sysid, s in self.sessions.items()},
-            {sysid: s.armed for sysid, s in self.sessions.items()},
-            math.nan if nearest is None else nearest.distance_m,
-            self.monitor.formation_error_m(),
-            "" if t_s is None else next((p.name for p in self.plan.phases if p.start_s <= t_s < p.end_s), ""),
-            self.plan.t_end_s,
-            self.time.now_s(),
-            nearest,
-            judged_separation_m(self.plan.scenario),
-            {sysid: lacks(session) for sysid, session in self.sessions.items()} if self.step is Step.READY else {},
-        )
+        lack = {sysid: lacks(session) for sysid, session in self.sessions.items()} if self.step is Step.READY else {}
+        words = f"{named(left)} flown by a pilot" if left else self.step.value
+        return self._reported.snapshot(words, self.time.now_s(), lack, is_done=self.step is Step.DONE)
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         """Return every vehicle as it reports itself now, for display."""
@@ -185,13 +175,26 @@ class FlightSequence:
         """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`; NaN if not known."""
         return self._reported.ground_margins_m(sysids)
 
-    def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "the program") -> tuple[int, ...]:
-        """Give an order of the operator to vehicles, by system id; none named: to all. Return those that obey.
+    def ask(
+        self, order: AskedOrder | PlanOrder, vehicles: Collection[int] = (), *, by: str = "the program"
+    ) -> tuple[int, ...]:
+        """Give an order of the operator to vehicles; none named: to all. Return those that obey; `events.jsonl` has it.
 
-        The contingency policy decides as on incidents; `events.jsonl` has who asked, and what came of it. Raises
-        FlightError with the reason where no vehicle would obey.
+        The policy decides as on incidents. A `PlanOrder` is for all, and planned from now on: `answer` returns what
+        came of it. Raises FlightError with the reason where no vehicle would obey.
         """
-        return self._asked().ask(order, vehicles, by)
+        if isinstance(order, AskedOrder):
+            return self._asked().ask(order, vehicles, by)
+        return self._changing().ask(order, by)
+
+    async def answer(self) -> str:
+        """Return what came of the last `PlanOrder`, in words. Raises FlightError for a refused one."""
+        return await self._changing().answer()
+
+    def _changing(self) -> PlanOrders:
+        if self._changes is None:
+            raise FlightError("the plan changes between T0 and the landing only.", hint="order hold, return or land")
+        return self._changes
 
     def forecast(self, order: AskedOrder, vehicles: Collection[int] = ()) -> OrderForecast:
         """Return what an order would do now. Raises as `ask` does."""
@@ -201,10 +204,6 @@ class FlightSequence:
         if self._contingency is None:
             raise FlightError("before the take-off no order is taken.", hint="Ctrl-C ends the flight")
         return self._contingency
-
-    async def each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
-        """Run `action` for all vehicles at once."""
-        await each(self.vehicles.values(), action)
 
     def listen(self, vehicle: FlightVehicle) -> Callable[[], None]:
         """Monitor a vehicle's position reports until the returned function is called."""
@@ -220,9 +219,9 @@ class FlightSequence:
     async def _run(self) -> FlightTimes:
         if self.options.mode is FlightMode.MISSION:
             refuse_without_timed_start(((sysid, v.session.autopilot) for sysid, v in self.vehicles.items()), PeerError)
-        await self.each(request_telemetry)
+        await each(self.vehicles.values(), request_telemetry)
         self.enter(Step.READY)
-        await self.each(until_ready)
+        await each(self.vehicles.values(), until_ready)
         self._telemetry.checked = True
         charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
@@ -246,7 +245,7 @@ class FlightSequence:
         self.contingency.starts()
         async with alongside(self.contingency.run()):
             await arm_all(self.vehicles, self.landing.custody, self._refuse_arming)
-            await self.each(partial(climb_to_hover, landing=self.landing))
+            await each(self.vehicles.values(), partial(climb_to_hover, landing=self.landing))
             await self.contingency.operator.until_start()
             if charge is not None:
                 await check_hover(self._fleet, self.contingency.charge, charge, self._report)
@@ -286,14 +285,8 @@ class FlightSequence:
         if returns is None:
             kinds = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
             returns = await in_own_process(plan_returns, self.plan, kinds)
-        model = await self._battery_model()
+        model = await model_of(self.plan)
         self._contingency = ContingencyExecutor(self._fleet, self.landing.orders, returns, model, self._hooks.on_event)
-
-    async def _battery_model(self) -> BatteryModel:
-        """A large fleet's takes seconds, in which heartbeats would wait."""
-        if len(self.plan.sysids) > _FEW:
-            return await in_own_process(battery_model, self.plan)
-        return battery_model(self.plan)
 
     async def _fly_stream(self) -> float:
         async with alongside(self.streamer.run()):
@@ -309,16 +302,10 @@ class FlightSequence:
         self.enter(self.step)
         if return_all:
             self.ask(AskedOrder.RETURN, by="gcs attach")
-        over = asyncio.ensure_future(self.contingency.over.wait())
-        planned = asyncio.ensure_future(self._until_landing())
-        try:
-            await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
-            for done in (over, planned):
-                if done.done():
-                    done.result()
-            broke_off = not planned.done()
-        finally:
-            await ended(over, planned)
+        self._changes = PlanOrders(self._fleet, self.contingency, self._folder, self._hooks.on_event, self._follow)
+        async with alongside(self._changes.run()):
+            broke_off = await self._fly_to_landing()
+        self._changes = None
         heard = [i for i in self._on_plan() if self.sessions[i].silent_s() < _HEARD_S]
         self.completion.lands(heard, broke_off=broke_off)
         self.enter(Step.LAND)
@@ -329,17 +316,36 @@ class FlightSequence:
                     self.landing.order(vehicle, planned=True)
         await self.landing.until_landed()
 
+    def _follow(self, plan: Plan) -> None:
+        """The vehicles fly another plan from an instant ahead on; until then it is the same."""
+        self.monitor.follow(plan)
+        self.completion.follow(plan)
+        self.contingency.follow(plan)
+
+    async def _fly_to_landing(self) -> bool:
+        """Wait until the plan's landing; return whether no vehicle flew it so far."""
+        over = asyncio.ensure_future(self.contingency.over.wait())
+        planned = asyncio.ensure_future(self._until_landing())
+        try:
+            await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
+            for done in (over, planned):
+                if done.done():
+                    done.result()
+            return not planned.done()
+        finally:
+            await ended(over, planned)
+
     def _on_plan(self) -> list[int]:
         return [i for i, state in self.contingency.policy.states.items() if state is State.FLYING]
 
     async def _until_landing(self) -> None:
         """Wait until the plan's landing; T0 may move, and the plan waits while vehicles are led back to it."""
-        t0_unix_s, begin_s = self.monitor.t0_s, self.plan.landing_s
-        while self.contingency.waits or self.time.sure_s() < self.monitor.t0_s + begin_s:
+        t0_unix_s = self.monitor.t0_s
+        while self.contingency.waits or self.time.sure_s() < self.monitor.t0_s + self.plan.landing_s:
             if self.monitor.t0_s != t0_unix_s:
                 t0_unix_s = self.monitor.t0_s
                 self.enter(self.step)
-            await self.time.comes_to(t0_unix_s + begin_s)
+            await self.time.comes_to(t0_unix_s + self.plan.landing_s)
 
     def _report_failure(self, order: StandingOrder) -> None:
         if self._contingency is not None:
@@ -379,21 +385,15 @@ class FlightSequence:
         start, held = self._start, self.held
         if start is None or held is None:
             raise ProtocolMisuse("missions were to be flown before they were uploaded.")
-        held, what = await start.bring_forward(held)
-        self.held = held
+        self.held, what = await start.bring_forward(held)
         self.loads = start.loads
-        held.require(self.plan.hash, self.plan.sysids)
+        self.held.require(self.plan.hash, self.plan.sysids)
         t0_unix_s = start.unix_s - self._leaving_s
         now_s = self.time.sure_s()
         self._hooks.on_event(Event(now_s, now_s - t0_unix_s, ALL_VEHICLES, what))
         async with alongside(self.time.watch_start(start.unix_s)):
-            await self.each(start_mission)
-            late_s = self.time.sure_s() - start.unix_s
-            if late_s > 0:
-                raise FlightError(
-                    f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
-                    hint="fly again; a slow link needs more time between upload and start",
-                )
+            await each(self.vehicles.values(), start_mission)
+            start.refuse_missed()
             self.streamer.stand_by(t0_unix_s)
             async with alongside(self.streamer.run()):
                 await self.watch_over(t0_unix_s)

@@ -8,10 +8,21 @@ from gcs.errors import FlightError
 from gcs.flight.contingency.energy_choice import ChargeWatch
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.own_battery import ChargeRule
+from gcs.flight.setup.own_process import in_own_process
 from gcs.link.wire.message import Message
+from gcs.plan.trajectory.energy import BatteryModel, battery_model
+from gcs.plan.trajectory.plan import Plan
 
+_FEW = 12  # vehicles
 _LISTEN_S = 2.0  # of vehicle time: SYS_STATUS comes twice a second
 _RULE = "The current in the hover replaces that of the plan"
+
+
+async def model_of(plan: Plan) -> BatteryModel:
+    """Return the use of a plan's vehicles. A large fleet's takes seconds, in which heartbeats would wait."""
+    if len(plan.sysids) > _FEW:
+        return await in_own_process(battery_model, plan)
+    return battery_model(plan)
 
 
 async def check_hover(

@@ -153,7 +153,7 @@ class FormationFollowing:
     """
 
     def __init__(self, plan: Plan, t0_unix_s: float, followers: Mapping[int, FollowerState]) -> None:
-        self._plan = plan
+        self.plan = plan
         self._t0_unix_s = t0_unix_s
         self._view: VehicleView | None = None
         self._row = 0
@@ -168,7 +168,7 @@ class FormationFollowing:
 
     def lead(self, view: VehicleView) -> None:
         """Make this vehicle the leader."""
-        self._view, self._row = view, self._plan.sysids.index(view.sysid)
+        self._view, self._row = view, self.plan.sysids.index(view.sysid)
         self._leader = DeviationEstimate()
 
     def at(self, sysid: int, t_s: float) -> tuple[Array, Array, Array]:
@@ -217,7 +217,7 @@ class FormationFollowing:
             return np.zeros(3), np.zeros(3)
         seen_s = view.unix_s - self._t0_unix_s
         if seen_s != self._leader.t_s:
-            plan = self._plan
+            plan = self.plan
             at = np.clip(np.array([seen_s]), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
             planned = plan.leader_trajectory.state(at)[0]
             off = view.position_ned_m - planned[POSITION] - plan.shape.offsets(at)[self._row, 0]
@@ -229,18 +229,17 @@ class FormationFollowing:
 class FollowReference:
     """One follower's planned setpoints, moved by its D."""
 
-    def __init__(self, base: PlanReference, following: FormationFollowing, sysid: int, last: int) -> None:
+    def __init__(self, base: PlanReference, following: FormationFollowing, sysid: int) -> None:
         self._base = base
         self._following = following
         self._sysid = sysid
-        self._last = last
 
     def at(self, k: int, t_s: float) -> Values:
         """Return the planned setpoint plus D; at rest from the plan's last one on."""
         values = self._base.at(k, t_s)
         off, velocity, acceleration = self._following.at(self._sysid, t_s)
         place = (values[0] + float(off[0]), values[1] + float(off[1]), values[2] + float(off[2]))
-        if k >= self._last:
+        if k >= self._base.last:
             return (*place, *values[3:])
         motion = np.array(values[3:9])
         motion[:3] += velocity

@@ -39,7 +39,8 @@ class FlownForecast(OrderForecast):
 class OperatorOrders:
     """The operator's orders in one flight, from the take-off on.
 
-    `ended` says which of them took vehicles off the plan, `aborted` which of them ended the start.
+    `returns` are those of the plan. `ended` says which orders took vehicles off the plan, `aborted` which of them ended
+    the start.
     """
 
     def __init__(
@@ -52,7 +53,8 @@ class OperatorOrders:
         returns: ReturnPlan,
     ) -> None:
         self._fleet, self._policy, self._standstill = fleet, policy, standstill
-        self._charge, self._watches, self._returns = charge, watches, returns
+        self._charge, self._watches, self.returns = charge, watches, returns
+        self.blocked = ""  # why the plan must not be gone on with
         self._held_from_s = math.nan  # fleet time since which a vehicle waits
         self.ended: list[str] = []
         self.aborted = ""
@@ -155,6 +157,8 @@ class OperatorOrders:
         states = self._policy.states
         if self._fleet.options.mode is not FlightMode.STREAM:
             return "missions on board keep the times of the plan, which have passed"
+        if self.blocked:
+            return self.blocked
         waiting = [i for i in sysids if states[i] is State.WAITING]
         if not waiting:
             return "none of them waits for it"
@@ -183,7 +187,7 @@ class OperatorOrders:
             figures = f"{longest_s:.0f} s, {most_pct:.0f} % battery"
         if order is AskedOrder.LAND:
             return f"{who} land{s} in place, {figures}{has}"
-        heights_m = np.array([self._returns.altitudes_m[rows[i]] for i in sysids])
+        heights_m = np.array([self.returns.altitudes_m[rows[i]] for i in sysids])
         low_m, high_m = float(heights_m.min()), float(heights_m.max())
         staggered = f"at {low_m:.0f} m" if len(sysids) == 1 else f"staggered {low_m:.0f}–{high_m:.0f} m"
         return f"{who} return{s}, {staggered}, {figures}{has}"

@@ -19,15 +19,19 @@ from gcs.util.aio import ended
 
 @dataclass(frozen=True)
 class FlyingFleet:
-    """One plan, its vehicles by system id, their positions, their setpoints, their common time, and the options."""
+    """The vehicles of a plan by system id, their positions, their setpoints, their common time, and the options."""
 
-    plan: Plan
     vehicles: Mapping[int, FlightVehicle]
     monitor: Monitor
     streamer: Streamer
     time: FleetTime
     options: FlightOptions
     tracks: PredictedTracks | None = None  # of vehicles that fly missions of their own
+
+    @property
+    def plan(self) -> Plan:
+        """The plan that they fly; it may be replaced in flight."""
+        return self.monitor.plan
 
     async def land(self, sysid: int) -> None:
         """Order a vehicle to land, once, and end its stream. Raises as switching modes does."""

@@ -10,6 +10,7 @@ from gcs.flight.contingency.detection import OBEYS_M, OBEYS_S, Incident, Inciden
 from gcs.flight.contingency.policy import HOLDS, IN_FORMATION, USABLE_M, State
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.predicted_tracks import TrackWatch
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
 
@@ -25,7 +26,7 @@ class PositionChecks:
     def __init__(self, fleet: FlyingFleet, policy: ContingencyPolicy) -> None:
         plan = fleet.plan
         self.lands = False
-        self._plan, self._vehicles, self._monitor = plan, fleet.vehicles, fleet.monitor
+        self._vehicles, self._monitor = fleet.vehicles, fleet.monitor
         self._policy = policy
         streamed = fleet.options.mode is FlightMode.STREAM
         self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario), fleet.tracks, streamed=streamed)
@@ -35,6 +36,14 @@ class PositionChecks:
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
         self._low_s: dict[int, float] = {}  # since when vehicles are down
         self._off_s: dict[int, float] = {}  # since when vehicles do not follow their setpoints
+
+    @property
+    def _plan(self) -> Plan:
+        return self._monitor.plan
+
+    def follow(self, plan: Plan) -> None:
+        """The vehicles fly another plan."""
+        self._separation.follow(plan)
 
     def falls(self, sysid: int, now_s: float) -> None:
         """The motors of a vehicle have stopped in the air."""

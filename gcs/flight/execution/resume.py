@@ -99,7 +99,7 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
     flight.landing.custody.take_up()
     async with alongside(flight.streamer.run()):
         if what is Resume.RESUME and streams:
-            await flight.each(flight.streamer.enter_setpoint_mode)
+            await each(flight.vehicles.values(), flight.streamer.enter_setpoint_mode)
         flight.enter(Step.FLY)
         async with alongside(flight.contingency.run()):
             await flight.watch_over(t0_new_s, return_all=what is Resume.RETURN)

@@ -15,12 +15,11 @@ from gcs.flight.contingency.choices import FlightMode
 from gcs.flight.contingency.common_rejoin import Rejoin, Stranded, common_rejoin
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
-from gcs.flight.contingency.manoeuvres import MotionReference, hold_reference, predicted_start
+from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, hold_reference, predicted_start
 from gcs.flight.contingency.policy import Action, Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
 from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN, Event
-from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.util.steady_loop import host_s, stalls_of
 
 READ_S, UNREAD_S = 0.2, 1.4  # local time at least, and at most, until what waited has been read
@@ -37,11 +36,11 @@ class Standstill:
     """The standstills of this program in one flight."""
 
     def __init__(
-        self, fleet: FlyingFleet, routes: ReturnRoutes, policy: ContingencyPolicy, carrier: OrderCarrier
+        self, fleet: FlyingFleet, tracks: OrderedTracks, policy: ContingencyPolicy, carrier: OrderCarrier
     ) -> None:
-        self._plan, self._options, self._vehicles = fleet.plan, fleet.options, fleet.vehicles
+        self._options, self._vehicles = fleet.options, fleet.vehicles
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
-        self._routes, self._policy, self._carrier = routes, policy, carrier
+        self._tracks, self._policy, self._carrier = tracks, policy, carrier
         self._loop = asyncio.get_running_loop()
         self._stalls = stalls_of(self._loop)
         self._seen = self._stalls.count
@@ -228,7 +227,7 @@ class Standstill:
     def _hold_at(self, vehicle: FlightVehicle, now_s: float) -> MotionReference:
         t0_s = self._monitor.t0_s
         begin_s = now_s + self._options.lead_s - t0_s
-        return hold_reference(predicted_start(self._plan, vehicle.view, t0_s, begin_s), self._routes)
+        return hold_reference(predicted_start(self._monitor.plan, vehicle.view, t0_s, begin_s), self._tracks.routes)
 
     def _choose(self, vehicles: list[FlightVehicle], now_s: float, before_s: float) -> Rejoin | str:
         begin_s = self._begins_s(now_s)
@@ -237,4 +236,4 @@ class Standstill:
             return "the position of a vehicle is not known"
         places, rates = np.array([place for place, _ in seen]), np.array([rate for _, rate in seen])
         here = Stranded(tuple(vehicle.row for vehicle in vehicles), places, rates)
-        return common_rejoin(self._plan, self._routes, here, begin_s - self._monitor.t0_s, before_s)
+        return common_rejoin(self._monitor.plan, self._tracks.routes, here, begin_s - self._monitor.t0_s, before_s)

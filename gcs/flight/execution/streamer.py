@@ -21,6 +21,7 @@ from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.link.protocols.command import CommandRefused
 from gcs.link.wire.message import Message
+from gcs.mission.export.setpoint_stream import spliced
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
@@ -51,16 +52,17 @@ class Streamer:
     ) -> None:
         # Emulated vehicles wait for setpoints.
         unheard_s = 0.0 if options.lead_s > 0.0 else options.limits.vehicle_lost_s
+        self._timed = {v.sysid: PlanReference(stream, v.row) for v in fleet.values()}
         self.streamed: dict[int, Streamed] = {
             v.sysid: Streamed(
                 v.session.station,
                 v.session.clock,
                 plan.pads_ned_m[v.row],
-                PlanReference(stream, v.row),
+                timed,
                 unheard_s,
                 time.now_s,
             )
-            for v in fleet.values()
+            for v, timed in zip(fleet.values(), self._timed.values(), strict=True)
         }
         self.scheduler: Scheduler | None = None
         self._planned = {sysid: one.reference for sysid, one in self.streamed.items()}
@@ -159,6 +161,19 @@ class Streamer:
             self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(now_s), None)
         self.scheduler.streams[vehicle.sysid].end = None
 
+    def follow_plan(self, plan: Plan, stream: SetpointStream) -> None:
+        """Stream another plan from its first setpoint on; every deviation from the plan stays what it is."""
+        assert self.scheduler is not None
+        ended = len(self._stream.t_s)
+        self._plan, self._stream = plan, spliced(self._stream, stream)
+        for timed in self._timed.values():
+            timed.follow(self._stream)
+        if self._following is not None:
+            self._following.plan = plan
+        self.scheduler.grid = Grid.of(self._stream.t_s, plan.scenario.mission.setpoint_rate_hz)
+        for progress in self.scheduler.streams.values():
+            progress.end = len(self._stream.t_s) if progress.end == ended else progress.end
+
     def replace(self, sysid: int, reference: ReferenceTrajectory) -> None:
         """Stream another reference to a vehicle, for as long as the one before."""
         self.streamed[sysid].reference = reference
@@ -246,8 +261,7 @@ class Streamer:
         if following is None:
             return
         off_m, off_mps, _ = following.at(sysid, begin_s)
-        timed = PlanReference(self._stream, self._fleet[sysid].row)
-        self.streamed[sysid].reference = RejoinReference(timed, off_m, off_mps, begin_s, _REJOIN_S)
+        self.streamed[sysid].reference = RejoinReference(self._timed[sysid], off_m, off_mps, begin_s, _REJOIN_S)
         following.lead(self._fleet[sysid].view)
 
     def _let_follow(self, t0_unix_s: float, leader: int | None = None) -> None:
@@ -256,12 +270,11 @@ class Streamer:
         states = {one.sysid: FollowerState(one.view, self.streamed[one.sysid].sent) for one in followers}
         following = self._following = FormationFollowing(self._plan, t0_unix_s, states)
         following.lead(self._fleet[leader].view)
-        last = len(self._stream.t_s) - 1
         for one in followers:
-            timed = PlanReference(self._stream, one.row)
-            self.streamed[one.sysid].reference = FollowReference(timed, following, one.sysid, last)
+            timed = self._timed[one.sysid]
+            self.streamed[one.sysid].reference = FollowReference(timed, following, one.sysid)
             self._planned[one.sysid] = self.streamed[one.sysid].reference
-        self._planned[leader] = PlanReference(self._stream, self._fleet[leader].row)
+        self._planned[leader] = self._timed[leader]
 
     def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:
         """Stream from now on; before the plan's first setpoint, that setpoint at rest."""

@@ -27,6 +27,10 @@ class Completion:
         self._short: dict[int, float] = {}  # seconds flown, of vehicles whose landing began too early
         self._broke_off = False
 
+    def follow(self, plan: Plan) -> None:
+        """The vehicles fly another plan to its end."""
+        self._plan = plan
+
     def receive(self, sysid: int, boot_ms: int, *, armed: bool) -> None:
         """Add the boot time since the last report to the time flown, if the vehicle is armed and the plan has begun.
 

@@ -47,7 +47,7 @@ def skew_s(late_s: Iterable[float]) -> float:
     return max(known) - min(known) if known else math.nan
 
 
-def skew_data(late_s: Mapping[int, float]) -> JsonObject:
+def lateness_data(late_s: Mapping[int, float]) -> JsonObject:
     """Return the delays of vehicles behind the plan, and their skew, as plain values; None for those unknown."""
     skew = skew_s(late_s.values())
     late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}

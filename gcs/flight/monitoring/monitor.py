@@ -79,6 +79,11 @@ class Monitor:
         """Compare landings with these descents from now on."""
         self.expected = ExpectedMotion(self.plan, landings)
 
+    def follow(self, plan: Plan) -> None:
+        """Compare with another plan from now on."""
+        self.plan = plan
+        self.expected = ExpectedMotion(plan, self.expected.profiles)
+
     @property
     def t0_s(self) -> float:
         """T0, which is known by now."""

@@ -23,6 +23,7 @@ from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.flight.monitoring.preflight_check import PreflightCheck
+    from gcs.plan.replanning.plan_changer import PlanOrder
 
 _SAME_S = 1e-3
 
@@ -254,8 +255,15 @@ class InFlight(Protocol):
         """Return what an order of the operator would do now. Raises as `ask` does."""
         ...
 
-    def ask(self, order: AskedOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
-        """Give an order to vehicles; none named: to all. Return those that obey. Raises FlightError if none would."""
+    def ask(self, order: AskedOrder | PlanOrder, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
+        """Give an order to vehicles; none named: to all. Return those that obey. Raises FlightError if none would.
+
+        A `PlanOrder` (`gcs.Avoid`, `gcs.Scale`, `gcs.Reshape`) changes the plan of all.
+        """
+        ...
+
+    async def answer(self) -> str:
+        """Return what came of the last `PlanOrder`, in words. Raises FlightError for a refused one."""
         ...
 
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from gcs.autopilots.traits import mode_name
 from gcs.flight.monitoring.monitor import Monitor
-from gcs.flight.monitoring.progress import GROUND_REACH_M, FlightPart, VehicleNow
+from gcs.flight.monitoring.progress import GROUND_REACH_M, FlightPart, Snapshot, VehicleNow
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
-from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import nearest_zone_m, zones
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.types import Array
 
 _BATTERY = "SYS_STATUS"
@@ -23,19 +23,18 @@ _BATTERY = "SYS_STATUS"
 class ReportedNow:
     """Reads the sessions and the monitor of a flight, and changes nothing."""
 
-    def __init__(self, plan: Plan, sessions: Mapping[int, VehicleSession], monitor: Monitor) -> None:
+    def __init__(self, sessions: Mapping[int, VehicleSession], monitor: Monitor) -> None:
         """`sessions` by the plan's system ids."""
-        self._plan = plan
         self._sessions = sessions
         self._monitor = monitor
 
     @cached_property
     def _fence_corners_m(self) -> Array:
-        return inclusion_corners(planned_places_m(self._plan))
+        return inclusion_corners(planned_places_m(self._monitor.plan))
 
     def vehicles(self, in_band: Callable[[int], bool | None] | None = None) -> tuple[VehicleNow, ...]:
         """Return all vehicles, in the plan's order. `in_band` tells it of a system id."""
-        plan, errors_m = self._plan, self._monitor.errors_m
+        plan, errors_m = self._monitor.plan, self._monitor.errors_m
         places, t_s = self._places(plan.sysids), self._monitor.plan_time_s
         known = np.asarray(np.isfinite(places).all(axis=1))
         zone_m, above_m, fence_m = (np.full(len(places), np.nan) for _ in range(3))
@@ -72,6 +71,29 @@ class ReportedNow:
             )
         return tuple(found)
 
+    def snapshot(self, phase: str, now_s: float | None, lacks: Mapping[int, str], *, is_done: bool) -> Snapshot:
+        """Return how a flight stands in a phase, in words; `lacks` is what vehicles are not ready for."""
+        monitor, plan = self._monitor, self._monitor.plan
+        t_s = monitor.plan_time_s
+        progress = 0.0 if t_s is None else (t_s - plan.t_start_s) / (plan.t_end_s - plan.t_start_s)
+        nearest = monitor.nearest_now()
+        return Snapshot(
+            phase,
+            1.0 if is_done else min(max(progress, 0.0), 1.0),
+            t_s,
+            monitor.errors_m,
+            {sysid: s.silent_s() for sysid, s in self._sessions.items()},
+            {sysid: s.armed for sysid, s in self._sessions.items()},
+            math.nan if nearest is None else nearest.distance_m,
+            monitor.formation_error_m(),
+            "" if t_s is None else next((p.name for p in plan.phases if p.start_s <= t_s < p.end_s), ""),
+            plan.t_end_s,
+            now_s,
+            nearest,
+            judged_separation_m(plan.scenario),
+            lacks,
+        )
+
     def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
         """Return distances to the ground in any direction, up to `GROUND_REACH_M`; NaN before the first report."""
         places = self._places(sysids)
@@ -79,7 +101,7 @@ class ReportedNow:
         known = np.asarray(np.isfinite(places).all(axis=1))
         if known.any():
             north, east, up = places[known].T
-            found[known] = ground_distance_m(self._plan.scenario.terrain, north, east, up, GROUND_REACH_M)
+            found[known] = ground_distance_m(self._monitor.plan.scenario.terrain, north, east, up, GROUND_REACH_M)
         return dict(zip(sysids, found.tolist(), strict=True))
 
     def _places(self, sysids: Collection[int]) -> Array:

@@ -9,9 +9,13 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
+from gcs.errors import FileFormatError, PlanningError
 from gcs.flight.assessment.criterion import Criterion, FlightOutcome
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.progress import Event, FlightTimes, NearestPair
+from gcs.plan.plan_file import read_plan
+from gcs.plan.replanning.plan_pieces import in_pieces
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import JsonObject
 from gcs.util.bounded_file import EVENT_FILE, read_file, read_json
 
@@ -36,6 +40,7 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
 PREDICTED = "predicted.npz"  # the tracks of missions on board, for `gcs attach`
 BEFORE = "before.json"  # what was on the vehicles before the upload, for `gcs restore`
+_LATER = "plan-*.skein"
 _EVENT = TypeAdapter(Event)
 OUTCOMES = {
     FlightOutcome.OK: "Flight verified: all criteria within limits.",
@@ -43,6 +48,26 @@ OUTCOMES = {
     FlightOutcome.UNKNOWN: "Flight not decided: at least one criterion is not known from what the vehicles reported.",
 }
 TRUE_STATES, REPORTS = "true states", "reports"  # what a flight was judged from
+
+
+def later_plans(folder: Path) -> tuple[Path, ...]:
+    """Return the files of the plans that replaced the first one in flight, in their order."""
+    found = {int(path.stem.rpartition("-")[2]): path for path in folder.glob(_LATER) if _is_numbered(path)}
+    return tuple(found[number] for number in sorted(found))
+
+
+def _is_numbered(path: Path) -> bool:
+    return path.stem.rpartition("-")[2].isdecimal()
+
+
+def read_flown_plan(folder: Path) -> Plan:
+    """Return the plan as it was flown, with what orders changed in flight, unverified. Raises FileFormatError."""
+    first, _ = read_plan(folder / PLAN)
+    later = later_plans(folder)
+    try:
+        return in_pieces(first, [read_plan(path)[0] for path in later])
+    except PlanningError as problem:
+        raise FileFormatError(f"{later[-1]}: {problem.message}", hint="put the flight's own files back") from problem
 
 
 def read_events(path: Path) -> tuple[Event, ...]:

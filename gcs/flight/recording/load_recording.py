@@ -17,7 +17,7 @@ from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError, counted
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import Event, PlanTime, flown_plan_time
-from gcs.flight.recording.flight_folder import EVENTS, PLAN, PREDICTED, read_events
+from gcs.flight.recording.flight_folder import EVENTS, PLAN, PREDICTED, read_events, read_flown_plan
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.record_table import NAME as RECORD
@@ -28,7 +28,6 @@ from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.link.protocols.statustext import StatusTextJoiner
 from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
-from gcs.plan.plan_file import read_plan
 from gcs.types import Array
 
 _FORMS = ("{}_m", "v_{}_mps")
@@ -298,7 +297,7 @@ def load_recording(path: Path) -> LoadedRecording:
 
 
 def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
-    plan, _ = read_plan(folder / PLAN)
+    plan = read_flown_plan(folder)
     events = read_events(folder / EVENTS)
     plan_time = flown_plan_time(t0_unix_s, events)
     frames, unix_s, notes = _joined(logs)

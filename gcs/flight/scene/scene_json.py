@@ -21,7 +21,7 @@ def picture_json(picture: FlightPicture) -> bytes:
     return to_bytes(_plain(picture))
 
 
-def band_json(band: PlannedBand) -> Any:
+def band_json(band: PlannedBand) -> object:
     """Return the band as plain values, likewise."""
     return _plain(band)
 

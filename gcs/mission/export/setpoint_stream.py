@@ -44,6 +44,16 @@ def build_stream(
     return SetpointStream(plan.sysids[rows], t_s, position, velocity, acceleration, yaw)
 
 
+def spliced(before: SetpointStream, after: SetpointStream) -> SetpointStream:
+    """The setpoints of one stream until another one begins, and those of the other."""
+    until = before.t_s < after.t_s[0]
+    parts = [
+        np.concatenate([getattr(before, name)[:, until], getattr(after, name)], axis=1)
+        for name in ("position_ned_m", "velocity_ned_mps", "acceleration_ned_mps2", "yaw_ned_rad")
+    ]
+    return SetpointStream(before.sysids, np.concatenate([before.t_s[until], after.t_s]), *parts)
+
+
 def of_vehicle(stream: SetpointStream, row: int) -> SetpointStream:
     """The stream of the vehicle in this row."""
     parts = (stream.position_ned_m, stream.velocity_ned_mps, stream.acceleration_ned_mps2, stream.yaw_ned_rad)

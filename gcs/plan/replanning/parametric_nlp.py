@@ -67,7 +67,8 @@ class ParametricNlp:
         used = len(problem.scenario.no_fly) - known
         zones = (*problem.scenario.no_fly, *self.unused[used:])
         problem = replace(problem, scenario=with_zones(problem.scenario, zones), spare_disks=len(self.unused))
-        chosen = active_vehicles(problem, times, last.state(times))
+        # Rows are those of the whole shape: its rest may be rigid, and would have fewer than the program.
+        chosen = active_vehicles(replace(problem, shape=self.whole.shape), times, last.state(times))
         slots = chosen.parameters.reshape(len(times), -1, SLOT)
         free = np.zeros((len(times), len(stage_functions.path_ids(problem, chosen)[0])), dtype=bool)
         first = chosen.ground.shape[1] + sum(rows.shape[1] for rows in chosen.zones[: -len(self.unused) or None])
@@ -80,8 +81,7 @@ class ParametricNlp:
             first = rows.stop
         lengths = np.repeat(np.diff(mesh.joints_s), self.degree)
         quadrature, weight = layout.quadrature(), _weight(self.whole, times)
-        stand = replace(self.whole, shape=problem.shape)
-        shares = cost_shares(stand, times, quadrature / self.whole.duration_s, quadrature * weight / self.weight_s)
+        shares = cost_shares(self.whole, times, quadrature / self.whole.duration_s, quadrature * weight / self.weight_s)
         parameters = np.concatenate([lengths, shares.ravel(order="F"), slots.ravel()])
         if len(parameters) != self.nlp.size1_in(1):
             raise PlanningError.because(

@@ -32,12 +32,12 @@ def separations_m(positions_ned_m: Array) -> Array:
     return np.array([pdist(places).min() for places in positions_ned_m.swapaxes(0, 1)])
 
 
-def zone_distances_m(scenario: Scenario, t_s: Array, positions_ned_m: Array) -> Array:
+def zone_distances_m(scenario: Scenario, t_s: Array, positions_ned_m: Array, since_s: tuple[float, ...] = ()) -> Array:
     """Distances (V, N) of positions (V, N, 3) at plan times (N,) to the edge of the nearest no-fly zone.
 
-    Negative inside, infinite without zones.
+    Negative inside, infinite without zones. `since_s`: from when each of `zones` counts; without it, always.
     """
-    return nearest_zone_m(zones(scenario), t_s, positions_ned_m[..., 0], positions_ned_m[..., 1])
+    return nearest_zone_m(zones(scenario), t_s, positions_ned_m[..., 0], positions_ned_m[..., 1], since_s)
 
 
 def ground_distances_m(scenario: Scenario, positions_ned_m: Array, reach_m: float) -> Array:

@@ -10,10 +10,11 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Quadrotor, thrust_and_tilt
 from gcs.physics.wind import STILL, SteadyWind
+from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.own_landing import own_landing
-from gcs.scenario.values.si import steady_wind
+from gcs.scenario.values.si import leader_index, steady_wind
 from gcs.types import Array
 
 # From rest to rest, highest power first: s(r) = 10 r^3 - 15 r^4 + 6 r^5 has no acceleration at its ends, and
@@ -86,6 +87,26 @@ def smooth_step(start_s: float, end_s: float, start: float, end: float, wind: St
     coefficients = shape * (end - start) / (end_s - start_s) ** np.arange(len(shape) - 1, -1, -1)
     coefficients[-1] += start
     return PPoly(coefficients[:, None], [start_s, end_s])
+
+
+def shape_from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Array, scenario: Scenario) -> Shape:
+    """Offsets between uneven ground and the air: each vehicle's height over the leader's changes in between.
+
+    `ground_ned_m` and `offsets` are (V, 3). It lands where the time on the ground is the later one.
+    """
+    leader = leader_index(scenario)
+    difference = np.zeros_like(offsets)
+    difference[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
+    if not difference.any():
+        return rigid(offsets, min(ground_s, air_s), max(ground_s, air_s))
+    if ground_s < air_s:
+        step = smooth_step(ground_s, air_s, 1.0, 0.0, steady_wind(scenario))
+    else:
+        step = landing_step(air_s, ground_s, 0.0, 1.0, scenario)
+    functions = np.zeros((*step.c.shape, 2))
+    functions[-1, :, 0] = 1.0
+    functions[..., 1] = step.c
+    return Shape(PPoly(functions, step.x), np.stack([offsets, difference]))
 
 
 def _leaning(down: PPoly, position_ned_m: Array, yaw_ned_rad: float, q: Quadrotor) -> Trajectory:

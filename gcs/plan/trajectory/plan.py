@@ -63,6 +63,7 @@ class Plan:
     begin_state: tuple[float, ...] | None = None  # the leader's (12), SI and NED, of a plan that begins in the air
     route_s: tuple[float, ...] = ()  # when the leader is at each route point ahead: the last ones of the route
     leg_limits: tuple[LegLimits, ...] = ()  # of the legs ahead; empty: it was planned with no line kept
+    zones_since_s: tuple[float, ...] = ()  # of a plan as flown: from when each of `zones` counts; empty: always
 
     def __post_init__(self) -> None:
         if self.shape.basis_ned_m.shape[1] != len(self.sysids):
@@ -199,7 +200,7 @@ class Plan:
 
     def zone_distances_m(self, t_s: Array, positions_ned_m: Array | None = None) -> Array:
         """Distance (V, N) to the edge of the nearest no-fly zone: negative inside, infinite without zones."""
-        return zone_distances_m(self.scenario, t_s, self._places(t_s, positions_ned_m))
+        return zone_distances_m(self.scenario, t_s, self._places(t_s, positions_ned_m), self.zones_since_s)
 
     def ground_distances_m(self, t_s: Array, positions_ned_m: Array | None = None, *, reach_m: float = 50.0) -> Array:
         """Distance (V, N) to the ground in any direction; `reach_m` where it is larger."""

@@ -156,13 +156,18 @@ def signed_distance_m(zone: Zone, north_m: Array, east_m: Array) -> Array:
     return np.asarray(np.where(is_outside, away_m, -away_m))
 
 
-def nearest_zone_m(beside: Sequence[Zone], t_s: Array, north_m: Array, east_m: Array) -> Array:
+def nearest_zone_m(
+    beside: Sequence[Zone], t_s: Array, north_m: Array, east_m: Array, since_s: Sequence[float] = ()
+) -> Array:
     """True distance (...) of places (...) to the edge of the nearest zone at plan times that broadcast with them.
 
-    Negative inside, infinite without zones.
+    Negative inside, infinite without zones. `since_s`: from when the first zones count; all others always do.
     """
     found = np.full(np.broadcast_shapes(np.shape(t_s), np.shape(north_m)), np.inf)
-    for zone in beside:
+    for number, zone in enumerate(beside):
         moved = displacement_m(zone, t_s)
-        found = np.minimum(found, signed_distance_m(zone, north_m - moved[..., 0], east_m - moved[..., 1]))
+        away_m = signed_distance_m(zone, north_m - moved[..., 0], east_m - moved[..., 1])
+        if number < len(since_s):
+            away_m = np.where(t_s >= since_s[number], away_m, np.inf)
+        found = np.minimum(found, away_m)
     return found

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from gcs.cli.flights.fly_view import _line, _skew_text, _waiting
+from gcs.flight.monitoring.lateness import lateness_data
 from gcs.flight.monitoring.progress import Snapshot
-from gcs.flight.run import _skew
 
 
 def snapshot(**known: float) -> Snapshot:
@@ -35,9 +35,9 @@ def test_whoever_waits_for_readiness_is_told_which_vehicle_lacks_what() -> None:
 def test_time_skew_between_vehicles() -> None:
     late_s = {1: 0.010, 2: math.nan, 3: -0.004, 4: 0.0}
     assert _skew_text(late_s) == "14.0 ms (vehicles 1 and 3)"
-    assert _skew(late_s) == {
+    assert lateness_data(late_s) == {
         "skew_s": pytest.approx(0.014),
         "late_s": {"1": 0.010, "2": None, "3": -0.004, "4": 0.0},
     }
     assert _skew_text({1: 0.01, 2: math.nan}) is None
-    assert _skew({1: math.nan}) == {"skew_s": None, "late_s": {"1": None}}
+    assert lateness_data({1: math.nan}) == {"skew_s": None, "late_s": {"1": None}}

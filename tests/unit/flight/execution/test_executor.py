@@ -613,7 +613,7 @@ def test_a_flight_is_checked_every_tenth_of_a_second_of_fleet_time() -> None:
     ours.operator = SimpleNamespace(aborted="")
     ours._rests = False
     ours._monitor = SimpleNamespace(t0_unix_s=None)
-    ours._plan = SimpleNamespace(t_start_s=-0.5)
+    ours._fleet = SimpleNamespace(plan=SimpleNamespace(t_start_s=-0.5))
     ours._standstill = SimpleNamespace(open=False, reads=lambda checked_s: False)
     ours._report_clocks, ours._check = lambda now_s: None, check
     with pytest.raises(asyncio.CancelledError):

@@ -51,7 +51,7 @@ def land(
         time = FleetTime({crew.sysid: crew.session})
         streamer = Streamer(plan, build_stream(plan, 25.0), fleet, time, options)
         landing = FleetLanding(
-            FlyingFleet(plan, fleet, Monitor(plan), streamer, time, options),
+            FlyingFleet(fleet, Monitor(plan), streamer, time, options),
             lambda: {crew.sysid: state},
             lambda order: told.append(f"did not {order.what}"),
             tell,

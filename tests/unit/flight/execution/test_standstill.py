@@ -240,9 +240,9 @@ def test_a_vehicle_holds_from_where_it_is_when_its_setpoints_begin(t_s: float) -
     """It was seen 0.5 s ago at 2 m/s, and its setpoints begin 0.3 s from now: 1.6 m on, and 1.33 m to brake."""
     ours: Any = object.__new__(Standstill)
     t0_unix_s, now_s = EPOCH_S, EPOCH_S + t_s
-    ours._plan, ours._options = straight_plan(), FlightOptions(lead_s=0.3)
-    ours._monitor = SimpleNamespace(t0_s=t0_unix_s)
-    ours._routes = SimpleNamespace(depth_m=lambda tracks, at_s: np.zeros(len(at_s)))
+    ours._options = FlightOptions(lead_s=0.3)
+    ours._monitor = SimpleNamespace(t0_s=t0_unix_s, plan=straight_plan())
+    ours._tracks = SimpleNamespace(routes=SimpleNamespace(depth_m=lambda tracks, at_s: np.zeros(len(at_s))))
     seen = VehicleView(1, np.array([10.0, 0.0, -8.0]), np.array([0.0, 2.0, 0.0]), now_s - 0.5)
     track = ours._hold_at(SimpleNamespace(view=seen), now_s)
     assert track.begin_s == pytest.approx(t_s + 0.3)

@@ -1,0 +1,87 @@
+"""Orders in flight in the words of `gcs tell`: `avoid 560,480,30`, `scale 0.6`, `shape vee`, `hold`."""
+
+import math
+from collections.abc import Sequence
+
+import shapely
+
+from gcs.errors import UsageError
+from gcs.flight.monitoring.progress import AskedOrder
+from gcs.frames import geodetic_to_ned
+from gcs.plan.replanning.plan_changer import Avoid, PlanOrder, Reshape, Scale
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.si import local_origin
+
+AVOID, SCALE, SHAPE = "avoid", "scale", "shape"
+FORMS = {
+    AVOID: "NORTH,EAST,RADIUS in m, or three corners NORTH,EAST or more",
+    SCALE: "the new size over the present one, as 0.6",
+    SHAPE: "the name of a shape of the scenario",
+}
+WORDS = (*FORMS, *(order.value for order in AskedOrder))
+_FARTHEST_M = 1e5
+_SCALES = 0.001, 10.0
+
+
+def order_of(words: Sequence[str], scenario: Scenario, *, in_degrees: bool = False) -> AskedOrder | PlanOrder:
+    """The order of these words. Raises UsageError, with what is expected.
+
+    `in_degrees`: places are latitude and longitude. A polygon is avoided with the smallest disk around it.
+    """
+    name, rest = (words[0], list(words[1:])) if words else ("", [])
+    if name in FORMS and not rest:
+        raise UsageError(f"{name} of what?", hint=f"give {FORMS[name]}")
+    if name == AVOID:
+        return _avoid(rest, scenario, in_degrees=in_degrees)
+    if name == SCALE and len(rest) == 1:
+        (factor,) = _numbers(rest[0], 1, name)
+        if not _SCALES[0] <= factor <= _SCALES[1]:
+            raise UsageError(f"a formation is not scaled by {factor:g}", hint=f"give {FORMS[SCALE]}")
+        return Scale(factor)
+    if name == SHAPE and len(rest) == 1:
+        known = ["start", *(shape.name for shape in scenario.formation.shape)]
+        if rest[0] not in known:
+            raise UsageError(f'the scenario has no shape "{rest[0]}"', hint=f"it has {', '.join(known)}")
+        return Reshape(rest[0])
+    if name in set(AskedOrder) and not rest:
+        return AskedOrder(name)
+    raise UsageError(f"{' '.join(words)!r} is no order", hint=f"orders are {', '.join(WORDS)}")
+
+
+def _avoid(rest: list[str], scenario: Scenario, *, in_degrees: bool) -> Avoid:
+    if len(rest) == 1:
+        first, second, radius_m = _numbers(rest[0], 3, AVOID)
+        north_m, east_m = _place(first, second, scenario, in_degrees=in_degrees)
+    elif len(rest) >= 3:
+        corners = [_numbers(text, 2, AVOID) for text in rest]
+        area = shapely.MultiPoint([_place(a, b, scenario, in_degrees=in_degrees) for a, b in corners])
+        centre = shapely.minimum_bounding_circle(area).centroid
+        north_m, east_m, radius_m = centre.x, centre.y, float(shapely.minimum_bounding_radius(area))
+    else:
+        raise UsageError(f"{' '.join(rest)!r} is no zone", hint=f"give {FORMS[AVOID]}")
+    if not 0.0 < radius_m <= _FARTHEST_M or max(abs(north_m), abs(east_m)) > _FARTHEST_M:
+        raise UsageError(
+            f"a zone of {radius_m:g} m around ({north_m:.0f}, {east_m:.0f}) is not one of this flight",
+            hint=f"give {FORMS[AVOID]}",
+        )
+    return Avoid(round(north_m, 3), round(east_m, 3), round(radius_m, 3))
+
+
+def _place(first: float, second: float, scenario: Scenario, *, in_degrees: bool) -> tuple[float, float]:
+    if not in_degrees:
+        return first, second
+    if not (abs(first) <= 90.0 and abs(second) <= 180.0):
+        raise UsageError(f"({first:g}, {second:g}) is no latitude and longitude", hint="give degrees")
+    place_ned_m = geodetic_to_ned(first, second, scenario.origin.alt_amsl_m, local_origin(scenario))
+    north_m, east_m, _ = place_ned_m.tolist()
+    return float(north_m), float(east_m)
+
+
+def _numbers(text: str, count: int, name: str) -> list[float]:
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise UsageError(f"{text!r} is not what {name} needs", hint=f"give {FORMS[name]}")
+    return found

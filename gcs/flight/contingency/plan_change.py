@@ -1,0 +1,121 @@
+"""Orders that change the plan of the whole formation: which is being planned, from which instant, and what was found.
+
+A machine without clocks: times are arguments, plan times by the vehicles' clocks. The new plan begins at an instant of
+the setpoint grid, as far ahead as planning took before, and a margin. An answer that comes too late is planned again
+from a later instant, then refused. A refused zone that the old plan would enter makes the formation brake before it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gcs.errors import FlightError
+from gcs.physics.states import VELOCITY
+from gcs.plan.replanning.plan_changer import Avoid, PlanOrder
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.environment.no_fly import nearest_zone_m
+from gcs.scenario.values.navigation_error import navigation_error
+
+MARGIN_S = 0.25  # between an answer and the first setpoint of the new plan, beside the lead of setpoints
+SLOWER = 1.3  # than the slowest of the last plans, the next one may be made
+ATTEMPTS = 3
+_LAST = 3  # plans whose time counts
+_BRAKE_MPS2, _CALM_S = 1.5, 2.0  # how vehicles brake, and how much earlier they begin
+_STEP_S = 0.1
+
+
+@dataclass(frozen=True)
+class Planning:
+    """An order that is being planned: what begins at plan time `begin_s`, and when it was asked and begun."""
+
+    order: PlanOrder
+    by: str
+    asked_s: float
+    tried_s: float
+    begin_s: float
+    attempt: int = 1
+
+
+class PlanChange:
+    """The order under way, if there is one, and where the formation has to brake."""
+
+    def __init__(self, rate_hz: float, lead_s: float, plans_s: float = 0.0) -> None:
+        """`rate_hz`: of setpoints, which are sent `lead_s` ahead; `plans_s`: how long a re-plan takes, as rehearsed."""
+        self._rate_hz, self._lead_s = rate_hz, lead_s
+        self._took_s = [plans_s]
+        self.pending: Planning | None = None
+        self.brakes_at_s = math.inf  # plan time at which the formation has to brake
+        self.blocked = ""  # why the old plan must not be gone on with, in words
+
+    def rehearsed(self, took_s: float) -> None:
+        """A re-plan takes so long."""
+        self._took_s = [took_s]
+
+    def ask(self, order: PlanOrder, by: str, now_s: float) -> Planning:
+        """Begin an order. Raises FlightError while another one is being planned."""
+        if self.pending is not None:
+            raise FlightError(
+                f"the formation would not {order}: it is still being asked to {self.pending.order}.",
+                hint="wait for its answer in the events",
+            )
+        self.pending = Planning(order, by, now_s, now_s, self._begin_s(now_s))
+        return self.pending
+
+    def in_time(self, now_s: float) -> bool:
+        """Take in that the plan was made now. Without time to send it, `pending` begins again later, or it is too late.
+
+        The order has ended if this returns true, or `pending` is None.
+        """
+        planning = self.pending
+        assert planning is not None
+        self._took_s = [*self._took_s, now_s - planning.tried_s][-_LAST:]
+        if now_s + self._lead_s + MARGIN_S / 2.0 <= planning.begin_s:
+            self.pending = None
+            return True
+        if planning.attempt == ATTEMPTS:
+            self.pending = None
+        else:
+            begin_s = self._begin_s(now_s)
+            self.pending = replace(planning, tried_s=now_s, begin_s=begin_s, attempt=planning.attempt + 1)
+        return False
+
+    def refused(self, order: PlanOrder, plan: Plan, now_s: float) -> str:
+        """Take in that an order came to nothing; return in words what the formation does instead."""
+        self.pending = None
+        if not isinstance(order, Avoid):
+            return "the old plan is flown on"
+        enters_s = enters_at_s(plan, order, now_s)
+        if math.isinf(enters_s):
+            return "the old plan is flown on, it does not enter the zone"
+        speed_mps = float(np.linalg.norm(plan.states(np.array([enters_s]))[:, 0, VELOCITY], axis=1).max())
+        self.brakes_at_s = min(self.brakes_at_s, max(enters_s - speed_mps / _BRAKE_MPS2 - _CALM_S, now_s))
+        self.blocked = f"the plan enters the new no-fly zone at t = {enters_s:.1f} s"
+        return f"all brake at t = {self.brakes_at_s:.1f} s: {self.blocked}"
+
+    def brakes(self, now_s: float) -> bool:
+        """Whether the formation has to brake now; once."""
+        due = now_s >= self.brakes_at_s
+        if due:
+            self.brakes_at_s = math.inf
+        return due
+
+    def changed(self, plan: Plan) -> None:
+        """The formation flies another plan, which may lead round what blocked the old one."""
+        del plan
+        self.brakes_at_s, self.blocked = math.inf, ""
+
+    def _begin_s(self, now_s: float) -> float:
+        ahead_s = SLOWER * max(self._took_s) + self._lead_s + MARGIN_S
+        return math.ceil((now_s + ahead_s) * self._rate_hz) / self._rate_hz
+
+
+def enters_at_s(plan: Plan, order: Avoid, from_s: float) -> float:
+    """When a vehicle of the plan first is in a zone, or as near as it may be off its place; infinite if never."""
+    t_s = np.arange(from_s, plan.landing_s, _STEP_S)
+    if not len(t_s):
+        return math.inf
+    places = plan.states(t_s)
+    away_m = nearest_zone_m((order.zone,), t_s, places[..., 0], places[..., 1]).min(axis=0)
+    inside = np.flatnonzero(away_m < navigation_error(plan.scenario).horizontal_m)
+    return float(t_s[inside[0]]) if len(inside) else math.inf

@@ -1,0 +1,191 @@
+"""Orders that change the plan in flight, carried out: planned in a process of its own, then streamed to all vehicles.
+
+`plan_change` decides; this module has the process, the clocks and the events.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import FlightError, GcsError
+from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.plan_change import ATTEMPTS, PlanChange, Planning
+from gcs.flight.contingency.policy import State
+from gcs.flight.execution.executor import ContingencyExecutor
+from gcs.flight.execution.hover_charge import model_of
+from gcs.flight.execution.order_carrier import FlyingFleet
+from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event
+from gcs.flight.setup.plan_worker import PlanWorker, Replacement
+from gcs.flight.setup.planner_process import PlannerProcess
+from gcs.plan.replanning.plan_changer import PlanOrder
+from gcs.plan.replanning.plan_pieces import continued
+from gcs.plan.trajectory.plan import Plan
+from gcs.util.aio import ended
+from gcs.util.steady_loop import follows
+
+_WHO = 80  # characters of who asked
+NEW_PLAN = "fly a new plan"
+
+
+class PlanOrders:
+    """Changes of one flight's plan, from T0 to its landing. `run` beside the flight; `follow` takes each new plan."""
+
+    def __init__(
+        self,
+        fleet: FlyingFleet,
+        contingency: ContingencyExecutor,
+        folder: Path | None,
+        on_event: Callable[[Event], None],
+        follow: Callable[[Plan], None],
+    ) -> None:
+        self._fleet, self._contingency, self._folder = fleet, contingency, folder
+        self._on_event, self._follow = on_event, follow
+        scenario, self._loop = fleet.plan.scenario, asyncio.get_running_loop()
+        self._change = PlanChange(scenario.mission.setpoint_rate_hz, fleet.options.lead_s)
+        self._streams, real = fleet.options.mode is FlightMode.STREAM, fleet.options.lead_s == 0.0
+        self._worker = PlannerProcess(partial(PlanWorker, fenced=real), fleet.plan, folder)
+        self._count = 1
+        self._asked: asyncio.Queue[Planning] = asyncio.Queue()
+        self._answer: asyncio.Future[str] | None = None
+
+    def ask(self, order: PlanOrder, by: str) -> tuple[int, ...]:
+        """Have the formation fly another plan; return its vehicles. Raises FlightError where it cannot.
+
+        The plan is made from now on: `events.jsonl` has what came of it, and `answer` returns it.
+        """
+        now_s, by = self._now_s(), by[:_WHO]
+        self._tell(f"were asked to {order} by {by}", "", {"order": str(order), "by": by})
+        try:
+            if why := self._why_not():
+                raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
+            planning = self._change.ask(order, by, now_s)
+        except FlightError as refusal:
+            self._tell("keep their plan", f"refused: {refusal.message}")
+            raise
+        self._answer = self._loop.create_future()
+        self._asked.put_nowait(planning)
+        return self._fleet.plan.sysids
+
+    async def answer(self) -> str:
+        """Return in words what came of the last order. Raises FlightError where it was refused."""
+        if self._answer is None:
+            raise FlightError("no change of the plan was asked.", hint="ask for one first")
+        return await asyncio.shield(self._answer)
+
+    async def run(self) -> None:
+        """Plan what is asked, and brake where that is due, until cancelled."""
+        beside = asyncio.ensure_future(self._brake_in_time())
+        try:
+            if self._streams and not follows(self._loop):  # for emulated time the first order can wait as long
+                await self._rehearse()
+            while True:
+                await self._carry_out(await self._asked.get())
+        finally:
+            await ended(beside)
+            await self._worker.close()
+            for left in () if self._folder is None else self._folder.glob("plan-*.made"):
+                left.unlink(missing_ok=True)
+            self._answered(FlightError("the flight is over.", hint="see its report"))
+
+    async def _rehearse(self) -> None:
+        """Build the programs now, so that the first order finds them built; a plan that has none says so when asked."""
+        with suppress(Exception):
+            self._change.rehearsed(await self._worker.call("rehearse"))
+
+    async def _carry_out(self, planning: Planning) -> None:
+        """Plan until a plan is in time, and fly it; or refuse."""
+        order, began_s = planning.order, time.perf_counter()  # emulated time stands
+        try:
+            while (now := self._change.pending) is not None:
+                made: Replacement = await self._worker.call("change", order, now.begin_s, f"plan-{self._count + 1}")
+                if why := self._why_not():
+                    raise FlightError(f"{why}.")
+                if self._change.in_time(self._now_s()):
+                    self._fly(planning, made, time.perf_counter() - began_s)
+                    break
+            else:
+                raise FlightError(
+                    f"no plan was made in time in {ATTEMPTS} attempts, {time.perf_counter() - began_s:.1f} s."
+                )
+        except Exception as failure:  # no order ends a flight
+            why = _reason(failure).rstrip(".")
+            instead = self._change.refused(order, self._fleet.plan, self._now_s())
+            self._contingency.operator.blocked = self._change.blocked
+            self._tell("keep their plan", f"not {order}: {why}; {instead}")
+            self._answered(FlightError(f"the formation does not {order}: {why}; {instead}."))
+            return
+        await self._adopt()
+
+    def _fly(self, planning: Planning, made: Replacement, took_s: float) -> None:
+        fleet, new = self._fleet, made.plan
+        flown = continued(fleet.plan, new)
+        self._count += 1
+        file = None
+        if made.file is not None:
+            file = made.file.with_name(f"plan-{self._count}.skein")
+            with suppress(OSError):  # a full disk keeps nobody on a plan that leads into a zone
+                made.file.replace(file)
+        fleet.streamer.follow_plan(flown, made.stream)
+        self._follow(flown)
+        self._change.changed(flown)
+        self._contingency.operator.blocked = ""
+        words = f"{planning.order}, asked by {planning.by}; planned and verified in {took_s:.2f} s"
+        data = {"order": str(planning.order), "asked_t_s": planning.asked_s, "begins_t_s": new.t_start_s}
+        data |= {"planned_s": took_s, "file": None if file is None else file.name}
+        self._tell(f"{NEW_PLAN} from t = {new.t_start_s:.2f} s on", words, data)
+        self._answered(f"a new plan is flown from t = {new.t_start_s:.2f} s on: {words}")
+
+    async def _adopt(self) -> None:
+        """Ways back and needs of the new plan: made after it is flown, because they take longer."""
+        kinds = tuple(Autopilot(vehicle.session.autopilot) for vehicle in self._fleet.vehicles.values())
+        try:
+            returns = await self._worker.call("adopt", kinds)
+        except Exception as failure:
+            self._tell("have no new return altitudes", _reason(failure))
+            return
+        self._contingency.return_from(self._fleet.plan, returns, await model_of(self._fleet.plan))
+        if not follows(self._loop):
+            await self._rehearse()
+
+    async def _brake_in_time(self) -> None:
+        while True:
+            await self._fleet.time.comes_to(self._fleet.time.sure_s() + 0.1)
+            if self._change.brakes(self._now_s()):
+                with suppress(FlightError):
+                    self._contingency.ask(AskedOrder.HOLD, (), f"this program: {self._change.blocked}")
+
+    def _why_not(self) -> str:
+        """Why the formation cannot change its plan now, in words; empty if it can."""
+        states = self._contingency.policy.states
+        if not self._streams:
+            return "missions on board keep the plan that was uploaded"
+        if self._contingency.waits:
+            return "the plan waits until all vehicles go on"
+        if away := [sysid for sysid, state in states.items() if state is not State.FLYING]:
+            return f"vehicle {away[0]} is {states[away[0]].value}"
+        return ""
+
+    def _now_s(self) -> float:
+        return self._fleet.time.sure_s() - self._fleet.monitor.t0_s
+
+    def _tell(self, what: str, rule: str, data: dict[str, Any] | None = None) -> None:
+        now_s = self._fleet.time.sure_s()
+        self._on_event(Event(now_s, now_s - self._fleet.monitor.t0_s, ALL_VEHICLES, what, rule, data))
+
+    def _answered(self, answer: str | FlightError) -> None:
+        if self._answer is None or self._answer.done():
+            return
+        if isinstance(answer, str):
+            self._answer.set_result(answer)
+            return
+        self._answer.set_exception(answer)
+        self._answer.exception()  # nobody may wait for it
+
+
+def _reason(failure: Exception) -> str:
+    return failure.message if isinstance(failure, GcsError) else f"{type(failure).__name__}: {failure}"

@@ -1,0 +1,59 @@
+"""The plan of a whole formation changes in flight: round a zone that comes up, or the formation brakes before it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs.flight.execution.flight import FlightSequence
+from gcs.flight.execution.plan_orders import NEW_PLAN
+from gcs.flight.monitoring.progress import FlightPart
+from gcs.plan.replanning.plan_changer import Avoid
+from gcs.plan.trajectory.plan import Plan
+from sim_bridge.sim.world import World
+from tests.bridge.flying import fly
+
+pytestmark = pytest.mark.slow
+
+
+def asked_at(t_s: float, order: Avoid) -> Any:
+    done = []
+
+    def during(_: World, flight: FlightSequence) -> None:
+        if not done and (flight.monitor.plan_time_s or -1.0) > t_s:
+            done.append(flight.ask(order, by="the test"))
+
+    return during
+
+
+def test_a_formation_flies_round_a_zone_that_comes_up(hop: Plan) -> None:
+    middle = hop.leader_trajectory.state(17.0)[:2]
+    zone = Avoid(float(middle[0]), float(middle[1]) + 1.0, 3.0)
+    flown = fly(hop, during=asked_at(3.0, zone))
+    assert flown.error is None, flown.error
+    (change,) = [event for event in flown.events if event.what.startswith(NEW_PLAN)]
+    begins_s = change.data["begins_t_s"]
+    assert 3.0 < begins_s < 6.0
+    after = flown.t_s > begins_s
+    away_m = np.linalg.norm(flown.places[:, after, :2] - [zone.north_m, zone.east_m], axis=-1).min() - zone.radius_m
+    assert away_m > 0.0
+    old = hop.zone_distances_m(np.arange(0.0, 30.0, 0.1))
+    assert np.isinf(old).all()
+    assert flown.flight.plan.zones_since_s == (begins_s,)
+    inside_s = (flown.t_s > 0.0) & (flown.t_s < 30.0)
+    now = flown.flight.plan.states(flown.t_s[inside_s])[..., :3]
+    assert np.linalg.norm(now - flown.places[:, inside_s], axis=-1).max() < 0.5
+    assert flown.flight.monitor.nearest[FlightPart.FLIGHT].distance_m > 2.0
+
+
+def test_the_formation_brakes_before_a_zone_that_it_cannot_fly_round(hop: Plan) -> None:
+    goal = hop.leader_trajectory.state(29.0)[:2]
+    zone = Avoid(float(goal[0]), float(goal[1]), 12.0)
+    flown = fly(hop, during=asked_at(3.0, zone), enough=lambda flight: (flight.monitor.plan_time_s or 0.0) > 26.0)
+    assert any("not avoid" in event.rule for event in flown.events), flown.events
+    assert flown.orders(1)[0] == "hold"
+    flying = (flown.t_s > 0.0) & (flown.t_s < 26.0)
+    away_m = np.linalg.norm(flown.places[:, flying, :2] - [zone.north_m, zone.east_m], axis=-1).min() - zone.radius_m
+    assert away_m > 0.0

@@ -1,0 +1,55 @@
+"""The words of `gcs tell`: what each order needs, and places in degrees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs.errors import UsageError
+from gcs.flight.contingency.order_words import order_of
+from gcs.flight.monitoring.progress import AskedOrder
+from gcs.frames import ned_to_geodetic
+from gcs.plan.replanning.plan_changer import Avoid, Reshape, Scale
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.si import local_origin
+
+
+def test_orders_are_read_from_words(simulation1: Scenario) -> None:
+    assert order_of(["avoid", "560,480,30"], simulation1) == Avoid(560.0, 480.0, 30.0)
+    assert order_of(["scale", "0.6"], simulation1) == Scale(0.6)
+    assert order_of(["shape", "start"], simulation1) == Reshape("start")
+    assert order_of(["hold"], simulation1) is AskedOrder.HOLD
+
+
+def test_a_place_may_be_given_in_degrees(simulation1: Scenario) -> None:
+    lat_deg, lon_deg, _ = ned_to_geodetic(np.array([560.0, 480.0, 0.0]), local_origin(simulation1))
+    found = order_of(["avoid", f"{float(lat_deg):.9f},{float(lon_deg):.9f},30"], simulation1, in_degrees=True)
+    assert isinstance(found, Avoid)
+    assert (found.north_m, found.east_m) == pytest.approx((560.0, 480.0), abs=0.01)
+
+
+def test_a_polygon_is_avoided_with_the_smallest_disk_around_it(simulation1: Scenario) -> None:
+    found = order_of(["avoid", "0,0", "30,0", "30,40", "0,40"], simulation1)
+    assert found == Avoid(15.0, 20.0, 25.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "is no order"),
+        (["dance"], "is no order"),
+        (["hold", "now"], "is no order"),
+        (["avoid"], "avoid of what"),
+        (["avoid", "1,2"], "not what avoid needs"),
+        (["avoid", "1,2,nan"], "not what avoid needs"),
+        (["avoid", "1,2,-3"], "not one of this flight"),
+        (["avoid", "1,2", "3,4"], "is no zone"),
+        (["avoid", "1e9,2,3"], "not one of this flight"),
+        (["scale", "0"], "not scaled by 0"),
+        (["scale", "x"], "not what scale needs"),
+        (["shape", "heart"], 'no shape "heart"'),
+    ],
+)
+def test_other_words_are_refused(simulation1: Scenario, words: list[str], told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        order_of(words, simulation1)

@@ -1,0 +1,109 @@
+"""Orders that change the plan, without clocks: from which instant, late plans, refusals, and braking in time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs.errors import FlightError
+from gcs.flight.contingency.plan_change import ATTEMPTS, MARGIN_S, SLOWER, PlanChange, enters_at_s
+from gcs.physics.states import VELOCITY
+from gcs.plan.replanning.plan_changer import Avoid, Scale
+from gcs.plan.trajectory.plan import Plan
+
+LEAD_S = 0.2
+FAR = Avoid(1000.0, 1000.0, 10.0)
+
+
+def ahead(plan: Plan, t_s: float = 20.0, radius_m: float = 4.0) -> Avoid:
+    north_m, east_m, _ = plan.leader_trajectory.state(t_s)[:3].tolist()
+    return Avoid(north_m, east_m, radius_m)
+
+
+@given(
+    now_s=st.floats(0.0, 500.0),
+    took_s=st.floats(0.0, 5.0),
+    rate_hz=st.sampled_from([4.0, 10.0, 25.0, 30.0, 50.0]),
+)
+def test_a_plan_begins_on_the_grid_after_the_time_that_planning_takes(
+    now_s: float, took_s: float, rate_hz: float
+) -> None:
+    begins_s = PlanChange(rate_hz, LEAD_S, took_s).ask(FAR, "a test", now_s).begin_s
+    least_s = now_s + SLOWER * took_s + LEAD_S + MARGIN_S
+    assert least_s - 1e-9 <= begins_s < least_s + 1.0 / rate_hz + 1e-9
+    assert begins_s * rate_hz == pytest.approx(round(begins_s * rate_hz), abs=1e-9)
+
+
+def test_a_second_order_waits_for_the_answer_to_the_first() -> None:
+    ours = PlanChange(10.0, LEAD_S, 0.5)
+    ours.ask(FAR, "a test", 10.0)
+    with pytest.raises(FlightError, match="still being asked to avoid 10 m"):
+        ours.ask(Scale(0.6), "a test", 10.2)
+    assert ours.in_time(10.4)
+    assert ours.ask(Scale(0.6), "a test", 10.5).order == Scale(0.6)
+
+
+def test_a_late_plan_is_made_again_from_a_later_instant_then_refused() -> None:
+    ours = PlanChange(10.0, LEAD_S, 0.5)
+    first = ours.ask(FAR, "a test", 10.0)
+    now_s = first.begin_s
+    begins_s = [first.begin_s]
+    for _ in range(ATTEMPTS - 1):
+        assert not ours.in_time(now_s)
+        assert ours.pending is not None
+        begins_s.append(ours.pending.begin_s)
+        assert ours.pending.begin_s > now_s + LEAD_S + MARGIN_S
+        now_s = ours.pending.begin_s
+    assert not ours.in_time(now_s)
+    assert ours.pending is None
+    assert begins_s == sorted(begins_s)
+
+
+def test_planning_that_took_long_gets_more_time_next() -> None:
+    ours = PlanChange(10.0, LEAD_S, 0.1)
+    ours.ask(FAR, "a test", 10.0)
+    ours.in_time(13.0)
+    assert ours.pending is not None
+    assert ours.pending.begin_s >= 13.0 + SLOWER * 3.0
+
+
+def test_a_refused_zone_that_the_plan_enters_makes_the_formation_brake_before_it(hop: Plan) -> None:
+    ours, zone = PlanChange(10.0, LEAD_S), ahead(hop)
+    ours.ask(zone, "a test", 3.0)
+    words = ours.refused(zone, hop, 4.0)
+    enters_s = enters_at_s(hop, zone, 4.0)
+    speed_mps = np.linalg.norm(hop.states(np.array([enters_s]))[:, 0, VELOCITY], axis=1).max()
+    assert "all brake at" in words
+    assert 4.0 < ours.brakes_at_s < enters_s - speed_mps / 1.5
+    assert not ours.brakes(ours.brakes_at_s - 0.01)
+    due_s = ours.brakes_at_s
+    assert ours.brakes(due_s)
+    assert not ours.brakes(due_s + 1.0), "once"
+    assert "enters the new no-fly zone" in ours.blocked
+
+
+def test_a_zone_that_is_refused_too_late_makes_the_formation_brake_at_once(hop: Plan) -> None:
+    ours, zone = PlanChange(10.0, LEAD_S), ahead(hop)
+    ours.refused(zone, hop, enters_at_s(hop, zone, 0.0) - 1.0)
+    assert ours.brakes(enters_at_s(hop, zone, 0.0) - 1.0)
+
+
+@pytest.mark.parametrize("order", [FAR, Scale(0.5)])
+def test_what_the_old_plan_does_not_meet_lets_it_be_flown_on(hop: Plan, order: Avoid | Scale) -> None:
+    ours = PlanChange(10.0, LEAD_S)
+    ours.ask(order, "a test", 3.0)
+    assert "the old plan is flown on" in ours.refused(order, hop, 4.0)
+    assert ours.brakes_at_s == math.inf
+    assert not ours.blocked
+
+
+def test_a_new_plan_takes_back_the_order_to_brake(hop: Plan) -> None:
+    ours = PlanChange(10.0, LEAD_S)
+    ours.refused(ahead(hop), hop, 3.0)
+    ours.changed(hop)
+    assert not ours.brakes(1000.0)
+    assert not ours.blocked

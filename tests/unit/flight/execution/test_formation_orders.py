@@ -1,0 +1,160 @@
+"""Orders that change the plan of a formation in flight: one stream that goes on, refusals, late planners, braking.
+
+The planner is the real one, in this process; its answers come after virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import FlightError
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.contingency.policy import State
+from gcs.flight.execution.plan_orders import NEW_PLAN, PlanOrders
+from gcs.flight.monitoring.progress import AskedOrder
+from gcs.flight.setup.plan_worker import PlanWorker
+from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.plan.replanning.plan_changer import ZONES_MAX, Avoid, Scale
+from gcs.plan.replanning.replanner import Replanner
+from gcs.plan.trajectory.plan import Plan
+from tests.point_fleet import EPOCH_S, PointFleet, flown
+
+
+class Planner:
+    """Answers as the planner's process does, after so much virtual time."""
+
+    def __init__(self, built: Replanner, takes_s: float = 0.3) -> None:
+        self.worker, self.takes_s = PlanWorker(built.plan, None), takes_s
+        self.worker._changer._replanner = built
+        self.made: list[float] = []
+
+    async def call(self, method: str, *args: Any) -> Any:
+        if method == "rehearse":
+            return 0.3
+        if method == "change":
+            self.made.append(args[1])
+            await asyncio.sleep(self.takes_s)
+        return getattr(self.worker, method)(*args)
+
+    async def close(self) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def built(hop: Plan) -> Replanner:
+    return Replanner(hop, spare_disks=ZONES_MAX)
+
+
+@pytest.fixture(scope="module")
+def returns(hop: Plan) -> ReturnPlan:
+    return plan_returns(hop, (Autopilot.ARDUPILOT,) * 3)
+
+
+def ahead(plan: Plan, t_s: float = 18.0, radius_m: float = 3.0) -> Avoid:
+    north_m, east_m, _ = plan.leader_trajectory.state(t_s)[:3].tolist()
+    return Avoid(north_m, east_m + 1.0, radius_m)
+
+
+def told(
+    planner: Planner,
+    returns: ReturnPlan,
+    story: Callable[[PointFleet, PlanOrders], Awaitable[None]],
+) -> PointFleet:
+    async def run(fleet: PointFleet) -> None:
+        inner = fleet.executor
+
+        def follow(new: Plan) -> None:
+            fleet.monitor.follow(new)
+            inner.follow(new)
+
+        orders = PlanOrders(inner._fleet, inner, None, fleet.events.append, follow)
+        orders._worker = planner  # type: ignore[assignment]
+        beside = asyncio.ensure_future(orders.run())
+        await asyncio.sleep(0.5)
+        await story(fleet, orders)
+        beside.cancel()
+
+    return flown(planner.worker._changer.flown, returns, run, options=FlightOptions(), t_s=3.0)
+
+
+def test_all_vehicles_change_to_the_new_plan_at_one_instant_without_a_jump(
+    hop: Plan, built: Replanner, returns: ReturnPlan
+) -> None:
+    zone = ahead(hop)
+
+    async def story(fleet: PointFleet, orders: PlanOrders) -> None:
+        assert orders.ask(zone, "a test") == hop.sysids
+        assert "a new plan is flown" in await orders.answer()
+        await asyncio.sleep(17.0)
+
+    fleet = told(Planner(built), returns, story)
+    (change,) = fleet.told(NEW_PLAN)
+    assert change.data is not None
+    begins_s = change.data["begins_t_s"]
+    t0_s, plan = fleet.monitor.t0_s, fleet.monitor.plan
+    assert fleet.streamer.scheduler is not None
+    grid = np.array(fleet.streamer.scheduler.grid.t_s)
+    for row, point in enumerate(fleet.points.values()):
+        at_s = np.array([EPOCH_S + host_s - t0_s for host_s, _ in point.setpoints])
+        sent = np.array([motion for _, motion in point.setpoints])
+        assert np.diff(at_s).max() < 0.25, "no gap"
+        grid_s = grid[np.searchsorted(grid, at_s + 2e-3) - 1]
+        assert (at_s - grid_s).max() < 0.06
+        for one, part in ((hop, grid_s < begins_s), (plan, grid_s >= begins_s)):
+            wanted = one.states(grid_s[part])[row, :, :6]
+            np.testing.assert_allclose(sent[part], wanted, atol=2e-5)
+        away_m = np.hypot(sent[:, 0] - zone.north_m, sent[:, 1] - zone.east_m) - zone.radius_m
+        assert away_m.min() > 0.0
+    assert not fleet.told("ordered to"), "nobody left the formation"
+    assert set(fleet.executor.policy.states.values()) == {State.FLYING}
+
+
+def test_a_late_planner_is_asked_again_and_then_refused(hop: Plan, built: Replanner, returns: ReturnPlan) -> None:
+    planner = Planner(built, takes_s=2.0)
+
+    async def story(fleet: PointFleet, orders: PlanOrders) -> None:
+        orders.ask(ahead(hop), "a test")
+        await asyncio.sleep(0.5)
+        with pytest.raises(FlightError, match="still being asked"):
+            orders.ask(Scale(1.2), "a test")
+        assert "a new plan is flown" in await orders.answer()
+
+    told(planner, returns, story)
+    assert len(planner.made) == 2, "the second attempt knew how long the first took"
+    assert planner.made[1] > planner.made[0] + 1.0
+
+
+def test_a_formation_that_holds_keeps_its_plan(hop: Plan, built: Replanner, returns: ReturnPlan) -> None:
+    async def story(fleet: PointFleet, orders: PlanOrders) -> None:
+        fleet.executor.ask(AskedOrder.HOLD, (), "a test")
+        with pytest.raises(FlightError, match="the plan waits"):
+            orders.ask(ahead(hop), "a test")
+
+    fleet = told(Planner(built), returns, story)
+    assert not fleet.told(NEW_PLAN)
+    assert fleet.told("keep their plan")
+
+
+def test_the_formation_brakes_before_a_zone_that_no_plan_leads_round(
+    hop: Plan, built: Replanner, returns: ReturnPlan
+) -> None:
+    zone = ahead(hop, 29.5, 10.0)
+
+    async def story(fleet: PointFleet, orders: PlanOrders) -> None:
+        orders.ask(zone, "a test")
+        with pytest.raises(FlightError, match="all brake at"):
+            await orders.answer()
+        await asyncio.sleep(24.0)
+        with pytest.raises(FlightError, match="enters the new no-fly zone"):
+            fleet.executor.ask(AskedOrder.CONTINUE, (), "a test")
+
+    fleet = told(Planner(built), returns, story)
+    assert set(fleet.executor.policy.states.values()) == {State.WAITING}
+    for point in fleet.points.values():
+        assert np.hypot(point.position_ned_m[0] - zone.north_m, point.position_ned_m[1] - zone.east_m) > zone.radius_m

@@ -1,0 +1,100 @@
+"""A plan that changes in flight: round new zones one after another, in another shape, and as one plan of its pieces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.errors import Infeasible, PlanningError
+from gcs.physics.states import POSITION
+from gcs.plan.plan_file import load_plan, save_plan
+from gcs.plan.replanning.plan_changer import Avoid, PlanChanger, Reshape, Scale
+from gcs.plan.replanning.plan_pieces import continued, in_pieces, jump_between
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.verification.verify import verify
+from gcs.scenario.environment.no_fly import nearest_zone_m
+
+
+def ahead(plan: Plan, t_s: float, radius_m: float = 3.0) -> Avoid:
+    north_m, east_m, _ = plan.leader_trajectory.state(t_s)[:3].tolist()
+    return Avoid(north_m, east_m + 1.0, radius_m)
+
+
+def test_zones_that_come_up_one_after_another_are_flown_round(hop: Plan) -> None:
+    ours, pieces = PlanChanger(hop), []
+    for at_s, meets_s in ((3.0, 17.0), (8.0, 22.0)):
+        zone = ahead(ours.flown, meets_s)
+        made = ours.change(zone, at_s)
+        assert made.report.ok
+        assert made.plan.t_start_s == at_s
+        jump = jump_between(ours.flown, made.plan)
+        assert jump.allowed, jump
+        ours.adopt(made.plan)
+        pieces.append(made.plan)
+    assert ours.flown.zones_since_s == (3.0, 8.0)
+    assert verify(pieces[-1]).ok
+    t_s = np.arange(8.0, hop.landing_s, 0.05)
+    places = ours.flown.states(t_s)[..., POSITION]
+    assert nearest_zone_m(ours.flown.scenario.no_fly, t_s, places[..., 0], places[..., 1]).min() > -1e-3
+    before_s = np.arange(hop.t_start_s, 3.0, 0.1)
+    assert np.array_equal(ours.flown.states(before_s)[..., POSITION], hop.states(before_s)[..., POSITION])
+    assert in_pieces(hop, pieces).hash == ours.flown.hash
+
+
+def test_a_zone_counts_from_the_plan_on_that_avoids_it(hop: Plan) -> None:
+    """One that comes up behind the formation was flown through before."""
+    behind = ahead(hop, 2.0)
+    ours = PlanChanger(hop)
+    ours.adopt(ours.change(behind, 15.0).plan)
+    flown = ours.flown
+    assert np.isinf(flown.zone_distances_m(np.array([2.0, 14.9]))).all()
+    assert flown.zone_distances_m(np.array([2.0, 16.0]))[:, 1].min() > 0.0
+    assert flown.zone_distances_m(np.array([16.0]), np.full((3, 1, 3), [behind.north_m, behind.east_m, -8.0])).max() < 0
+
+
+def test_a_shape_grows_on_the_same_track_and_lands_so(hop: Plan) -> None:
+    ours = PlanChanger(hop)
+    made = ours.change(Scale(1.4), 6.0)
+    assert made.report.ok
+    assert jump_between(hop, made.plan).allowed
+    end_s = hop.landing_s - 0.1
+    np.testing.assert_allclose(made.plan.shape.at(end_s), 1.4 * hop.shape.at(end_s), atol=1e-6)
+    np.testing.assert_allclose(made.plan.leader_trajectory.state(20.0), hop.leader_trajectory.state(20.0), atol=1e-9)
+    ours.adopt(made.plan)
+    assert len(ours.flown.scheduled_moves) == 1
+    again = ours.change(ahead(ours.flown, 22.0, 2.0), 14.0)
+    assert again.report.ok, "re-planned in the new shape"
+
+
+def test_a_changed_plan_is_kept_in_a_file_like_any_other(hop: Plan, tmp_path: object) -> None:
+    path = str(tmp_path) + "/plan-2.skein"
+    for order in (ahead(hop, 18.0), Scale(1.2)):
+        made = PlanChanger(hop).change(order, 4.0)
+        save_plan(made.plan, made.report, path)
+        read, report = load_plan(path)
+        assert report.ok
+        assert read.hash == made.plan.hash
+
+
+@pytest.mark.parametrize("order", [Scale(0.5), Reshape("heart")])
+def test_a_shape_that_vehicles_cannot_take_is_refused(hop: Plan, order: Scale | Reshape) -> None:
+    with pytest.raises((Infeasible, PlanningError, ValueError)):
+        PlanChanger(hop).change(order, 6.0)
+
+
+def test_a_zone_over_the_goal_is_refused_with_a_reason(hop: Plan) -> None:
+    with pytest.raises(PlanningError, match="no plan"):
+        PlanChanger(hop).change(ahead(hop, 29.5, 10.0), 4.0)
+
+
+def test_plans_that_do_not_meet_are_not_joined(hop: Plan) -> None:
+    made = PlanChanger(hop).change(ahead(hop, 18.0), 4.0).plan
+    leader = made.leader_trajectory
+    moved = leader.state.c.copy()
+    moved[-1, :, 0] += 0.5
+    off = replace(made, leader_trajectory=Trajectory(type(leader.state)(moved, leader.state.x), leader.control))
+    with pytest.raises(PlanningError, match=r"is 0\.500 m"):
+        continued(hop, off)
