@@ -48,10 +48,15 @@ if TYPE_CHECKING:
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
     from gcs.plan.cost_terms import cost_terms as cost_terms
+    from gcs.plan.formation_return import plan_return as plan_return
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
     from gcs.plan.plan_file import load_plan as load_plan
+    from gcs.plan.plan_file import load_returns as load_returns
     from gcs.plan.plan_file import save_plan as save_plan
     from gcs.plan.planner import make_plan as make_plan
+    from gcs.plan.prepared_returns import PreparedReturn as PreparedReturn
+    from gcs.plan.prepared_returns import PreparedReturns as PreparedReturns
+    from gcs.plan.prepared_returns import prepare_returns as prepare_returns
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan import MeshRound as MeshRound
     from gcs.plan.trajectory.plan import Plan as Plan
@@ -84,6 +89,8 @@ _HOME = {
     "ObjectiveTerm": "gcs.plan.ocp.problem",
     "Plan": "gcs.plan.trajectory.plan",
     "PolynomialTrack": "gcs.mission.proving.track",
+    "PreparedReturn": "gcs.plan.prepared_returns",
+    "PreparedReturns": "gcs.plan.prepared_returns",
     "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
@@ -107,9 +114,12 @@ _HOME = {
     "fly": "gcs.flight.run",
     "load_plan": "gcs.plan.plan_file",
     "load_record": "gcs.flight.recording.record_table",
+    "load_returns": "gcs.plan.plan_file",
     "load_scenario": "gcs.scenario.sources.load",
     "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",
+    "plan_return": "gcs.plan.formation_return",
+    "prepare_returns": "gcs.plan.prepared_returns",
     "prove": "gcs.mission.proving.prove",
     "read_tracks": "gcs.mission.proving.track_formats",
     "save_plan": "gcs.plan.plan_file",
