@@ -177,7 +177,8 @@ def _duration_s(plan: Plan, t_s: float, length_m: float, slower: float) -> float
     level_s = max(length_m, float(np.linalg.norm(home[:2] - now[:2]))) / min(limits.speed_ned_mps[:2])
     climb_s = 2.0 * abs(float(home[2] - now[2])) / limits.speed_ned_mps[2]
     changed_s = 1.2 * _changing_s(plan, t_s)
-    return slower * (max(level_s / _CRUISE, changed_s) + climb_s + _TURN_S)
+    wanted_s = slower * (max(level_s / _CRUISE, changed_s) + climb_s + _TURN_S)
+    return max(wanted_s, _SETTLED_S - t_s)  # a scenario's flight ends after T0
 
 
 def _home_ned_m(scenario: Scenario) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError, PlanningError, UsageError
-from gcs.plan.formation_return import plan_return
+from gcs.plan.formation_return import _duration_s, plan_return
 from gcs.plan.plan_file import ARRAYS, load_returns, read_plan, save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.prepared_returns import PreparedReturn, PreparedReturns, prepare_returns
@@ -160,6 +160,11 @@ def test_returns_are_prepared_along_the_plan(plan: Plan) -> None:
     assert all(one.plan is not None for one in table.returns)
     with pytest.raises(UsageError, match="0 s"):
         prepare_returns(plan, 0.0)
+
+
+def test_a_return_from_long_before_t0_ends_after_it(plan: Plan) -> None:
+    """A scenario, and so a plan file, has no flight that ends before T0."""
+    assert plan.t_start_s + _duration_s(plan, plan.t_start_s, 0.0, 1.0) > 0.0
 
 
 @pytest.mark.slow
