@@ -50,10 +50,15 @@ if TYPE_CHECKING:
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
     from gcs.plan.cost_terms import cost_terms as cost_terms
+    from gcs.plan.formation_return import plan_return as plan_return
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
     from gcs.plan.plan_file import load_plan as load_plan
+    from gcs.plan.plan_file import load_returns as load_returns
     from gcs.plan.plan_file import save_plan as save_plan
     from gcs.plan.planner import make_plan as make_plan
+    from gcs.plan.prepared_returns import PreparedReturn as PreparedReturn
+    from gcs.plan.prepared_returns import PreparedReturns as PreparedReturns
+    from gcs.plan.prepared_returns import prepare_returns as prepare_returns
     from gcs.plan.replanning.plan_changer import Avoid as Avoid
     from gcs.plan.replanning.plan_changer import Reshape as Reshape
     from gcs.plan.replanning.plan_changer import Scale as Scale
@@ -91,6 +96,8 @@ _HOME = {
     "OutOfTime": "gcs.errors",
     "Plan": "gcs.plan.trajectory.plan",
     "PolynomialTrack": "gcs.mission.proving.track",
+    "PreparedReturn": "gcs.plan.prepared_returns",
+    "PreparedReturns": "gcs.plan.prepared_returns",
     "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
     "Reshape": "gcs.plan.replanning.plan_changer",
@@ -116,10 +123,13 @@ _HOME = {
     "fly": "gcs.flight.run",
     "load_plan": "gcs.plan.plan_file",
     "load_record": "gcs.flight.recording.record_table",
+    "load_returns": "gcs.plan.plan_file",
     "load_scenario": "gcs.scenario.sources.load",
     "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",
+    "plan_return": "gcs.plan.formation_return",
     "plan_tracks": "gcs.mission.proving.plan_tracks",
+    "prepare_returns": "gcs.plan.prepared_returns",
     "prove": "gcs.mission.proving.prove",
     "read_tracks": "gcs.mission.proving.track_formats",
     "save_plan": "gcs.plan.plan_file",

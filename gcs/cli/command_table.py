@@ -84,6 +84,11 @@ COMMANDS = {
             "write it.",
         ),
         CommandRow(
+            "returns",
+            "gcs.cli.planning.prepare_returns",
+            "Plan returns of the whole formation for instants along a plan, verify them and keep them in its file.",
+        ),
+        CommandRow(
             "verify",
             "gcs.cli.planning.plan",
             "Prove a plan again and list the least margin of every criterion, and the greatest wind by direction.",

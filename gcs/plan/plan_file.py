@@ -6,6 +6,7 @@ plan again, and nothing else gives a report that permits a flight or an export.
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import io
 import json
@@ -21,9 +22,11 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from scipy.interpolate import PPoly
 
-from gcs.errors import FileFormatError
+from gcs.errors import FileFormatError, UsageError
+from gcs.physics.states import POSITION
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move
+from gcs.plan.prepared_returns import PreparedReturn, PreparedReturns
 from gcs.plan.trajectory.leg_lines import LegLimits
 from gcs.plan.trajectory.passages import passages_contradiction
 from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
@@ -34,6 +37,7 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.util.archives import ArrayKind, BadArchive, read_arrays
 from gcs.util.atomic_write import atomic_write
 from gcs.util.bounded_file import MIB, PLAN_FILE, SHEETS, open_regular, read_json, refuse_size
+from gcs.util.long_work import report as say_at
 
 SUFFIX = ".skein"
 _FORMAT = 2
@@ -66,7 +70,8 @@ _ROUNDS = TypeAdapter(tuple[MeshRound, ...])
 _ALTERNATIVES = TypeAdapter(tuple[Alternative, ...])
 _MOVES = TypeAdapter(tuple[Move, ...])
 _CHECKS = TypeAdapter(tuple[_StoredMargins, ...])
-_SAME_M = 1e-3  # two verdicts with figures this close say the same
+_SAME_M = 1e-3  # two verdicts with figures this close say the same, and two places are one
+_SAME_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -92,9 +97,18 @@ class StoredVerdict:
         return ""
 
 
-def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
-    """Write plan and verdict; an older file is replaced only when the new one is complete."""
-    meta = {
+def save_plan(plan: Plan, report: Report, path: Path | str, returns: PreparedReturns | None = None) -> None:
+    """Write plan and verdict; an older file is replaced only when the new one is complete.
+
+    `returns` are kept in it as plan files of their own, which `load_returns` reads and older versions pass over. Raises
+    UsageError where they are too large together.
+    """
+    atomic_write(Path(path), _content(plan, report, returns))
+
+
+def _content(plan: Plan, report: Report, returns: PreparedReturns | None = None) -> bytes:
+    """The bytes of a plan file."""
+    meta: dict[str, Any] = {
         "format": _FORMAT,
         "scenario": plan.scenario.model_dump(mode="json"),
         "phases": [asdict(p) for p in plan.phases],
@@ -109,10 +123,21 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
     if plan.route_s:
         meta["route_s"] = plan.route_s
         meta["leg_limits"] = [[m if np.isfinite(m) else None for m in astuple(one)] for one in plan.leg_limits]
+    if plan.used_before:
+        meta["used_before"] = plan.used_before
+    if returns is not None:
+        meta["returns"] = [_stored_return(each) for each in returns.returns]
+    text = json.dumps(meta).encode()
+    if len(text) > ARRAYS["meta"].largest_bytes:
+        raise UsageError(
+            f"the plan with its returns has {len(text) / MIB:.0f} MiB; a file has room for "
+            f"{ARRAYS['meta'].largest_bytes / MIB:.0f} MiB",
+            hint="prepare fewer returns (--every)",
+        )
     buffer = io.BytesIO()
     motion = plan.leader_trajectory
     arrays = {
-        "meta": np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8),
+        "meta": np.frombuffer(text, dtype=np.uint8),
         "joints_s": motion.joints_s,
         "state": motion.state.c,
         "control": motion.control.c,
@@ -121,7 +146,15 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "shape_tables_ned_m": plan.shape.basis_ned_m,
     }
     np.savez_compressed(buffer, **arrays, checksum=_checksum(arrays))
-    atomic_write(Path(path), buffer.getvalue())
+    return buffer.getvalue()
+
+
+def _stored_return(one: PreparedReturn) -> dict[str, object]:
+    """A return as the file has it: its own plan file as text, or the reason why there is none."""
+    data: dict[str, object] = {"begins_s": one.begins_s, "why_not": one.why_not, "cpu_s": one.cpu_s}
+    if one.plan is not None:
+        data["plan"] = base64.b64encode(_content(one.plan, verify(one.plan))).decode()
+    return data
 
 
 def is_plan_file(path: Path) -> bool:
@@ -154,9 +187,55 @@ def load_plan(path: Path | str, say: Callable[[str], None] = warnings.warn) -> t
     return plan, report
 
 
+def load_returns(path: Path | str) -> PreparedReturns:
+    """The returns that are kept in a plan file, each verified now, which takes about as long as verifying the plan.
+
+    A return that no longer passes, or that begins otherwise than the plan flies there, has the reason instead. A file
+    without returns has none. Raises FileFormatError as `load_plan` does.
+    """
+    arrays = _arrays(Path(path))
+    plan, _ = _read(path, dict(arrays))
+    try:
+        rows = read_json(arrays["meta"].tobytes(), not_finite=True).get("returns", [])
+        return PreparedReturns(tuple(sorted((_loaded(path, plan, row) for row in rows), key=lambda r: r.begins_s)))
+    except FileFormatError:
+        raise
+    except Exception as problem:
+        raise FileFormatError(f"{path}: its returns are damaged ({type(problem).__name__})", hint=_HINT) from problem
+
+
+def _loaded(path: Path | str, plan: Plan, row: dict[str, Any]) -> PreparedReturn:
+    """One return, verified."""
+    begins_s, cpu_s = float(row["begins_s"]), float(row["cpu_s"])
+    if "plan" not in row:
+        return PreparedReturn(begins_s, None, str(row["why_not"]), cpu_s)
+    say_at(f"verifying the return from t = {begins_s:g} s")
+    label = f"{path}, return from t = {begins_s:g} s"
+    content = io.BytesIO(base64.b64decode(row["plan"], validate=True))
+    try:
+        made, _ = _read(label, _finite(label, read_arrays(content, ARRAYS)))
+    except BadArchive as reason:
+        raise FileFormatError(f"{label}: not a plan of this program: {reason}", hint=_HINT) from reason
+    at_s = np.array([begins_s])
+    if made.sysids != plan.sysids or made.begin_state is None or abs(made.t_start_s - begins_s) > _SAME_S:
+        return PreparedReturn(begins_s, None, "it is not a return of this plan", cpu_s)
+    apart_m = float(np.abs(made.states(at_s)[..., POSITION] - plan.states(at_s)[..., POSITION]).max())
+    if not apart_m <= _SAME_M:
+        return PreparedReturn(begins_s, None, f"it begins {apart_m:.3f} m beside the plan", cpu_s)
+    with np.errstate(all="ignore"):
+        found = verify(made)
+    if not found.ok:
+        return PreparedReturn(begins_s, None, f"it fails verification now: {found.failures[0]}", cpu_s)
+    return PreparedReturn(begins_s, made, "", cpu_s)
+
+
 def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
     """The plan of a file and its stored verdict, for display. Raises FileFormatError as `load_plan` does."""
-    arrays = _arrays(Path(path))
+    return _read(path, _arrays(Path(path)))
+
+
+def _read(path: Path | str, arrays: dict[str, NDArray[Any]]) -> tuple[Plan, StoredVerdict]:
+    """The plan in the arrays of a file."""
     try:
         meta = read_json(arrays["meta"].tobytes(), not_finite=True)
         if meta["format"] != _FORMAT:
@@ -177,6 +256,7 @@ def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
             None if meta.get("begin_state") is None else tuple(map(float, meta["begin_state"])),
             tuple(map(float, meta.get("route_s", ()))),
             tuple(LegLimits(*(np.inf if m is None else float(m) for m in one)) for one in meta.get("leg_limits", ())),
+            tuple(map(float, meta.get("used_before", ()))),
         )
         data = meta["report"]
         checks = _CHECKS.validate_python(data["checks"])
@@ -210,6 +290,11 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
         raise FileFormatError(f"{path}: not a plan of this program: {reason}", hint=_HINT) from reason
     except (OSError, ValueError) as problem:
         raise FileFormatError(f"{path}: not a plan of this program: {problem}", hint=_HINT) from None
+    return _finite(path, arrays)
+
+
+def _finite(path: Path | str, arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The arrays. Raises FileFormatError for a number that is not finite."""
     for name, values in arrays.items():
         if not np.isfinite(values).all():
             where = tuple(int(n) for n in np.argwhere(~np.isfinite(values))[0])
@@ -239,6 +324,8 @@ def _contradiction(plan: Plan) -> str:
             return "the state that it begins with is not 12 finite numbers"
         mission = next(n for n, phase in enumerate(expected) if phase.name == PhaseKind.MISSION)
         expected = (Phase(PhaseKind.MISSION, motion.start_s, expected[mission].end_s), *expected[mission + 1 :])
+    if not all(0.0 <= share <= 1.0 for share in plan.used_before):
+        return "the used shares of batteries are not numbers from 0 to 1"
     if plan.phases != expected or not motion.start_s < plan.flight_s:
         return "its phases are not those of its scenario"
     mission_s = plan.phase(PhaseKind.MISSION).start_s, plan.phase(PhaseKind.MISSION).end_s

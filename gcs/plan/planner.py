@@ -33,6 +33,7 @@ from gcs.scenario.values.si import (
     pads_ned_m,
     quadrotor,
 )
+from gcs.types import Array
 from gcs.util.long_work import within
 
 LIMIT_S = 1800.0  # of planning, in all: far longer than any plan that succeeds
@@ -83,24 +84,15 @@ def _made(
     phases = phases_of(scenario)
     leader = leader_index(scenario)
     vehicle = quadrotor(scenario)
-    yaw_start, yaw_end = (
-        np.radians(scenario.start.roll_pitch_yaw_deg[2]),
-        np.radians(scenario.end.roll_pitch_yaw_deg[2]),
-    )
-    hover, end = hover_start_ned_m(scenario)[leader], np.array(scenario.end.position_m) * NED_FROM_UP
-    # Changes of the shape do not move the leader's landing point.
-    pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]
+    yaw_start = np.radians(scenario.start.roll_pitch_yaw_deg[2])
+    hover, pad = hover_start_ned_m(scenario)[leader], pads_ned_m(scenario)[leader]
     span = {p.name: (p.start_s, p.end_s) for p in phases}
     parts = [vertical(*span[PhaseKind.TAKEOFF], pad, hover[2], yaw_start, vehicle)]
     if PhaseKind.HOVER in span:
         parts.append(vertical(*span[PhaseKind.HOVER], hover, hover[2], yaw_start, vehicle))
     if run_up is not None:
         parts.append(run_up)
-    parts.append(trajectory)
-    if PhaseKind.ARRIVAL_HOVER in span:
-        parts.append(vertical(*span[PhaseKind.ARRIVAL_HOVER], end, end[2], yaw_end, vehicle))
-    down_m = landing_step(*span[PhaseKind.LANDING], float(end[2]), float(ground[2]), scenario)
-    parts.append(straight_down(down_m, end, yaw_end, vehicle))
+    parts += [trajectory, *leader_to_ground(scenario)]
     return Plan(
         scenario,
         joined(parts),
@@ -114,6 +106,30 @@ def _made(
         route_s=best.point_s,
         leg_limits=tuple(line.limits for line in best.lines),
     )
+
+
+def leader_to_ground(scenario: Scenario) -> list[Trajectory]:
+    """The leader after the end of the flight: the hover on arrival, where there is one, and the landing."""
+    vehicle, end = quadrotor(scenario), np.array(scenario.end.position_m) * NED_FROM_UP
+    yaw_ned_rad = np.radians(scenario.end.roll_pitch_yaw_deg[2])
+    # Changes of the shape do not move the leader's landing point.
+    ground = landing_points_ned_m(scenario)[leader_index(scenario)]
+    span = {p.name: (p.start_s, p.end_s) for p in phases_of(scenario)}
+    parts = []
+    if PhaseKind.ARRIVAL_HOVER in span:
+        parts.append(vertical(*span[PhaseKind.ARRIVAL_HOVER], end, end[2], yaw_ned_rad, vehicle))
+    down_m = landing_step(*span[PhaseKind.LANDING], float(end[2]), float(ground[2]), scenario)
+    return [*parts, straight_down(down_m, end, yaw_ned_rad, vehicle)]
+
+
+def shape_to_ground(scenario: Scenario, offsets_ned_m: Array) -> list[Shape]:
+    """Offsets (V, 3) after the end of the flight: rigid in the hover, onto uneven ground in the landing."""
+    landing = phases_of(scenario)[-1]
+    parts = []
+    if scenario.time.flight_s < landing.start_s:
+        parts.append(rigid(offsets_ned_m, scenario.time.flight_s, landing.start_s))
+    ground = landing_points_ned_m(scenario, offsets_ned_m)
+    return [*parts, shape_from_ground(landing.end_s, landing.start_s, ground, offsets_ned_m, scenario)]
 
 
 def _check_landing(scenario: Scenario) -> None:
@@ -159,13 +175,8 @@ def _run_up(scenario: Scenario, on_round: Callable[[MeshRound], None]) -> Trajec
 def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -> Shape:
     """Offsets from ground to ground: those of the flight, rigid before and after, and onto uneven ground."""
     begin, end = flight.at(flight.start_s), flight.at(np.nextafter(flight.end_s, -np.inf))
-    takeoff, landing = phases[0], phases[-1]
+    takeoff = phases[0]
     parts = [shape_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, scenario)]
     if takeoff.end_s < flight.start_s:
         parts.append(rigid(begin, takeoff.end_s, flight.start_s))
-    parts.append(flight)
-    if flight.end_s < landing.start_s:
-        parts.append(rigid(end, flight.end_s, landing.start_s))
-    ground = landing_points_ned_m(scenario, end)
-    parts.append(shape_from_ground(landing.end_s, landing.start_s, ground, end, scenario))
-    return joined_shapes(parts)
+    return joined_shapes([*parts, flight, *shape_to_ground(scenario, end)])

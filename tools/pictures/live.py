@@ -42,8 +42,20 @@ def write_page(root: Path, folder: Path) -> Iterator[Path]:
                     yield _taken(page, folder / "go.png")
             finally:
                 emulated.terminate()
-        line = (*gcs, "fly", str(field), "--sim", "--mode", "mission", "--nav", "own", "--speedup", "5", "--page")
-        with _page_of((*line, "--page-keep", "--fault", f"4:die@{_LOST_S + 60:g}", "--to", scratch), page):
+        emulated_line = (
+            *gcs,
+            "fly",
+            str(field),
+            "--sim",
+            "--mode",
+            "mission",
+            "--nav",
+            "own",
+            "--speedup",
+            "5",
+            "--page",
+        )
+        with _page_of((*emulated_line, "--page-keep", "--fault", f"4:die@{_LOST_S + 60:g}", "--to", scratch), page):
             page.until(f"{_NOW} > 20", 300.0)
             page.value("skein.look('above')")
             yield _taken(page, folder / "above.png")

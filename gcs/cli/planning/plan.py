@@ -27,6 +27,9 @@ def plan(
     alternatives: Annotated[
         bool, option("Optimise every route class through the map and show its cost.", "--alternatives")
     ] = False,
+    returns: Annotated[
+        bool, option("Prepare returns of the whole formation too, as `gcs returns` does.", "--returns")
+    ] = False,
     limit: Annotated[
         float,
         option("Longest time of planning, all routes together.", metavar="SECONDS", limits=(1.0, 86_400.0, "s")),
@@ -74,6 +77,12 @@ def plan(
             cost = "–" if route.objective is None else f"{route.objective:.4f}"
             table.add_row(str(number), f"{route.length_m:.0f} m", cost, route.verdict)
         screen.show(table)
+    prepared: JsonObject = {}
+    if returns and report.ok:
+        from gcs.cli.planning.prepare_returns import prepared_in
+
+        prepared = prepared_in(screen, made, report, path)
+        watch.lap("returns")
     screen.say(f"time: {watch}")
     screen.say(f"plan: {path}")
     sources = made.information_graph(0.0).sources
@@ -98,6 +107,7 @@ def plan(
         }
         | surveyed
         | winds
+        | prepared
     )
     return screen.ended(None if report.ok else refusal(report))
 

@@ -90,7 +90,7 @@ class ContingencyExecutor:
 
     def follow(self, plan: Plan) -> None:
         """The vehicles fly another plan from an instant ahead on."""
-        self._positions.follow(plan)
+        self.positions.follow(plan)
         self._tracks.follow(plan, self.returns)
 
     def return_from(self, plan: Plan, returns: ReturnPlan, model: BatteryModel) -> None:

@@ -20,7 +20,7 @@ from gcs.plan.formation.timeline import Move, in_turn, lay, starts_at_points
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.route_phases import first_mesh
-from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.nlp.violations import (
     accel_reserve_mps2,
     complaints,
@@ -35,6 +35,7 @@ from gcs.plan.trajectory.leg_lines import LegLine
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
+from gcs.scenario.environment.no_fly import ZoneName
 from gcs.types import Array
 
 DEGREE = 5
@@ -46,6 +47,7 @@ _SETTLED = 1e-2  # of the time, where that is free
 WINDOW_TOLERANCE_M = 5e-3  # half of the verifier's tolerance
 # Added to the clearance at the nodes: then the ground between them rarely needs another solve.
 CLEARANCE_RESERVE_M = 0.03
+_RESERVED_S = 20.0  # from the start, until when the reserve beside zones grows
 _RESERVES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of it
 
 
@@ -87,12 +89,13 @@ def optimise(
     """
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S
-    mesh = first_mesh(problem, longest_s, SHORTEST_S, DEGREE) if warm is None else warm.mesh
+    shortest_s = SHORTEST_S if problem.start_thrust_N is None else 0.5 * SHORTEST_S
+    mesh = first_mesh(problem, longest_s, shortest_s, DEGREE) if warm is None else warm.mesh
     trajectory = guess
     solution = None if warm is None else warm.solution
     history: list[MeshRound] = []
     for _ in range(MAX_ROUNDS):
-        program = transcribe(problem, mesh, trajectory)
+        program = _with_reserve(transcribe(problem, mesh, trajectory), problem)
         solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None, most=most)
         trajectory = program.trajectory(solution.y)
         before, mesh = mesh, program.mesh(solution.y)
@@ -139,6 +142,17 @@ def optimise(
         hint="relax this limit a little, or give the flight more time ([time] flight_s)",
         legs=problem.leg_of(np.array([miss.t_s for miss in missed])).tolist() if problem.points and missed else (),
     )
+
+
+def _with_reserve(program: Program, problem: Problem) -> Program:
+    """The program with its reserve beside zones; the flight may begin as near to one as it is."""
+    if problem.zone_reserve_m == 0.0:
+        return program
+    g_low = program.g_low.copy()
+    for row, (constraint, t_s) in enumerate(program.g_ids):
+        if isinstance(constraint.of, ZoneName):
+            g_low[row] += problem.zone_reserve_m * min((t_s - problem.start_s) / _RESERVED_S, 1.0)
+    return replace(program, g_low=g_low)
 
 
 def with_times(problem: Problem, end_s: float, point_s: tuple[float, ...]) -> Problem:

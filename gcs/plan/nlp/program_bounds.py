@@ -47,6 +47,8 @@ def bounds(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
             if not problem.winds_differ and state[RATES].any():
                 continue  # a flight that begins in the middle of another one
             control_low[end, 0] = control_high[end, 0] = level_flight_thrust_N(state, problem.quadrotor)
+    if problem.start_thrust_N is not None and layout.control_form is ControlForm.LINEAR:
+        control_low[first, 0] = control_high[first, 0] = problem.start_thrust_N
     # Coordinates rest in every derivative, so that the ground phases join without a jump.
     chains = layout.nu - len(problem.control_low)
     if chains and layout.control_form is ControlForm.LINEAR:

@@ -106,14 +106,14 @@ def boundary_values(problem: Problem) -> tuple[Array, Array, Array]:
     """States (nx,) at the start (Eq. 15) and, low and high (nx,), at the end (Eq. 16), with the shape at rest."""
     start = [problem.start_state]
     low, high = [problem.end_state], [problem.end_state]
-    for c in problem.coordinates:
+    for number, c in enumerate(problem.coordinates):
         rest = np.array([c.rest, 0.0, 0.0, 0.0])
         if c.free_end and problem.heading is not None:
             start.append(problem.heading.start)
             for end in (low, high):
                 end.append(np.array([problem.heading.end_rad, 0.0, 0.0, 0.0]))
             continue
-        start.append(rest)
+        start.append(problem.begins[number] if problem.begins else rest)
         low.append(np.array([c.low, 0.0, 0.0, 0.0]) if c.free_end else rest)
         high.append(np.array([c.high, 0.0, 0.0, 0.0]) if c.free_end else rest)
     return np.concatenate(start), np.concatenate(low), np.concatenate(high)

@@ -180,9 +180,9 @@ TERMS: tuple[ObjectiveTerm, ...] = (
         lower_bound=zero,
     ),
     ObjectiveTerm(
-        name="turning of the yaw on a route",
+        name="turning of the yaw",
         share=Share.MEAN,
-        weight=lambda p: _CALM_YAW if p.points else 0.0,
+        weight=lambda p: _CALM_YAW if p.points or p.start_thrust_N is not None else 0.0,
         scale=lambda p: float(np.radians(p.scenario.limits.rates_degps[2])),
         rate=yaw_rate,
         lower_bound=zero,

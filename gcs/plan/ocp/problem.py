@@ -150,6 +150,7 @@ class Problem:
     extra_objectives: tuple[ObjectiveTerm, ...] = ()  # rows beside those of `objectives.TERMS`
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # added to the least clearance at the nodes
+    zone_reserve_m: float = 0.0  # added to the distance from zones at the nodes, some time after the start
     accel_reserve_mps2: float = 0.0  # by how much a follower accelerated more than the leader in an earlier round
     jerk_reserve_mps3: float = 0.0  # by how much a vehicle's jerk exceeded its limit in an earlier round
     turning_reserve_g: float = 0.0  # by how much a vehicle's turning load factor exceeded its limit in earlier rounds
@@ -159,6 +160,8 @@ class Problem:
     points: tuple[PassPoint, ...] = ()  # between the legs of the flight
     point_s: tuple[float, ...] = ()  # when the leader arrives at each of them: a guess
     heading: HeadingEnds | None = None  # of a re-plan; else it begins at zero and ends anywhere
+    start_thrust_N: float | None = None  # of a flight that begins in the middle of another one: no step of acceleration
+    begins: tuple[Array, ...] = ()  # of each coordinate, (4,) with its rate, acceleration and jerk; empty: at rest
     lines: tuple[LegLine, ...] = ()  # that the leader keeps to, one of each leg; empty: it flies freely
 
     @property

@@ -80,7 +80,7 @@ def optimise_on_schedule(
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         laid = replace(problem, shape=timeline.shape)
         if problem.follows_course and not near:
-            laid, guess, near = _with_fixed_turns(laid, guess)
+            laid, guess, near = with_fixed_turns(laid, guess)
         found = optimise(laid, guess, on_round, near=near, warm=warm, most=most)
         history += found.history
         if problem.points:
@@ -109,7 +109,7 @@ def optimise_on_schedule(
     )
 
 
-def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Problem, Trajectory, bool]:
+def with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Problem, Trajectory, bool]:
     """A better guess for a formation that turns with its course, with its times at points, and whether one was found.
 
     The leader's best flight while the shape turns as in the guess: its program has no coordinates, so it takes a

@@ -64,10 +64,13 @@ class Plan:
     route_s: tuple[float, ...] = ()  # when the leader is at each route point ahead: the last ones of the route
     leg_limits: tuple[LegLimits, ...] = ()  # of the legs ahead; empty: it was planned with no line kept
     zones_since_s: tuple[float, ...] = ()  # of a plan as flown: from when each of `zones` counts; empty: always
+    used_before: tuple[float, ...] = ()  # (V) shares of a full battery used before it begins; empty: not known
 
     def __post_init__(self) -> None:
         if self.shape.basis_ned_m.shape[1] != len(self.sysids):
             raise ValueError(f"shape needs {len(self.sysids)} vehicles, not {self.shape.basis_ned_m.shape[1]}")
+        if self.used_before and len(self.used_before) != len(self.sysids):
+            raise ValueError(f"{len(self.sysids)} vehicles have as many batteries, not {len(self.used_before)}")
 
     @cached_property
     def sysids(self) -> tuple[int, ...]:
@@ -228,7 +231,7 @@ class Plan:
     @cached_property
     def content(self) -> str:
         """All that a verdict depends on: what is flown, the state that it begins with, and the changes of shape."""
-        return f"{self.hash} {self.begin_state} {self.moves} {self.leg_limits or ''}"
+        return f"{self.hash} {self.begin_state} {self.moves} {self.leg_limits or ''} {self.used_before or ''}"
 
     @cached_property
     def hash(self) -> str:

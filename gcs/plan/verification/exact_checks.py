@@ -107,11 +107,13 @@ def _climb_checks(plan: Plan) -> list[Check]:
 def _battery_checks(plan: Plan) -> list[Check]:
     """The charge that is left of a full battery, less the reserve of [preflight].
 
-    Of a plan that begins in the air, and of vehicles without [vehicle.power], it is not known.
+    Of vehicles without [vehicle.power], and of a plan that begins in the air without saying what was used before, it is
+    not known.
     """
-    if plan.begin_state is not None or plan.scenario.vehicle.power is None:
+    if plan.scenario.vehicle.power is None or (plan.begin_state is not None and not plan.used_before):
         return []
-    left = np.nan_to_num(1.0 - plan.scenario.preflight.reserve - charge_needed(plan), nan=-np.inf)
+    used = charge_needed(plan) + (np.array(plan.used_before) if plan.used_before else 0.0)
+    left = np.nan_to_num(1.0 - plan.scenario.preflight.reserve - used, nan=-np.inf)
     row = int(np.argmin(left))
     landing, share = PhaseKind.LANDING, "of a full battery"
     return [_exact(Kind.BATTERY, landing, share, float(left[row]), 0.0, plan.sysids[row], plan.t_end_s)]
