@@ -61,7 +61,11 @@ _SCHEMA = Scenario.model_json_schema()
 
 def bundled() -> dict[str, str]:
     """The texts of all scenarios that come with the program, by name; `dem` files lie in missions/ridge."""
-    texts = {str(f.relative_to(ROOT / "missions")): f.read_text() for f in sorted(ROOT.glob("missions/*/*.toml"))}
+    texts = {
+        str(f.relative_to(ROOT / "missions")): f.read_text()
+        for f in sorted(ROOT.glob("missions/*/*.toml"))
+        if f.parent.name != "campaigns"
+    }
     for full in (False, True):
         texts["template_full" if full else "template"] = scenario_text(
             Path("first"), Origin(47.4, 8.55, 440.0), full=full
