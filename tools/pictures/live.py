@@ -42,7 +42,7 @@ def write_page(root: Path, folder: Path) -> Iterator[Path]:
                     yield _taken(page, folder / "go.png")
             finally:
                 emulated.terminate()
-        emulated_line = (
+        flown = (
             *gcs,
             "fly",
             str(field),
@@ -55,7 +55,7 @@ def write_page(root: Path, folder: Path) -> Iterator[Path]:
             "5",
             "--page",
         )
-        with _page_of((*emulated_line, "--page-keep", "--fault", f"4:die@{_LOST_S + 60:g}", "--to", scratch), page):
+        with _page_of((*flown, "--page-keep", "--fault", f"4:die@{_LOST_S + 60:g}", "--to", scratch), page):
             page.until(f"{_NOW} > 20", 300.0)
             page.value("skein.look('above')")
             yield _taken(page, folder / "above.png")
