@@ -256,7 +256,7 @@ def _read(path: Path | str, arrays: dict[str, NDArray[Any]]) -> tuple[Plan, Stor
             None if meta.get("begin_state") is None else tuple(map(float, meta["begin_state"])),
             tuple(map(float, meta.get("route_s", ()))),
             tuple(LegLimits(*(np.inf if m is None else float(m) for m in one)) for one in meta.get("leg_limits", ())),
-            tuple(map(float, meta.get("used_before", ()))),
+            used_before=tuple(map(float, meta.get("used_before", ()))),
         )
         data = meta["report"]
         checks = _CHECKS.validate_python(data["checks"])

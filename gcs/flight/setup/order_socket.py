@@ -190,7 +190,7 @@ def tell(folder: Path, told: Told) -> Iterator[str]:
 
 def newest_flying(root: Path) -> Path:
     """The folder of the last flight under `root` that takes orders. Raises UsageError."""
-    found = sorted(root.glob(f"*/{NAME}"), key=lambda path: path.stat().st_mtime, reverse=True)
+    found = sorted(root.glob(f"*/{NAME}"), reverse=True)  # folders are named by their time
     if not found:
         raise UsageError(
             f"there is no flight under way under {root}.",
