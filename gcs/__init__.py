@@ -52,6 +52,9 @@ if TYPE_CHECKING:
     from gcs.plan.cost_terms import cost_terms as cost_terms
     from gcs.plan.formation_return import plan_return as plan_return
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
+    from gcs.plan.plan_changer import Avoid as Avoid
+    from gcs.plan.plan_changer import Reshape as Reshape
+    from gcs.plan.plan_changer import Scale as Scale
     from gcs.plan.plan_file import load_plan as load_plan
     from gcs.plan.plan_file import load_returns as load_returns
     from gcs.plan.plan_file import save_plan as save_plan
@@ -59,9 +62,6 @@ if TYPE_CHECKING:
     from gcs.plan.prepared_returns import PreparedReturn as PreparedReturn
     from gcs.plan.prepared_returns import PreparedReturns as PreparedReturns
     from gcs.plan.prepared_returns import prepare_returns as prepare_returns
-    from gcs.plan.replanning.plan_changer import Avoid as Avoid
-    from gcs.plan.replanning.plan_changer import Reshape as Reshape
-    from gcs.plan.replanning.plan_changer import Scale as Scale
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan import MeshRound as MeshRound
     from gcs.plan.trajectory.plan import Plan as Plan
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Altitude": "gcs.mission.model",
     "Autopilot": "gcs.autopilots.traits",
-    "Avoid": "gcs.plan.replanning.plan_changer",
+    "Avoid": "gcs.plan.plan_changer",
     "BreakOff": "gcs.mission.proving.break_off",
     "Check": "gcs.plan.verification.proof.verdict",
     "Connection": "gcs.link.session.connection",
@@ -100,9 +100,9 @@ _HOME = {
     "PreparedReturns": "gcs.plan.prepared_returns",
     "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
-    "Reshape": "gcs.plan.replanning.plan_changer",
+    "Reshape": "gcs.plan.plan_changer",
     "Report": "gcs.plan.verification.verify",
-    "Scale": "gcs.plan.replanning.plan_changer",
+    "Scale": "gcs.plan.plan_changer",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
     "TrackCheck": "gcs.mission.proving.track_report",

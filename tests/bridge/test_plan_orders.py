@@ -10,7 +10,7 @@ import pytest
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
 from gcs.flight.monitoring.progress import FlightPart
-from gcs.plan.replanning.plan_changer import Avoid
+from gcs.plan.plan_changer import Avoid
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly

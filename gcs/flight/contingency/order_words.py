@@ -8,7 +8,7 @@ import shapely
 from gcs.errors import UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import geodetic_to_ned
-from gcs.plan.replanning.plan_changer import Avoid, PlanOrder, Reshape, Scale
+from gcs.plan.plan_changer import Avoid, PlanOrder, Reshape, Scale
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import local_origin
 

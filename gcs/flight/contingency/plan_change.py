@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.errors import FlightError
 from gcs.physics.states import VELOCITY
-from gcs.plan.replanning.plan_changer import Avoid, PlanOrder
+from gcs.plan.plan_changer import Avoid, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import nearest_zone_m
 from gcs.scenario.values.navigation_error import navigation_error

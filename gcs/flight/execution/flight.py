@@ -62,7 +62,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.plan.replanning.plan_changer import PlanOrder
+from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.util.aio import alongside, each, ended

@@ -22,7 +22,7 @@ from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event
 from gcs.flight.setup.plan_worker import PlanWorker, Replacement
 from gcs.flight.setup.planner_process import PlannerProcess
-from gcs.plan.replanning.plan_changer import PlanOrder
+from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
 from gcs.util.aio import ended

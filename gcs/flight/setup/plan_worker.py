@@ -9,8 +9,8 @@ from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.plan.plan_changer import PlanChanger, PlanOrder
 from gcs.plan.plan_file import save_plan
-from gcs.plan.replanning.plan_changer import PlanChanger, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import navigation_error
 

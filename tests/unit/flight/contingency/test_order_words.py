@@ -9,7 +9,7 @@ from gcs.errors import UsageError
 from gcs.flight.contingency.order_words import order_of
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import ned_to_geodetic
-from gcs.plan.replanning.plan_changer import Avoid, Reshape, Scale
+from gcs.plan.plan_changer import Avoid, Reshape, Scale
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import local_origin
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs.errors import FlightError
 from gcs.flight.contingency.plan_change import ATTEMPTS, MARGIN_S, SLOWER, PlanChange, enters_at_s
 from gcs.physics.states import VELOCITY
-from gcs.plan.replanning.plan_changer import Avoid, Scale
+from gcs.plan.plan_changer import Avoid, Scale
 from gcs.plan.trajectory.plan import Plan
 
 LEAD_S = 0.2

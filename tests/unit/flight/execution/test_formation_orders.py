@@ -20,7 +20,7 @@ from gcs.flight.execution.plan_orders import NEW_PLAN, PlanOrders
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.flight.setup.plan_worker import PlanWorker
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.plan.replanning.plan_changer import ZONES_MAX, Avoid, Scale
+from gcs.plan.plan_changer import ZONES_MAX, Avoid, Scale
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.trajectory.plan import Plan
 from tests.point_fleet import EPOCH_S, PointFleet, flown

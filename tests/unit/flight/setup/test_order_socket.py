@@ -16,7 +16,7 @@ import pytest
 from gcs.errors import FlightError, UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.flight.setup.order_socket import NAME, Told, newest_flying, taking_orders, tell
-from gcs.plan.replanning.plan_changer import PlanOrder, Scale
+from gcs.plan.plan_changer import PlanOrder, Scale
 from gcs.scenario.schema.scenario import Scenario
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.states import POSITION
+from gcs.plan.plan_changer import Avoid, PlanChanger, Reshape, Scale
 from gcs.plan.plan_file import load_plan, save_plan
-from gcs.plan.replanning.plan_changer import Avoid, PlanChanger, Reshape, Scale
 from gcs.plan.replanning.plan_pieces import continued, in_pieces, jump_between
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
