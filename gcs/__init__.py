@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from gcs.plan.formation_return import plan_return as plan_return
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
     from gcs.plan.plan_changer import Avoid as Avoid
+    from gcs.plan.plan_changer import FlyHome as FlyHome
     from gcs.plan.plan_changer import Reshape as Reshape
     from gcs.plan.plan_changer import Scale as Scale
     from gcs.plan.plan_file import load_plan as load_plan
@@ -87,6 +88,7 @@ _HOME = {
     "Emulated": "gcs.flight.setup.simulator_process",
     "ExportIndex": "gcs.mission.export.index",
     "FlightReports": "gcs.flight.recording.record_table",
+    "FlyHome": "gcs.plan.plan_changer",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
     "MeshRound": "gcs.plan.trajectory.plan",

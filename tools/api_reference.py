@@ -26,6 +26,7 @@ CHAPTERS = {
         "Avoid",
         "Scale",
         "Reshape",
+        "FlyHome",
         "plan_return",
         "prepare_returns",
         "PreparedReturns",

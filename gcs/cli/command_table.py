@@ -178,7 +178,7 @@ COMMANDS = {
         CommandRow(
             "tell",
             "gcs.cli.flights.tell",
-            "Give an order to a flight under way: change its plan, or have vehicles hold, land or return.",
+            "Give an order to a flight under way: change its plan, or have vehicles hold, land or return one by one.",
         ),
     )
 }

@@ -12,6 +12,7 @@ from gcs.errors import Infeasible, PlanningError, UsageError
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.formation.timeline import lay
+from gcs.plan.formation_return import plan_return
 from gcs.plan.replanning.plan_pieces import continued, jump_between
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part, with_times_of_changes
 from gcs.plan.replanning.replanner import Replanner
@@ -63,7 +64,15 @@ class Reshape:
         return f'take the shape "{self.name}"'
 
 
-PlanOrder = Avoid | Scale | Reshape
+@dataclass(frozen=True)
+class FlyHome:
+    """The formation flies home together and lands on its pads."""
+
+    def __str__(self) -> str:
+        return "fly home together"
+
+
+PlanOrder = Avoid | Scale | Reshape | FlyHome
 
 
 @dataclass(frozen=True)
@@ -82,6 +91,7 @@ class PlanChanger:
         self.flown = plan
         self._known = len(plan.scenario.no_fly)  # zones of the plan that the programs were built for
         self._base = plan
+        self._way_home: Plan | None = None  # of an earlier instant: the next one is found sooner near it
 
     @cached_property
     def _replanner(self) -> Replanner:
@@ -101,7 +111,7 @@ class PlanChanger:
         Its first state and shape are those of the flown plan; it is verified.
         """
         began_s = time.perf_counter()
-        plan = self._around(order, at_s) if isinstance(order, Avoid) else self._reshaped(order, at_s)
+        plan = self._answering(order, at_s)
         report = verify(plan)
         if not report.ok:
             raise PlanningError(f"the new plan failed verification: {refusal(report).message}", hint=_OTHERWISE)
@@ -115,6 +125,14 @@ class PlanChanger:
         if plan.moves != self._base.moves:  # the programs are for one schedule of shapes
             self._base, self._known = plan, len(plan.scenario.no_fly)
             self.__dict__.pop("_replanner", None)
+
+    def _answering(self, order: PlanOrder, at_s: float) -> Plan:
+        if isinstance(order, Avoid):
+            return self._around(order, at_s)
+        if isinstance(order, FlyHome):
+            self._way_home = plan_return(self.flown, at_s, self._way_home)
+            return self._way_home
+        return self._reshaped(order, at_s)
 
     def _around(self, order: Avoid, at_s: float) -> Plan:
         zones = (*self.flown.scenario.no_fly[self._known :], order.zone)

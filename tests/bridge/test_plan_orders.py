@@ -10,7 +10,7 @@ import pytest
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
 from gcs.flight.monitoring.progress import FlightPart
-from gcs.plan.plan_changer import Avoid
+from gcs.plan.plan_changer import Avoid, FlyHome, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
@@ -18,7 +18,7 @@ from tests.bridge.flying import fly
 pytestmark = pytest.mark.slow
 
 
-def asked_at(t_s: float, order: Avoid) -> Any:
+def asked_at(t_s: float, order: PlanOrder) -> Any:
     done = []
 
     def during(_: World, flight: FlightSequence) -> None:
@@ -57,3 +57,15 @@ def test_the_formation_brakes_before_a_zone_that_it_cannot_fly_round(hop: Plan) 
     flying = (flown.t_s > 0.0) & (flown.t_s < 26.0)
     away_m = np.linalg.norm(flown.places[:, flying, :2] - [zone.north_m, zone.east_m], axis=-1).min() - zone.radius_m
     assert away_m > 0.0
+
+
+def test_a_formation_flies_home_together_and_lands_on_its_pads(hop: Plan) -> None:
+    flown = fly(hop, during=asked_at(10.0, FlyHome()))
+    assert flown.error is None, flown.error
+    (change,) = [event for event in flown.events if event.what.startswith(NEW_PLAN)]
+    assert "fly home together" in change.rule
+    np.testing.assert_allclose(flown.places[:, -1, :2], hop.pads_ned_m[:, :2], atol=0.5)
+    flying = (flown.t_s > 0.0) & (flown.t_s < flown.flight.plan.landing_s)
+    now = flown.flight.plan.states(flown.t_s[flying])[..., :3]
+    assert np.linalg.norm(now - flown.places[:, flying], axis=-1).max() < 0.5
+    assert flown.flight.monitor.nearest[FlightPart.FLIGHT].distance_m > 4.0

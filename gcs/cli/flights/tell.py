@@ -12,9 +12,9 @@ def tell(
     order: Annotated[
         list[str],
         shared.argument(
-            "hold, continue, land, return; or avoid NORTH,EAST,RADIUS, scale FACTOR, shape NAME.",
+            "hold, continue, land, return; or all together: home, avoid NORTH,EAST,RADIUS, scale FACTOR, shape NAME.",
             "ORDER",
-            shared.one_of("hold", "continue", "land", "return", "avoid", "scale", "shape"),
+            shared.one_of("hold", "continue", "land", "return", "home", "avoid", "scale", "shape"),
         ),
     ],
     vehicles: Annotated[
@@ -35,7 +35,7 @@ def tell(
     json: shared.JsonOption = False,
     debug: shared.DebugOption = False,
 ) -> int:
-    """Give an order to a flight under way: change its plan, or have vehicles hold, land or return.
+    """Give an order to a flight under way: change its plan, or have vehicles hold, land or return one by one.
 
     A new plan continues the old one in flight, is verified, and replaces the setpoints of all vehicles at one instant.
     Where none is found the old plan is flown on; before a new no-fly zone the formation brakes.
@@ -46,6 +46,8 @@ def tell(
     Exit status 0 when the order is carried out, or every armed vehicle has confirmed; 9 when the flight refuses it.
 
     Examples: gcs tell avoid 560,480,30
+
+    gcs tell home
 
     gcs tell hold
 

@@ -1,4 +1,4 @@
-"""Orders in flight in the words of `gcs tell`: `avoid 560,480,30`, `scale 0.6`, `shape vee`, `hold`."""
+"""Orders in flight in the words of `gcs tell`: `avoid 560,480,30`, `scale 0.6`, `shape vee`, `home`, `hold`."""
 
 import math
 from collections.abc import Sequence
@@ -8,17 +8,17 @@ import shapely
 from gcs.errors import UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import geodetic_to_ned
-from gcs.plan.plan_changer import Avoid, PlanOrder, Reshape, Scale
+from gcs.plan.plan_changer import Avoid, FlyHome, PlanOrder, Reshape, Scale
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import local_origin
 
-AVOID, SCALE, SHAPE = "avoid", "scale", "shape"
+AVOID, SCALE, SHAPE, HOME = "avoid", "scale", "shape", "home"
 FORMS = {
     AVOID: "NORTH,EAST,RADIUS in m, or three corners NORTH,EAST or more",
     SCALE: "the new size over the present one, as 0.6",
     SHAPE: "the name of a shape of the scenario",
 }
-WORDS = (*FORMS, *(order.value for order in AskedOrder))
+WORDS = (*FORMS, HOME, *(order.value for order in AskedOrder))
 _FARTHEST_M = 1e5
 _SCALES = 0.001, 10.0
 
@@ -43,6 +43,8 @@ def order_of(words: Sequence[str], scenario: Scenario, *, in_degrees: bool = Fal
         if rest[0] not in known:
             raise UsageError(f'the scenario has no shape "{rest[0]}"', hint=f"it has {', '.join(known)}")
         return Reshape(rest[0])
+    if name == HOME and not rest:
+        return FlyHome()
     if name in set(AskedOrder) and not rest:
         return AskedOrder(name)
     raise UsageError(f"{' '.join(words)!r} is no order", hint=f"orders are {', '.join(WORDS)}")

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.states import POSITION
-from gcs.plan.plan_changer import Avoid, PlanChanger, Reshape, Scale
+from gcs.plan.plan_changer import Avoid, FlyHome, PlanChanger, Reshape, Scale
 from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.replanning.plan_pieces import continued, in_pieces, jump_between
 from gcs.plan.trajectory.plan import Plan
@@ -69,9 +69,24 @@ def test_a_shape_grows_on_the_same_track_and_lands_so(hop: Plan) -> None:
     assert again.report.ok, "re-planned in the new shape"
 
 
+def test_a_formation_flies_home_from_the_plan_that_it_flies_by_now(hop: Plan) -> None:
+    ours = PlanChanger(hop)
+    ours.adopt(ours.change(ahead(hop, 17.0), 3.0).plan)
+    for at_s in (9.0, 10.5):  # the second from near the first, which came too late
+        made = ours.change(FlyHome(), at_s)
+        assert made.report.ok
+        assert jump_between(ours.flown, made.plan).allowed
+    ours.adopt(made.plan)
+    assert ours.flown.zones_since_s == (3.0,)
+    end_s = np.array([ours.flown.t_end_s - 1e-6])
+    np.testing.assert_allclose(ours.flown.states(end_s)[:, 0, POSITION], hop.pads_ned_m, atol=1e-3)
+    t_s = np.arange(10.5, ours.flown.landing_s, 0.05)
+    assert ours.flown.zone_distances_m(t_s).min() > -1e-3, "the zone that came up still counts"
+
+
 def test_a_changed_plan_is_kept_in_a_file_like_any_other(hop: Plan, tmp_path: object) -> None:
     path = str(tmp_path) + "/plan-2.skein"
-    for order in (ahead(hop, 18.0), Scale(1.2)):
+    for order in (ahead(hop, 18.0), Scale(1.2), FlyHome()):
         made = PlanChanger(hop).change(order, 4.0)
         save_plan(made.plan, made.report, path)
         read, report = load_plan(path)

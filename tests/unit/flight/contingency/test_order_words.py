@@ -9,7 +9,7 @@ from gcs.errors import UsageError
 from gcs.flight.contingency.order_words import order_of
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import ned_to_geodetic
-from gcs.plan.plan_changer import Avoid, Reshape, Scale
+from gcs.plan.plan_changer import Avoid, FlyHome, Reshape, Scale
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import local_origin
 
@@ -18,6 +18,7 @@ def test_orders_are_read_from_words(simulation1: Scenario) -> None:
     assert order_of(["avoid", "560,480,30"], simulation1) == Avoid(560.0, 480.0, 30.0)
     assert order_of(["scale", "0.6"], simulation1) == Scale(0.6)
     assert order_of(["shape", "start"], simulation1) == Reshape("start")
+    assert order_of(["home"], simulation1) == FlyHome()
     assert order_of(["hold"], simulation1) is AskedOrder.HOLD
 
 
@@ -39,6 +40,7 @@ def test_a_polygon_is_avoided_with_the_smallest_disk_around_it(simulation1: Scen
         ([], "is no order"),
         (["dance"], "is no order"),
         (["hold", "now"], "is no order"),
+        (["home", "now"], "is no order"),
         (["avoid"], "avoid of what"),
         (["avoid", "1,2"], "not what avoid needs"),
         (["avoid", "1,2,nan"], "not what avoid needs"),
