@@ -35,7 +35,7 @@ def test_a_formation_flies_round_a_zone_that_comes_up(hop: Plan) -> None:
     assert flown.error is None, flown.error
     (change,) = [event for event in flown.events if event.what.startswith(NEW_PLAN)]
     begins_s = change.data["begins_t_s"]
-    assert 3.0 < begins_s < 6.0
+    assert 3.0 < begins_s < 14.0  # planned in real time, and again where that took long
     after = flown.t_s > begins_s
     away_m = np.linalg.norm(flown.places[:, after, :2] - [zone.north_m, zone.east_m], axis=-1).min() - zone.radius_m
     assert away_m > 0.0
