@@ -23,7 +23,7 @@ from gcs.scenario.sources.load import load_scenario
 
 SAME = 1e-9
 NAMES = ("field", "simulation1", "terminal_weighting", "circuit", "changes", "simulation2")
-QUICK = ("field", "terminal_weighting")  # the others take minutes
+QUICK = ("terminal_weighting",)  # the others take minutes
 
 
 @pytest.fixture(scope="module")
