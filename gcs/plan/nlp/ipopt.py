@@ -210,6 +210,8 @@ def run(solver: Solver, program: Program, guess: Mapping[str, Array | list[float
     if stats["return_status"] == _INTERRUPTED:
         raise KeyboardInterrupt
     if stats["return_status"] == _STOPPED and not solver.iterations.creeps:
+        if left_s() >= 0.0:
+            raise KeyboardInterrupt  # it came while the callback ran
         raise OutOfTime.because(f"solving, after {solver.iterations.done} iterations")
     if not stats["success"]:
         raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])

@@ -145,6 +145,20 @@ def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(
     assert capfd.readouterr() == ("", ""), "the solver's own words for Ctrl-C"
 
 
+def test_ctrl_c_while_an_iteration_is_reported_is_not_taken_for_the_time_limit(
+    simulation1: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    scenario = meadow(alone(simulation1))
+    problem = flight_problem(scenario)
+    made = transcribe(problem, Mesh(np.linspace(0.0, 20.0, 4), (3, 3, 3)), straight(problem))
+    monkeypatch.setattr(solve_module, "report", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        solve(made, made.scaled(straight(problem)))
+
+
 def test_functions_without_a_value_are_a_failure_and_do_not_hide_the_rest(simulation1: Scenario) -> None:
     scenario = meadow(alone(simulation1))
     problem = flight_problem(scenario)
