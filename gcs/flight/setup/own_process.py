@@ -57,10 +57,16 @@ async def _answer_of(order: bytes) -> bytes:
             await process.stdin.drain()
         return await process.stdout.read()
     finally:
-        with suppress(ProcessLookupError):
-            process.kill()  # it has no more to say
-        process.stdin.close()
-        await process.wait()
+        await killed(process)  # it has no more to say
+
+
+async def killed(process: asyncio.subprocess.Process) -> None:
+    """End a process that was started with a pipe to its standard input, at once."""
+    with suppress(ProcessLookupError):
+        process.kill()
+    assert process.stdin is not None
+    process.stdin.close()
+    await process.wait()
 
 
 def _serve() -> None:

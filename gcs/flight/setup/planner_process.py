@@ -12,10 +12,9 @@ import struct
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
-from gcs.flight.setup.own_process import OwnProcessEnded
+from gcs.flight.setup.own_process import OwnProcessEnded, killed
 from gcs.util.steady_loop import time_stands
 
 _LENGTH = struct.Struct("<Q")
@@ -75,13 +74,8 @@ class PlannerProcess:
     async def close(self) -> None:
         """End the process; a later call begins another one, with the object as it was made."""
         process, self._process = self._process, None
-        if process is None:
-            return
-        with suppress(ProcessLookupError):
-            process.kill()
-        assert process.stdin is not None
-        process.stdin.close()
-        await process.wait()
+        if process is not None:
+            await killed(process)
 
 
 def _serve() -> None:
