@@ -9,8 +9,9 @@ from __future__ import annotations
 import asyncio
 import math
 import selectors
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from typing import Any, Protocol, Self
 
 _PATIENCE_S = 60.0  # wall time in which a thread has come to its end
@@ -121,6 +122,15 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
     def time(self) -> float:
         return self._no_wait.clock.now_s
+
+    @contextmanager
+    def standing(self) -> Iterator[None]:
+        """Time stands in this block, which waits for another process."""
+        self._no_wait.working += 1
+        try:
+            yield
+        finally:
+            self._no_wait.working -= 1
 
     def run_in_executor(self, executor: Executor | None, func: Callable[..., Any], *args: Any) -> asyncio.Future[Any]:
         """As of any loop; time stands still meanwhile."""

@@ -15,7 +15,7 @@ import selectors
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any, Protocol, TypeVar, TypeVarTuple
 
 T = TypeVar("T")
@@ -170,11 +170,7 @@ class SteadyLoop(asyncio.SelectorEventLoop):
 @contextmanager
 def time_stands() -> Iterator[None]:
     """Emulated time stands in this block, however long this machine works; real time goes on."""
-    loop = asyncio.get_running_loop()
-    if isinstance(loop, SteadyLoop):
-        with loop.standing():
-            yield
-    else:
+    with getattr(asyncio.get_running_loop(), "standing", nullcontext)():
         yield
 
 
