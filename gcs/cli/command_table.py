@@ -89,6 +89,11 @@ COMMANDS = {
             "Plan returns of the whole formation for instants along a plan, verify them and keep them in its file.",
         ),
         CommandRow(
+            "check-events",
+            "gcs.cli.planning.check_events",
+            "Plan the answers to a scenario's events from instants along its plan, and verify them.",
+        ),
+        CommandRow(
             "verify",
             "gcs.cli.planning.plan",
             "Prove a plan again and list the least margin of every criterion, and the greatest wind by direction.",

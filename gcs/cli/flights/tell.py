@@ -12,9 +12,10 @@ def tell(
     order: Annotated[
         list[str],
         shared.argument(
-            "hold, continue, land, return; or all together: home, avoid NORTH,EAST,RADIUS, scale FACTOR, shape NAME.",
+            "hold, continue, land, return; or all together: home, avoid NORTH,EAST,RADIUS, scale FACTOR, shape NAME; "
+            "event NAME: the order that the scenario has for it.",
             "ORDER",
-            shared.one_of("hold", "continue", "land", "return", "home", "avoid", "scale", "shape"),
+            shared.one_of("hold", "continue", "land", "return", "home", "avoid", "scale", "shape", "event"),
         ),
     ],
     vehicles: Annotated[

@@ -8,15 +8,17 @@ import shapely
 from gcs.errors import UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import geodetic_to_ned
+from gcs.plan.event_plans import planned_order
 from gcs.plan.plan_changer import Avoid, FlyHome, PlanOrder, Reshape, Scale
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import EventTable, Scenario
 from gcs.scenario.values.si import local_origin
 
-AVOID, SCALE, SHAPE, HOME = "avoid", "scale", "shape", "home"
+AVOID, SCALE, SHAPE, HOME, EVENT = "avoid", "scale", "shape", "home", "event"
 FORMS = {
     AVOID: "NORTH,EAST,RADIUS in m, or three corners NORTH,EAST or more",
     SCALE: "the new size over the present one, as 0.6",
     SHAPE: "the name of a shape of the scenario",
+    EVENT: "the name of an event of the scenario",
 }
 WORDS = (*FORMS, HOME, *(order.value for order in AskedOrder))
 _FARTHEST_M = 1e5
@@ -43,11 +45,26 @@ def order_of(words: Sequence[str], scenario: Scenario, *, in_degrees: bool = Fal
         if rest[0] not in known:
             raise UsageError(f'the scenario has no shape "{rest[0]}"', hint=f"it has {', '.join(known)}")
         return Reshape(rest[0])
+    if name == EVENT and len(rest) == 1:
+        return _answer_to(rest[0], scenario)
     if name == HOME and not rest:
         return FlyHome()
     if name in set(AskedOrder) and not rest:
         return AskedOrder(name)
     raise UsageError(f"{' '.join(words)!r} is no order", hint=f"orders are {', '.join(WORDS)}")
+
+
+def order_of_event(row: EventTable) -> AskedOrder | PlanOrder:
+    """The order that answers an event."""
+    return planned_order(row) or AskedOrder(row.order)
+
+
+def _answer_to(name: str, scenario: Scenario) -> AskedOrder | PlanOrder:
+    rows = {row.event: row for row in scenario.on if row.event is not None}
+    if name not in rows:
+        known = f"it has {', '.join(rows)}" if rows else "write [[on]] with event and order into it before the flight"
+        raise UsageError(f'the scenario has no event "{name}"', hint=known)
+    return order_of_event(rows[name])
 
 
 def _avoid(rest: list[str], scenario: Scenario, *, in_degrees: bool) -> Avoid:

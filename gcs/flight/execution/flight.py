@@ -25,6 +25,7 @@ from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.hover_charge import check_hover, model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.plan_orders import PlanOrders
+from gcs.flight.execution.scenario_events import ScenarioEvents
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.execution.takeoff_landing import (
     FlightVehicle,
@@ -303,7 +304,7 @@ class FlightSequence:
         if return_all:
             self.ask(AskedOrder.RETURN, by="gcs attach")
         self._changes = PlanOrders(self._fleet, self.contingency, self._folder, self._hooks.on_event, self._follow)
-        async with alongside(self._changes.run()):
+        async with alongside(self._changes.run()), alongside(ScenarioEvents(self, self.sessions).run()):
             broke_off = await self._fly_to_landing()
         self._changes = None
         heard = [i for i in self._on_plan() if self.sessions[i].silent_s() < _HEARD_S]
@@ -311,9 +312,8 @@ class FlightSequence:
         self.enter(Step.LAND)
         self.contingency.landing()
         if self.options.mode is FlightMode.STREAM:
-            for vehicle in self.vehicles.values():
-                if self.contingency.policy.states[vehicle.sysid] is State.FLYING:
-                    self.landing.order(vehicle, planned=True)
+            for sysid in self._on_plan():
+                self.landing.order(self.vehicles[sysid], planned=True)
         await self.landing.until_landed()
 
     def _follow(self, plan: Plan) -> None:

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, Strict
 from gcs.autopilots.traits import AutopilotKey
 from gcs.mavlink_names import SENSORS
 from gcs.scenario.schema.degree_keys import BOX, POSITION
+from gcs.scenario.schema.event_table import EventTable
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
     Acceleration,
@@ -52,7 +53,13 @@ from gcs.scenario.schema.places import (
 )
 from gcs.scenario.schema.toml_lines import Table
 
-__all__ = ["START_SHAPE", "ChangeTable", "Formation", "Generator"]  # of the tables beside these, for all users
+__all__ = [
+    "START_SHAPE",
+    "ChangeTable",
+    "EventTable",
+    "Formation",
+    "Generator",
+]  # of the tables beside these, for all users
 __all__ += ["KeepIn", "Mountains", "NoFlyZone", "Relief", "Ripple", "RoutePoint", "SurveyTable", "Terrain"]
 
 AT_START = "start"  # as the end: a file may say so instead of a table
@@ -389,4 +396,5 @@ class Scenario(Part):
     mission: MissionOptions = MissionOptions()
     sensors: SensorsTable = SensorsTable()
     judge: Judge = Judge()
+    on: tuple[EventTable, ...] = Field(default=(), max_length=32, exclude_if=lambda rows: not rows)
     preflight: PreflightTable = Field(default=PreflightTable(), exclude_if=lambda table: table == PreflightTable())

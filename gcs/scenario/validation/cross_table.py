@@ -11,7 +11,15 @@ import numpy as np
 from gcs.scenario.schema.mistake import Mistake, dotted, plain
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.toml_lines import Key
-from gcs.scenario.validation import boundaries, formation_rules, route_rules, unit_guesses, vehicle_rules, zone_rules
+from gcs.scenario.validation import (
+    boundaries,
+    event_rules,
+    formation_rules,
+    route_rules,
+    unit_guesses,
+    vehicle_rules,
+    zone_rules,
+)
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.types import Array
 
@@ -29,7 +37,10 @@ def check(
     asked = [mistake for mistake in unit_guesses.RULES.violated(scenario, tables) if mistake.key not in certain]
     alike = {dotted(mistake.key): mistake for mistake in asked}
     sound = set(tables) - {mistake.key[0] for mistake in alike.values()}
-    sets = RULES, *(one.RULES for one in (vehicle_rules, boundaries, zone_rules, route_rules, formation_rules))
+    sets = (
+        RULES,
+        *(one.RULES for one in (vehicle_rules, boundaries, zone_rules, route_rules, formation_rules, event_rules)),
+    )
     return [*alike.values(), *(mistake for rules in sets for mistake in rules.violated(scenario, sound))]
 
 

@@ -10,7 +10,7 @@ from gcs.flight.contingency.order_words import order_of
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import ned_to_geodetic
 from gcs.plan.plan_changer import Avoid, FlyHome, Reshape, Scale
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import EventTable, Scenario
 from gcs.scenario.values.si import local_origin
 
 
@@ -55,3 +55,15 @@ def test_a_polygon_is_avoided_with_the_smallest_disk_around_it(simulation1: Scen
 def test_other_words_are_refused(simulation1: Scenario, words: list[str], told: str) -> None:
     with pytest.raises(UsageError, match=told):
         order_of(words, simulation1)
+
+
+def test_an_event_is_answered_by_the_order_that_the_scenario_has_for_it(simulation1: Scenario) -> None:
+    rows = (EventTable(event="storm", order="scale", factor=0.6), EventTable(event="fog", order="land"))
+    scenario = simulation1.model_copy(update={"on": rows})
+    assert order_of(["event", "storm"], scenario) == Scale(0.6)
+    assert order_of(["event", "fog"], scenario) is AskedOrder.LAND
+    with pytest.raises(UsageError, match="no event") as refused:
+        order_of(["event", "rain"], scenario)
+    assert "storm, fog" in refused.value.hint
+    with pytest.raises(UsageError, match="no event"):
+        order_of(["event", "storm"], simulation1)

@@ -1,0 +1,81 @@
+"""Answers to the events of a scenario in flight: its orders are given as an operator would give them."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Mapping
+
+from gcs.errors import FlightError
+from gcs.flight.contingency.event_watch import DueEvent, EventWatch, Observed
+from gcs.flight.contingency.order_words import order_of_event
+from gcs.flight.monitoring.progress import AskedOrder
+from gcs.flight.setup.order_socket import Ordered
+from gcs.link.session.status_report import reported_wind
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.scenario.schema.scenario import EventTable
+from gcs.util.aio import ended
+
+LOOK_S = 0.25
+
+
+class ScenarioEvents:
+    """Watches the events of one flight. `run` beside it, from T0 to the landing."""
+
+    def __init__(self, flight: Ordered, sessions: Mapping[int, VehicleSession]) -> None:
+        """`sessions` by system id."""
+        self._flight, self._rows, self._sessions = flight, flight.plan.scenario.on, sessions
+        self._watch = EventWatch(self._rows)
+        self._answers: set[asyncio.Task[None]] = set()
+        self._loop = asyncio.get_running_loop()
+
+    async def run(self) -> None:
+        """Give the orders of what happens, until cancelled. A refused order is in the flight's events."""
+        if not self._rows:
+            await asyncio.Event().wait()
+        try:
+            while True:
+                await asyncio.sleep(LOOK_S)
+                plan_s = self._flight.snapshot().plan_time_s
+                for due in self._watch.due(
+                    self._loop.time(), -math.inf if plan_s is None else plan_s, self._observed()
+                ):
+                    self._give(due)
+        finally:
+            await ended(*self._answers)
+
+    def _give(self, due: DueEvent) -> None:
+        row, by = self._rows[due.row], f"[[on]] row {due.row + 1}: {due.why}"
+        order = order_of_event(row)
+        try:
+            self._flight.ask(order, by=by)
+        except FlightError:
+            if not self._watch.refused(due.row, self._loop.time()):
+                self._give_otherwise(row, by)
+            return
+        if not isinstance(order, AskedOrder):
+            task = asyncio.ensure_future(self._answered(row, by))
+            self._answers.add(task)
+            task.add_done_callback(self._answers.discard)
+
+    async def _answered(self, row: EventTable, by: str) -> None:
+        try:
+            await self._flight.answer()
+        except FlightError:
+            self._give_otherwise(row, by)
+
+    def _give_otherwise(self, row: EventTable, by: str) -> None:
+        if row.otherwise is not None:
+            try:
+                self._flight.ask(AskedOrder(row.otherwise), by=by)
+            except FlightError:  # told by the flight; nobody is left who would obey
+                return
+
+    def _observed(self) -> list[Observed]:
+        found = []
+        for one in self._flight.vehicles_now():
+            wind = reported_wind(self._sessions[one.sysid])
+            found.append(
+                Observed(one.sysid, one.battery_pct, math.nan if wind is None else wind.speed_mps, one.link_age_s)
+            )
+        return found

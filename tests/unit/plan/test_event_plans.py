@@ -1,0 +1,56 @@
+"""Answers to the events of a scenario, planned before the take-off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gcs.cli.main import run
+from gcs.errors import UsageError
+from gcs.plan.event_plans import plan_events
+from gcs.plan.plan_changer import FlyHome, Scale
+from gcs.plan.plan_file import save_plan
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import verify
+from gcs.scenario.schema.scenario import EventTable
+
+ROWS = (
+    EventTable(battery_below_percent=30.0, order="home"),
+    EventTable(event="storm", order="land"),
+    EventTable(at_s=4.0, order="scale", factor=1.3),
+    EventTable(event="wide", order="scale", factor=9.0, otherwise="hold"),
+)
+
+
+def with_events(plan: Plan, *rows: EventTable) -> Plan:
+    return replace(plan, scenario=plan.scenario.model_copy(update={"on": rows}))
+
+
+def test_each_planned_order_has_a_verified_plan_or_a_reason_at_each_instant(hop: Plan) -> None:
+    found = plan_events(with_events(hop, *ROWS), 12.0)
+    assert [(one.row, one.at_s) for one in found] == [(0, 6.0), (0, 18.0), (2, 4.0), (3, 6.0), (3, 18.0)]
+    home, scaled, wide = found[0], found[2], found[3]
+    assert home.order == FlyHome()
+    assert home.proposal is not None
+    assert home.proposal.report.ok
+    assert home.proposal.plan.t_start_s == 6.0
+    assert scaled.order == Scale(1.3)
+    assert scaled.proposal is not None
+    assert wide.proposal is None
+    assert wide.why_not
+    with pytest.raises(UsageError, match="no time between"):
+        plan_events(hop, 0.0)
+
+
+@pytest.mark.parametrize(("rows", "code"), [(ROWS[2:], 0), ((EventTable(event="wide", order="scale", factor=9.0),), 4)])
+def test_the_command_ends_with_4_where_a_row_has_neither_a_plan_nor_another_order(
+    hop: Plan, tmp_path: Path, rows: tuple[EventTable, ...], code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = with_events(hop, *rows)
+    save_plan(plan, verify(plan), tmp_path / "hop.skein")
+    assert run(["check-events", str(tmp_path / "hop.skein"), "--every", "20"]) == code
+    told = capsys.readouterr()
+    assert "answers verified" in told.out
+    assert ("has no plan at t = 10" in told.err) == bool(code)
