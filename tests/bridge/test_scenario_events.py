@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
+from gcs.flight.monitoring.progress import AskedOrder
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import EventTable
+from sim_bridge.sim.world import World
 from tests.bridge.flying import Flown, fly
 
 pytestmark = pytest.mark.slow
@@ -44,3 +47,17 @@ def test_where_no_plan_is_found_the_other_order_is_given(hop: Plan) -> None:
     flown = flown_with(hop, row)
     assert any(event.what == "keep their plan" for event in flown.events)
     assert {flown.orders(sysid)[0] for sysid in (1, 2, 3)} == {"land"}
+
+
+def test_a_vehicle_that_returns_already_is_left_at_that(hop: Plan) -> None:
+    done = []
+
+    def send_home(_: World, flight: FlightSequence) -> None:
+        if not done and (flight.monitor.plan_time_s or -1.0) > 3.0:
+            done.append(flight.ask(AskedOrder.RETURN, (2,), by="the test"))
+
+    row = EventTable(at_s=8.0, order="home", otherwise="land")
+    plan = replace(hop, scenario=hop.scenario.model_copy(update={"on": (row,)}))
+    flown = fly(plan, during=send_home)
+    assert flown.orders(2) == ["return"]
+    assert flown.orders(1) == flown.orders(3) == ["land"]

@@ -28,6 +28,7 @@ from gcs.flight.recording.flight_folder import BEFORE, PREDICTED, later_plans
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.order_socket import taking_orders
 from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.session.connection import Connection
 from gcs.link.session.vehicle_load import VehicleLoad
@@ -162,12 +163,15 @@ async def _take_up(
         fleet.freeze()
         hooks = FlightHooks(journal.on_event, journal.on_step)
         tracks = _predicted(request, options.mode)
-        flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks, tracks=tracks)
+        flight = FlightSequence(
+            plan, sessions, options, loads=loads, stream=stream, hooks=hooks, tracks=tracks, folder=folder
+        )
         journal.keep_time(flight.time)
         ctrl_c.again_calls(flight.landing.report_airborne)
         shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)
         if request.what is not Resume.SHOW:
-            await resume_flight(flight, request.what, book.t0_unix_s)
+            async with taking_orders(flight, folder, screen.say):
+                await resume_flight(flight, request.what, book.t0_unix_s)
             screen.say(flight.landing.words())
             if (folder / BEFORE).exists():
                 screen.say(f"to give back what was on board before the flight: gcs restore {folder}")

@@ -1,6 +1,7 @@
 """Which rows `[[on]]` of a scenario are due: a machine without clocks; times are arguments.
 
-A row is due once. A low battery or a strong wind must be reported for `HOLDS_S`: one report alone may err.
+A row is due once. A low battery or a strong wind must be reported for `HOLDS_S`: one report alone may err. A time that
+had passed when the watch began is not due: a flight that is taken up again has answered it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from gcs.scenario.schema.scenario import EventTable
 HOLDS_S = 2.0
 AGAIN_S = 5.0  # after a refusal a row is due again
 ATTEMPTS = 3
+_FIRST_LOOK_S = 1.0  # after T0 at the latest
 
 
 @dataclass(frozen=True)
@@ -42,11 +44,16 @@ class EventWatch:
         self._since_s = [math.inf] * len(rows)  # when each condition was first seen true
         self._left = [ATTEMPTS] * len(rows)
         self._not_before_s = [-math.inf] * len(rows)
+        self._began_s = math.nan  # plan time
 
     def due(self, now_s: float, plan_s: float, vehicles: Collection[Observed]) -> list[DueEvent]:
         """Return the rows that are due at `now_s` (any steady time), plan time `plan_s`. Each is due once."""
         found = []
+        if math.isnan(self._began_s) and math.isfinite(plan_s):
+            self._began_s = plan_s
         for number, row in enumerate(self._rows):
+            if row.at_s is not None and row.at_s < self._began_s - _FIRST_LOOK_S:
+                continue
             why, holds_s = _happened(row, plan_s, vehicles)
             self._since_s[number] = min(self._since_s[number], now_s) if why else math.inf
             if not why or not self._left[number] or now_s < self._not_before_s[number]:

@@ -20,6 +20,7 @@ from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.hover_charge import model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event
+from gcs.flight.recording.flight_folder import later_plans
 from gcs.flight.setup.plan_worker import PlanWorker, Replacement
 from gcs.flight.setup.planner_process import PlannerProcess
 from gcs.plan.plan_changer import PlanOrder
@@ -49,7 +50,7 @@ class PlanOrders:
         self._change = PlanChange(scenario.mission.setpoint_rate_hz, fleet.options.lead_s)
         self._streams, real = fleet.options.mode is FlightMode.STREAM, fleet.options.lead_s == 0.0
         self._worker = PlannerProcess(partial(PlanWorker, fenced=real), fleet.plan, folder)
-        self._count = 1
+        self._count = 1 if folder is None else 1 + len(later_plans(folder))  # of a flight that is taken up again
         self._asked: asyncio.Queue[Planning] = asyncio.Queue()
         self._answer: asyncio.Future[str] | None = None
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Mapping
+from contextlib import suppress
+from typing import Protocol
 
 from gcs.errors import FlightError
 from gcs.flight.contingency.event_watch import DueEvent, EventWatch, Observed
 from gcs.flight.contingency.order_words import order_of_event
+from gcs.flight.contingency.policy import HOLDS, IN_FORMATION
+from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.flight.setup.order_socket import Ordered
 from gcs.link.session.status_report import reported_wind
@@ -19,10 +23,22 @@ from gcs.util.aio import ended
 LOOK_S = 0.25
 
 
-class ScenarioEvents:
-    """Watches the events of one flight. `run` beside it, from T0 to the landing."""
+class Steered(Ordered, Protocol):
+    """A flight that takes orders, with its policy."""
 
-    def __init__(self, flight: Ordered, sessions: Mapping[int, VehicleSession]) -> None:
+    @property
+    def contingency(self) -> ContingencyExecutor:
+        """The contingency policy at work."""
+        ...
+
+
+class ScenarioEvents:
+    """Watches the events of one flight. `run` beside it, from T0 to the landing.
+
+    Orders go to the vehicles that fly the plan or hold: one that returns or lands already is left at that.
+    """
+
+    def __init__(self, flight: Steered, sessions: Mapping[int, VehicleSession]) -> None:
         """`sessions` by system id."""
         self._flight, self._rows, self._sessions = flight, flight.plan.scenario.on, sessions
         self._watch = EventWatch(self._rows)
@@ -47,8 +63,10 @@ class ScenarioEvents:
     def _give(self, due: DueEvent) -> None:
         row, by = self._rows[due.row], f"[[on]] row {due.row + 1}: {due.why}"
         order = order_of_event(row)
+        if not (steered := self._steered()):
+            return
         try:
-            self._flight.ask(order, by=by)
+            self._flight.ask(order, steered if isinstance(order, AskedOrder) else (), by=by)
         except FlightError:
             if not self._watch.refused(due.row, self._loop.time()):
                 self._give_otherwise(row, by)
@@ -65,11 +83,13 @@ class ScenarioEvents:
             self._give_otherwise(row, by)
 
     def _give_otherwise(self, row: EventTable, by: str) -> None:
-        if row.otherwise is not None:
-            try:
-                self._flight.ask(AskedOrder(row.otherwise), by=by)
-            except FlightError:  # told by the flight; nobody is left who would obey
-                return
+        if row.otherwise is not None and (steered := self._steered()):
+            with suppress(FlightError):  # which the flight tells
+                self._flight.ask(AskedOrder(row.otherwise), steered, by=by)
+
+    def _steered(self) -> tuple[int, ...]:
+        states = self._flight.contingency.policy.states
+        return tuple(sysid for sysid, state in states.items() if state in IN_FORMATION | HOLDS)
 
     def _observed(self) -> list[Observed]:
         found = []

@@ -101,7 +101,9 @@ async def taking_orders(flight: Ordered, folder: Path, say: Callable[[str], None
 
 
 async def _serve(flight: Ordered, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    told = Told.of(await asyncio.wait_for(reader.readline(), _READ_S))
+    if not (line := await asyncio.wait_for(reader.readline(), _READ_S)):
+        return  # it only looked whether a flight is here
+    told = Told.of(line)
     try:
         order = order_of(told.words, flight.plan.scenario, in_degrees=told.in_degrees)
         obey = flight.ask(order, told.vehicles, by="gcs tell")
@@ -151,6 +153,8 @@ def _reached(folder: Path) -> Iterator[str]:
 def _listening(folder: Path) -> socket.socket:
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     with _reached(folder) as path:
+        if not takes_orders(folder):  # a process that was killed leaves its socket
+            Path(path).unlink(missing_ok=True)
         old = os.umask(0o177)
         try:
             listening.bind(path)
@@ -158,6 +162,17 @@ def _listening(folder: Path) -> socket.socket:
             os.umask(old)
     listening.setblocking(False)
     return listening
+
+
+def takes_orders(folder: Path) -> bool:
+    """Whether a flight listens at the socket of a folder."""
+    with _reached(folder) as path, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+        client.settimeout(_CONNECT_S)
+        try:
+            client.connect(path)
+        except OSError:
+            return False
+        return True
 
 
 def tell(folder: Path, told: Told) -> Iterator[str]:
@@ -190,10 +205,11 @@ def tell(folder: Path, told: Told) -> Iterator[str]:
 
 def newest_flying(root: Path) -> Path:
     """The folder of the last flight under `root` that takes orders. Raises UsageError."""
-    found = sorted(root.glob(f"*/{NAME}"), reverse=True)  # folders are named by their time
-    if not found:
+    folders = sorted((each.parent for each in root.glob(f"*/{NAME}")), reverse=True)  # they are named by their time
+    found = next(filter(takes_orders, folders), None)
+    if found is None:
         raise UsageError(
             f"there is no flight under way under {root}.",
             hint="name the folder of flights with --to, or with --link the link of vehicles",
         )
-    return found[0].parent
+    return found

@@ -52,3 +52,9 @@ def test_a_refused_order_is_due_again_while_its_event_lasts_three_times_in_all()
         assert watch.due(now_s + AGAIN_S - 0.1, 0.0, seen(silent_s=9.0)) == []
         now_s += AGAIN_S
     assert watch.due(now_s, 0.0, seen(silent_s=9.0)) == []
+
+
+def test_a_time_that_had_passed_when_a_flight_is_taken_up_again_is_not_due() -> None:
+    watch = EventWatch([LATER])
+    assert watch.due(0.0, 40.0, seen()) == []
+    assert len(EventWatch([LATER]).due(0.0, 12.25, seen())) == 1  # the first look at a row of T0 comes a little later

@@ -98,3 +98,15 @@ def test_without_a_flight_it_says_so(tmp_path: Path) -> None:
         newest_flying(tmp_path)
     with pytest.raises(UsageError, match="no flight takes orders"):
         list(tell(tmp_path, Told(("hold",))))
+
+
+def test_the_socket_of_a_flight_that_was_killed_is_passed_over_and_taken(tmp_path: Path, simulation1: Scenario) -> None:
+    flying, killed = tmp_path / "2026-01-01", tmp_path / "2026-01-02"
+    for folder in (flying, killed):
+        folder.mkdir()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left:
+        left.bind(str(killed / NAME))
+    flight = Flight(simulation1)
+    assert told(flying, flight, lambda: newest_flying(tmp_path)) == flying
+    assert told(killed, flight, lambda: list(tell(killed, Told(("hold",))))) == ["ordered to hold: vehicles 1, 2"]
+    assert flight.asked == [(AskedOrder.HOLD, (), "gcs tell")]
