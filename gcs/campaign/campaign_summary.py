@@ -201,17 +201,19 @@ def _flights_of(rows: Sequence[Row], factor: str) -> Sequence[Row]:
 
 
 def _numbers(rows: Sequence[Row], factor: str) -> Array:
-    return np.array([_number(row[factor]) for row in rows], dtype=np.float64)
+    words = sorted({row[factor] for row in rows if isinstance(row[factor], str)})
+    place = {word: float(n) for n, word in enumerate(words)}  # of words that are neither numbers nor gusts
+    return np.array([_number(row[factor], place.get(row[factor], 0.0)) for row in rows], dtype=np.float64)
 
 
-def _number(value: float | str) -> float:
+def _number(value: float | str, otherwise: float = 0.0) -> float:
     """The place of a level: words of gusts by their strength, others by the number that they may be."""
     if not isinstance(value, str):
         return float(value)
     try:
         return GUSTS_MPS[value] if value in GUSTS_MPS else float(value)
     except ValueError:
-        return 0.0
+        return otherwise
 
 
 def _words(level: float | str) -> str:
