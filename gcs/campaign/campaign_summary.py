@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, MARGIN
+from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, MARGIN, NO_PLAN
 from gcs.campaign.flight_window import flights_counted
 from gcs.campaign.kept_flights import FLIGHTS
 from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, CampaignFolder
@@ -89,7 +89,7 @@ class CampaignSummary:
             "ended": self.outcomes.total(),
             "complete": self.complete,
             "not_counted": self.not_counted,
-            "outcomes": {name: self.outcomes[name] for name in (HELD, FAILED, ABORTED, INFRASTRUCTURE)},
+            "outcomes": {name: self.outcomes[name] for name in (HELD, FAILED, ABORTED, NO_PLAN, INFRASTRUCTURE)},
             "confidence": CONFIDENCE,
             "pass_rates": [
                 {"factor": s.factor, "values": s.values, "flights": s.flights, "held": s.held, "rate": _ends(s.rate)}

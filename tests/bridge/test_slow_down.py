@@ -40,7 +40,7 @@ def mission(world: World, pad_ned_m: Array, slow_m: float) -> tuple[MissionItem,
     origin, flown = world.vehicles[0].autopilot.path_generator.origin, orders(slow_m)
 
     def place(command: Command, north_m: float) -> MissionItem:
-        lat, lon, _ = ned_to_geodetic(pad_ned_m + [north_m, 0.0, 0.0], origin)
+        lat, lon, _ = ned_to_geodetic(pad_ned_m + np.array([north_m, 0.0, 0.0]), origin)
         return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (0.0,) * 4, to_degE7(lat), to_degE7(lon), HEIGHT_M)
 
     items = [place(Command.NAV_WAYPOINT, 0.0), place(Command.NAV_TAKEOFF, 0.0)]
