@@ -41,7 +41,9 @@ def mission(world: World, pad_ned_m: Array, slow_m: float) -> tuple[MissionItem,
 
     def place(command: Command, north_m: float) -> MissionItem:
         lat, lon, _ = ned_to_geodetic(pad_ned_m + np.array([north_m, 0.0, 0.0]), origin)
-        return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (0.0,) * 4, to_degE7(lat), to_degE7(lon), HEIGHT_M)
+        return MissionItem(
+            command, Frame.GLOBAL_RELATIVE_ALT, (0.0,) * 4, to_degE7(float(lat)), to_degE7(float(lon)), HEIGHT_M
+        )
 
     items = [place(Command.NAV_WAYPOINT, 0.0), place(Command.NAV_TAKEOFF, 0.0)]
     for (north_m, _, _), mps in zip(flown.waypoints_ned_m, flown.speeds_mps, strict=True):
