@@ -5,13 +5,16 @@ Every worker gets the plan once, and must have the same code of Skein.
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -32,17 +35,21 @@ _CONFIG = {
     "distributed.admin.tick.limit": "1h",  # a flight holds Python's lock longer than Dask finds usual
 }
 _KEY = "skein_campaign"
+_PACKAGE = "skein-gcs"
+_INTERRUPTED = 130  # exit code
 
 
 @contextmanager
 def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator[Client]:
     """Yield a client whose workers have the plan. Raises LinkError without them, UsageError for another version.
 
-    `scratch` is where workers on this machine write. All processes that were started end with the block.
+    `scratch` is where workers on this machine write. All processes that were started end with the block. After Ctrl-C
+    they are killed and nothing is closed: a scheduler forgets the flights of a client that is gone.
     """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(_CONFIG))
+        local: LocalCluster | None = None
         if cluster.scheduler is None:
             at = "127.0.0.1:0" if cluster.dashboard else None
             local = LocalCluster(
@@ -55,7 +62,7 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
                 silence_logs=logging.CRITICAL,
                 local_directory=str(scratch),
             )
-            client = stack.enter_context(Client(stack.enter_context(local)))
+            client = stack.enter_context(Client(stack.enter_context(local), set_as_default=False))
             stack.callback(_kill_workers, local)
         else:
             security = None
@@ -63,7 +70,7 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
                 ca, cert, key = (str(cluster.certificates / name) for name in CERTIFICATES)
                 security = Security(tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True)
             try:
-                opened = Client(cluster.scheduler, timeout=_CONNECT_S, security=security)
+                opened = Client(cluster.scheduler, timeout=_CONNECT_S, security=security, set_as_default=False)
             except (OSError, ValueError) as problem:
                 raise LinkError(
                     f"no scheduler answers at {cluster.scheduler}: {problem}.",
@@ -75,12 +82,46 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
                     f"the scheduler at {cluster.scheduler} has no workers.",
                     hint=f"start some with `dask worker {cluster.scheduler} --nthreads 1`",
                 )
-        client.register_plugin(PlanForWorkers(shared, local=cluster.scheduler is None))
-        said = client.run(worker_problem)
-        if wrong := {where: text for where, text in said.items() if text}:
-            where, text = sorted(wrong.items())[0]
-            raise UsageError(f"worker {where}: {text}", hint="install the same version of Skein on every machine")
-        yield client
+        # A function of the standard library: a worker without Skein could not read one of ours.
+        versions = client.run(version, _PACKAGE, on_error="return")
+        _refuse_workers({where: version_problem(found) for where, found in versions.items()})
+        client.register_plugin(PlanForWorkers(shared, local=local is not None))
+        _refuse_workers(client.run(worker_problem))
+        try:
+            yield client
+        except KeyboardInterrupt:
+            if local is not None:
+                _kill_workers(local)
+                local.shutdown_on_close = False  # else Dask waits for them when Python ends
+            stack.pop_all()
+            atexit.register(_end_at_once)
+            raise
+
+
+def _end_at_once() -> None:
+    """End this process after Ctrl-C: on a busy machine Python takes seconds to take itself and Dask apart."""
+    atexit.unregister(_end_at_once)
+    atexit._run_exitfuncs()  # they remove semaphores
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(_INTERRUPTED)
+
+
+def _refuse_workers(problems: Mapping[str, str]) -> None:
+    if wrong := {where: text for where, text in problems.items() if text}:
+        where, text = sorted(wrong.items())[0]
+        others = f" ({len(wrong)} of {len(problems)} workers are of no use)" if len(problems) > 1 else ""
+        raise UsageError(f"worker {where}: {text}{others}", hint="install the same version of Skein on every machine")
+
+
+def version_problem(found: object) -> str:
+    """Return what is wrong with what a worker answers when it is asked for Skein's version; empty if nothing is."""
+    if isinstance(found, PackageNotFoundError):
+        return "Skein is not installed there"
+    if isinstance(found, BaseException):
+        return f"it does not tell its version of Skein: {found}"
+    own = version(_PACKAGE)
+    return "" if found == own else f"it has Skein {found}, this machine has {own}"
 
 
 def _kill_workers(local: LocalCluster) -> None:
@@ -117,7 +158,7 @@ def worker_problem(dask_worker: Worker) -> str:
     shared = getattr(dask_worker, _KEY, None)
     if shared is None:
         return "it has no plan"
-    return "" if shared.code == _own_code() else "its version or code of Skein is another one"
+    return "" if shared.code == _own_code() else "its Skein has the same version but other code"
 
 
 def fly_at_worker(row: Row, rule: KeepRule) -> FlightResult:

@@ -1,7 +1,7 @@
 """One flight of a campaign, on whichever machine: its row of the design becomes a row of results, never an exception.
 
-An outcome is `held` (all criteria), `failed` (one of them), `aborted` (the flight did not come to its end), or
-`infrastructure`: the machine failed, which says nothing about the plan.
+An outcome is `held` (all criteria), `failed` (one of them), `aborted` (the flight did not come to its end), `no plan`
+(a varied scenario has none), or `infrastructure`: the machine failed, which says nothing about the plan.
 """
 
 from __future__ import annotations
@@ -9,19 +9,31 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import os
 import re
 import time
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Event, Timer
 from typing import Any
 
 from gcs.campaign.design import plain
 from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
-from gcs.errors import FlightError, GcsError, PeerError
+from gcs.campaign.varied_plan import planned_anew, varied_keys
+from gcs.errors import (
+    FlightError,
+    GcsError,
+    OutOfTime,
+    PeerError,
+    PlanningError,
+    ScenarioError,
+    VerificationError,
+)
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.contingency.choices import TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
@@ -32,9 +44,10 @@ from gcs.flight.setup.simulator_process import Emulated
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 
-HELD, FAILED, ABORTED = "held", "failed", "aborted"
+HELD, FAILED, ABORTED, NO_PLAN = "held", "failed", "aborted", "no plan"
 MARGIN = "_margin"
 MACHINE = ("took_s", "attempts")  # columns that another run of the same campaign has otherwise
+FLIGHT_LIMIT_S = 1800.0  # wall time: a flight takes half a minute, much more where many processes share a core
 _NONE = ("none", "0", "0.0")
 
 
@@ -101,16 +114,25 @@ def emulated(row: Mapping[str, Any]) -> Emulated:
     return Emulated("max", int(row["seed"]), tuple(faults), wind, gusts)
 
 
-def fly_row(shared: CampaignPlan, row: Mapping[str, Any], rule: KeepRule, scratch: Path | None = None) -> FlightResult:
-    """Fly one row of the design; whatever fails is an outcome."""
+def fly_row(
+    shared: CampaignPlan,
+    row: Mapping[str, Any],
+    rule: KeepRule,
+    scratch: Path | None = None,
+    limit_s: float = FLIGHT_LIMIT_S,
+) -> FlightResult:
+    """Fly one row of the design; whatever fails is an outcome, also a flight that takes longer than `limit_s`."""
     began_s = time.monotonic()
     result: dict[str, Any] = {INDEX: row[INDEX]}
     with TemporaryDirectory(dir=scratch, prefix="flight-") as name:
         root = Path(name)
-        run = FlightRun(shared.plan, shared.report, shared.keeping, emulated=emulated(row), root=root)
-        run = replace(run, options=shared.options, exported=shared.exported, pictures=False)
+        hung = Event()
         try:
-            flown = fly_run(run, Watcher())
+            shared = _varied(shared, row)
+            run = FlightRun(shared.plan, shared.report, shared.keeping, emulated=emulated(row), root=root)
+            run = replace(run, options=shared.options, exported=shared.exported, pictures=False)
+            with _ended_after(limit_s, root, hung):
+                flown = fly_run(run, Watcher())
             verdict = flown.verdict
             if verdict is None:
                 raise RuntimeError("the flight has no verdict")
@@ -122,14 +144,52 @@ def fly_row(shared: CampaignPlan, row: Mapping[str, Any], rule: KeepRule, scratc
             # A simulator that ended by itself has written no true states: the vehicles did not abort this flight.
             whole = any(root.glob("*/truth.npz"))
             result |= {OUTCOME: ABORTED if whole else INFRASTRUCTURE, "reason": failure.message}
+        except OutOfTime as failure:  # another machine may be quicker
+            result |= {OUTCOME: INFRASTRUCTURE, "reason": failure.message}
+        except (ScenarioError, PlanningError, VerificationError) as failure:
+            result |= {OUTCOME: NO_PLAN, "reason": failure.message}
         except GcsError as failure:
             result |= {OUTCOME: INFRASTRUCTURE, "reason": failure.message}
         except Exception as failure:
             result |= {OUTCOME: INFRASTRUCTURE, "reason": f"{type(failure).__name__}: {failure}"}
+        if hung.is_set() and result[OUTCOME] in (ABORTED, INFRASTRUCTURE):
+            why = f"it did not end within {limit_s:g} s of wall time"
+            result |= {OUTCOME: INFRASTRUCTURE, "reason": why}
         result["took_s"] = time.monotonic() - began_s
         found = next(root.iterdir(), None)
         kept = zipped(found) if found is not None and rule.keeps(result) else None
     return FlightResult(result, kept)
+
+
+def _varied(shared: CampaignPlan, row: Mapping[str, Any]) -> CampaignPlan:
+    """What flies where the row has values of the scenario. Raises as `planned_anew` and `prepare`."""
+    values = varied_keys(row)
+    if not values:
+        return shared
+    plan, report = planned_anew(shared.plan.scenario, values)
+    return prepare(plan, report, shared.keeping, shared.options, Watcher())
+
+
+@contextmanager
+def _ended_after(limit_s: float, root: Path, hung: Event) -> Iterator[None]:
+    """After `limit_s` of wall time kill the simulator that flies a folder of `root`, and set `hung`."""
+
+    def end() -> None:
+        import psutil  # noqa: PLC0415 (comes with the extra, as workers do)
+
+        hung.set()
+        for child in psutil.Process().children(recursive=True):
+            with suppress(psutil.Error):
+                if any(word.startswith(os.fspath(root)) for word in child.cmdline()):
+                    child.kill()
+
+    timer = Timer(limit_s, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def figures(criteria: tuple[Criterion, ...]) -> dict[str, float]:

@@ -24,6 +24,7 @@ from gcs.campaign.design import (
     parse_share,
     parse_wind,
 )
+from gcs.campaign.varied_plan import refuse_unknown_keys
 from gcs.errors import FileFormatError, UsageError
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLeaderLoss, OnLoss, TimeKeeping
 from gcs.flight.contingency.options import FlightOptions
@@ -47,6 +48,7 @@ class CampaignOptions:
     gusts: str | None = None
     loss: str | None = None
     faults: tuple[str, ...] = ()
+    vary: tuple[str, ...] = ()
     sampling: Sampling = Sampling.RANDOM
     mode: FlightMode = FlightMode.STREAM
     nav: NavigatorChoice = NavigatorChoice.AUTO
@@ -108,7 +110,21 @@ class CampaignOptions:
             found.append(parse_factor("--gusts", "gusts", self.gusts))
         if self.loss is not None:
             found.append(parse_share("--loss", "loss", self.loss))
+        found += self._varied
         return tuple(found)
+
+    @property
+    def _varied(self) -> list[Factor]:
+        found = []
+        for text in self.vary:
+            key, equals, values = text.partition("=")
+            if not equals or not all(key.split(".")) or "." not in key:
+                raise UsageError(
+                    f"--vary {text}: not a key of the scenario and its values",
+                    hint="write for example --vary vehicle.mass_kg=1.8..2.4",
+                )
+            found.append(parse_factor("--vary", key, values))
+        return found
 
     def fault_factors(self, sysids: tuple[int, ...], flight_s: float) -> tuple[FaultFactors, ...]:
         """The factors of all faults; `any` time is within `flight_s` after take-off. Raises UsageError."""
@@ -134,6 +150,7 @@ class CampaignOptions:
         """Raise UsageError for options that do not fit a scenario, as the simulator reads them: before planning."""
         if self.mode is FlightMode.MISSION:
             refuse_late_starts(scenario)
+        refuse_unknown_keys(scenario, (one.name for one in self._varied))
         rows = draw(
             self.factors,
             self.fault_factors(tuple(scenario.formation.sysids), scenario.time.flight_s or 0.0),

@@ -116,10 +116,10 @@ class _Driver:
                         self._take(*self._ended.get_nowait())
                 if time.monotonic() - self._written_s >= _FLUSH_S:
                     self._write()
+            with suppress(Exception):  # the scheduler may be gone
+                self._client.cancel(list(self._futures.values()), force=True)
         finally:
             self._write()
-            with suppress(Exception):  # the scheduler may be gone, which is what ended this
-                self._client.cancel(list(self._futures.values()), force=True)
 
     def _submit(self) -> None:
         workers = len(self._client.nthreads()) if self._client.status == "running" else 0

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, MARGIN
+from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, MARGIN, NO_PLAN
 from gcs.campaign.flight_window import flights_counted
 from gcs.campaign.kept_flights import FLIGHTS
 from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, CampaignFolder
@@ -89,7 +89,7 @@ class CampaignSummary:
             "ended": self.outcomes.total(),
             "complete": self.complete,
             "not_counted": self.not_counted,
-            "outcomes": {name: self.outcomes[name] for name in (HELD, FAILED, ABORTED, INFRASTRUCTURE)},
+            "outcomes": {name: self.outcomes[name] for name in (HELD, FAILED, ABORTED, NO_PLAN, INFRASTRUCTURE)},
             "confidence": CONFIDENCE,
             "pass_rates": [
                 {"factor": s.factor, "values": s.values, "flights": s.flights, "held": s.held, "rate": _ends(s.rate)}
@@ -201,17 +201,19 @@ def _flights_of(rows: Sequence[Row], factor: str) -> Sequence[Row]:
 
 
 def _numbers(rows: Sequence[Row], factor: str) -> Array:
-    return np.array([_number(row[factor]) for row in rows], dtype=np.float64)
+    words = sorted({row[factor] for row in rows if isinstance(row[factor], str)})
+    place = {word: float(n) for n, word in enumerate(words)}  # of words that are neither numbers nor gusts
+    return np.array([_number(row[factor], place.get(row[factor], 0.0)) for row in rows], dtype=np.float64)
 
 
-def _number(value: float | str) -> float:
+def _number(value: float | str, otherwise: float = 0.0) -> float:
     """The place of a level: words of gusts by their strength, others by the number that they may be."""
     if not isinstance(value, str):
         return float(value)
     try:
         return GUSTS_MPS[value] if value in GUSTS_MPS else float(value)
     except ValueError:
-        return 0.0
+        return otherwise
 
 
 def _words(level: float | str) -> str:

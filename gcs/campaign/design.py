@@ -144,10 +144,13 @@ def parse_fault(text: str, number: int, sysids: Sequence[int], flight_s: float) 
             known = ", ".join(map(str, vehicles.levels))
             raise UsageError(f"--fault {text}: vehicle {unknown[0]} is not in this mission, which has {known}")
     value = when = None
-    if found["value"] is not None:  # `loss=0..20%` is drawn; several values, as in `delay=0.2,0.1`, stay as they are
+    if found["value"] is not None:  # `loss=0..20%` and `at-once|late` are drawn; the values of `delay=0.2,0.1` stay
         one = f"{name}_value"
         drawn = ".." in found["value"]
-        value = parse_factor("--fault", one, found["value"]) if drawn else Factor(one, (found["value"],))
+        words = tuple(found["value"].split("|"))
+        value = parse_factor("--fault", one, found["value"]) if drawn else Factor(one, words)
+        if not all(words) or len(set(words)) < len(words):
+            raise UsageError(f"--fault {text}: empty or equal values", hint="write different values: at-once|late")
     if found["when"] is not None:  # FROM..UNTIL, as `gcs fly` has it
         moment = f"{name}_at_s"
         when = Factor(moment, (), 0.0, flight_s) if found["when"] == ANY else Factor(moment, (found["when"],))

@@ -42,6 +42,8 @@ class EmulatedAutopilot:
         self.mode = self._numbered(personality.modes.at_boot)
         self.failing = False  # a failsafe is in control
         self.channels_us: tuple[int, ...] = ()  # of a pilot's remote control; empty without one
+        self.reaction: int | None = None  # which end of what its navigator may do; by the seed if None
+        self._seeded_navigator = path_generator.navigator
         self._mode_after = self.mode  # the mode after disarming, where the autopilot returns to one
         self._stream_loss: Intent | None = None
         self._disarm_s = math.inf
@@ -197,6 +199,15 @@ class EmulatedAutopilot:
     def fall(self) -> None:
         """Stop the motors for good (a fault)."""
         self._switch_off()
+
+    def react(self, end: int | None) -> None:
+        """Fly the next missions at this end of `Navigator.reactions`; None: at the one that the seed gave."""
+        navigator = self._seeded_navigator
+        if end == self.reaction or navigator is None:
+            return
+        self.reaction = end
+        ends = navigator.reactions if end is not None else ()
+        self.mode_actions.change(navigator=ends[end] if end is not None and ends else navigator)
 
     def use(self, settings: Mapping[Setting, float]) -> None:
         """Apply these settings."""

@@ -131,15 +131,21 @@ IGNORE = FaultKind("ignore-commands", 20, "no command is carried out or acknowle
 CLOCK_JUMP = FaultKind("clock-jump", 21, "GNSS time is ahead by this, fixes are not", (Value("ahead_s", -1e6, 1e6),))
 REFUSE_ARMING = FaultKind("refuse-arming", 22, "arming is refused, with a text that gives the reason")
 FAIL_CHECKS = FaultKind("fail-checks", 23, "arming checks fail: the PREARM bit is off, and a text gives the reason")
+SLOW_DOWN = FaultKind(
+    "slow-down",
+    25,
+    "a slower leg is obeyed at once or late where the autopilot may do both; by the seed otherwise",
+    (Value("when", 0.0, 1.0, words=("at-once", "late")),),
+)
 SAG = FaultKind("sag", 24, "the battery's voltage is lower by this", (Value("volt", 0.0, 100.0),))
 
 KINDS = (
     *(LOSS, DUPLICATE, REORDER, CORRUPT, DELAY, SILENT, DIE, REJECT_MISSION, REBOOT),
     *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH, WRONG_CRC, REFUSE, IGNORE, CLOCK_JUMP),
-    *(REFUSE_ARMING, FAIL_CHECKS, SAG),
+    *(REFUSE_ARMING, FAIL_CHECKS, SAG, SLOW_DOWN),
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}
-_WHOLE = frozenset({"motor", "sensor"})
+_WHOLE = frozenset({"motor", "sensor", "when"})
 _HINT = "write e.g. --fault 3:loss=0.2@10..30, --fault all:down.delay=0.2,0.1 or --fault 3:die@30"
 _TEXT = re.compile(
     r"(?P<vehicle>\w+):(?:(?P<direction>up|down)\.)?(?P<kind>[a-z-]+)(?:=(?P<values>[^@]*))?(?:@(?P<when>.+))?"

@@ -107,6 +107,9 @@ class FaultInjector:
         vehicle.commands.refuses, vehicle.commands.ignores = f.REFUSE in kinds, f.IGNORE in kinds
         vehicle.autopilot.arming.refuses = f.REFUSE_ARMING in kinds
         vehicle.autopilot.arming.fails_checks = f.FAIL_CHECKS in kinds
+        vehicle.autopilot.react(
+            next((round(one.values[0]) for one in reversed(active) if one.kind is f.SLOW_DOWN), None)
+        )
         vehicle.instruments.sag_V = sum(fault.values[0] for fault in active if fault.kind is f.SAG)
         vehicle.set_gnss_ahead(sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP))
         if row in self.radios:

@@ -76,6 +76,7 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "ignore-commands": lambda fleet, row: fleet.vehicles[row].commands.ignores,
     "wrong-crc": lambda fleet, row: fleet.vehicles[row].files.wrong_checksums,
     "clock-jump=20": lambda fleet, row: fleet.vehicles[row].instruments.gnss_ahead_s == 20.0,
+    "slow-down=late": lambda fleet, row: fleet.vehicles[row].autopilot.reaction == 1,
     "push=0,5": lambda fleet, row: bool(fleet.airframes.truth[row, 4] > 0.5),
 }
 

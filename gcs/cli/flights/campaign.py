@@ -37,6 +37,10 @@ def campaign(
         list[str] | None,
         shared.option("A fault: its chance, vehicle, kind and time, as 5%:any:die@any. Repeat it for several."),
     ] = None,
+    vary: Annotated[
+        list[str] | None,
+        shared.option("A value of the scenario, planned anew for every flight: vehicle.mass_kg=1.8..2.4. Repeatable."),
+    ] = None,
     sampling: Annotated[
         str | None,
         shared.option(
@@ -123,7 +127,7 @@ def campaign(
         for name, value in (
             *(("flights", flights), ("seed", seed), ("wind", wind), ("gusts", gusts), ("loss", loss)),
             *(("faults", fault), ("sampling", sampling), ("mode", mode), ("nav", nav), ("follow", follow)),
-            *(("on_loss", on_loss), ("on_leader_loss", on_leader_loss), ("until", until)),
+            *(("on_loss", on_loss), ("on_leader_loss", on_leader_loss), ("until", until), ("vary", vary)),
         )
         if value is not None
     }

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, prepare
+from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, NO_PLAN, prepare
 from gcs.campaign.campaign_options import CampaignOptions
 from gcs.campaign.campaign_runner import locked, run_campaign
 from gcs.campaign.cluster_address import Cluster
@@ -21,7 +21,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 
 _LINE_EVERY_S = 10.0
-_ORDER = (HELD, FAILED, ABORTED, INFRASTRUCTURE)
+_ORDER = (HELD, FAILED, ABORTED, NO_PLAN, INFRASTRUCTURE)
 
 
 class _Says(Watcher):

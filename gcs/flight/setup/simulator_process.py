@@ -57,11 +57,21 @@ def refuse_wrong_options(scenario: Scenario, emulated: Emulated) -> None:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.model_dump_json())
         line = _command_line(SimulatorOptions(file, emulated))
-        done = subprocess.run(
-            [*line, "--check"], stdin=subprocess.DEVNULL, capture_output=True, timeout=_START_TIMEOUT_S, check=False
-        )
+        try:
+            done = subprocess.run(
+                [*line, "--check"], stdin=subprocess.DEVNULL, capture_output=True, timeout=_START_TIMEOUT_S, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise _started_late() from None
     if done.returncode != 0:
         raise _refused(done.returncode, done.stderr.decode(errors="replace"))
+
+
+def _started_late() -> LinkError:
+    return LinkError(
+        f"the simulator did not start within {_START_TIMEOUT_S:g} s.",
+        hint="free the machine's processors, then fly again",
+    )
 
 
 def _refused(code: int | None, said: str) -> UsageError | LinkError:
@@ -96,10 +106,7 @@ async def simulator(options: SimulatorOptions) -> AsyncIterator[LockstepEndpoint
                     async with asyncio.timeout(_START_TIMEOUT_S):
                         line = await process.stdout.readline()
                 except TimeoutError:
-                    raise LinkError(
-                        f"the simulator did not start within {_START_TIMEOUT_S:g} s.",
-                        hint="free the machine's processors, then fly again",
-                    ) from None
+                    raise _started_late() from None
             if not line:
                 await process.wait()
                 said = options.log.read_text(errors="replace").strip() if options.log.is_file() else ""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
 
+from gcs.campaign.campaign_cluster import version_problem
 from gcs.campaign.campaign_flight import emulated
 from gcs.campaign.campaign_options import CampaignOptions, read_design
 from gcs.campaign.cluster_address import CERTIFICATES, Cluster, refuse_open_scheduler
+from gcs.campaign.design import draw
+from gcs.campaign.varied_plan import refuse_unknown_keys, varied_keys, varied_scenario
 from gcs.errors import FileFormatError, UsageError
+from gcs.scenario.sources.load import load_scenario
 
 
 def test_a_row_becomes_the_conditions_of_a_flight() -> None:
@@ -42,6 +47,8 @@ def test_options_of_a_file_and_of_a_record_are_the_same(tmp_path: Path) -> None:
         ({"until": "0%"}, "not a width"),
         ({"until": "1..2%"}, "not a width"),
         ({"loss": "0..2"}, "not shares"),
+        ({"vary": ("vehicle.mass_kg",)}, "not a key"),
+        ({"vary": ("mass=1..2",)}, "not a key"),
         ({"follow": True, "mode": "mission"}, "setpoint stream"),
     ],
 )
@@ -83,3 +90,30 @@ def test_options_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
     for cluster in (Cluster(2, "tcp://127.0.0.1:1"), Cluster(certificates=tmp_path), Cluster(open_scheduler=True)):
         with pytest.raises(UsageError):
             refuse_open_scheduler(cluster)
+
+
+def test_varied_values_are_factors_of_keys_that_the_scenario_has(repo_root: Path) -> None:
+    scenario = load_scenario(repo_root / "missions" / "field")
+    asked = CampaignOptions(3, vary=("vehicle.mass_kg=1.8..2.4", "limits.roll_pitch_yaw_deg.0=20,21"))
+    refuse_unknown_keys(scenario, (one.name for one in asked.factors))
+    row = draw(asked.factors, (), 7, 1)[0]
+    found = varied_scenario(scenario, varied_keys(row))
+    assert 1.8 < found.vehicle.mass_kg == row["vehicle.mass_kg"] < 2.4
+    assert found.limits.roll_pitch_yaw_deg[0] == row["limits.roll_pitch_yaw_deg.0"]
+    for key in ("vehicle.weight_kg", "limits.roll_pitch_yaw_deg.3", "vehicle.mass_kg.x"):
+        with pytest.raises(UsageError, match="no such key"):
+            refuse_unknown_keys(scenario, (key,))
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        (version("skein-gcs"), ""),
+        ("0.0.9", "it has Skein 0.0.9, this machine has"),
+        (PackageNotFoundError("skein-gcs"), "Skein is not installed there"),
+        (OSError("gone"), "it does not tell its version of Skein: gone"),
+    ],
+)
+def test_a_worker_with_no_or_another_skein_is_told(found: object, said: str) -> None:
+    assert version_problem(found).startswith(said)
+    assert bool(version_problem(found)) == bool(said)

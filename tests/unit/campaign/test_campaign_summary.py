@@ -10,7 +10,7 @@ import pytest
 
 from gcs.campaign.campaign_options import CampaignOptions
 from gcs.campaign.campaign_summary import summarise
-from gcs.campaign.design import draw
+from gcs.campaign.design import draw, parse_fault
 from gcs.campaign.records import CampaignFolder
 from gcs.cli.main import run
 
@@ -63,6 +63,17 @@ def test_a_report_under_way_shows_what_has_ended(tmp_path: Path) -> None:
     flown = [row for row in design[:39] if not row["fault1"]]
     assert separation.worst[0] == max(flown, key=lambda row: row["wind_mps"])["index"]
     assert separation.flights == len(flown)
+
+
+def test_the_effect_of_words_is_told(tmp_path: Path) -> None:
+    fault = parse_fault("80%:all:slow-down=at-once|late", 1, (1, 2), 50.0)
+    rows = draw([], [fault], 7, FLIGHTS)
+    folder = CampaignFolder(tmp_path / "c")
+    folder.begin({"mission": "circuit"}, rows)
+    near = [2.0 if row["fault1_value"] == "late" else 3.0 for row in rows]
+    folder.add({"index": n, "outcome": "held", "separation_m": m, "separation_m_margin": m} for n, m in enumerate(near))
+    effects = {(one.factor, one.figure): one.correlation.value for one in summarise(folder, None).effects}
+    assert effects["fault1_value", "separation_m"] == pytest.approx(-1.0)
 
 
 def test_flights_after_the_one_that_suffices_do_not_count(tmp_path: Path) -> None:

@@ -56,6 +56,18 @@ def test_the_simulator_reads_every_drawn_fault() -> None:
         assert loses.values[0] == row["fault2_value"] <= 0.2
 
 
+def test_words_of_a_fault_are_drawn() -> None:
+    fault = parse_fault("67%:all:slow-down=at-once|late", 1, SYSIDS, 60.0)
+    texts = [str(row["fault1_text"]) for row in draw([], [fault], 3, 300)]
+    assert set(texts) == {"", "all:slow-down=at-once", "all:slow-down=late"}
+    assert min(texts.count(text) for text in set(texts)) > 70
+    for text in set(texts) - {""}:
+        assert set(parse_faults([text], SYSIDS)) == set(SYSIDS)
+    for wrong in ("all:slow-down=at-once|", "all:slow-down=late|late"):
+        with pytest.raises(UsageError, match="empty or equal"):
+            parse_fault(wrong, 1, SYSIDS, 60.0)
+
+
 @given(st.integers(0, 1000), st.integers(1, 60))
 def test_a_latin_hypercube_has_every_stratum_once(campaign: int, flights: int) -> None:
     wind = list(parse_wind("0..6@any"))
