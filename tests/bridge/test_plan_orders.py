@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcs.flight.contingency.choices import OnLoss
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
 from gcs.flight.monitoring.progress import FlightPart
@@ -69,3 +70,21 @@ def test_a_formation_flies_home_together_and_lands_on_its_pads(hop: Plan) -> Non
     now = flown.flight.plan.states(flown.t_s[flying])[..., :3]
     assert np.linalg.norm(now - flown.places[:, flying], axis=-1).max() < 0.5
     assert flown.flight.monitor.nearest[FlightPart.FLIGHT].distance_m > 4.0
+
+
+@pytest.mark.parametrize("dies", [3, 1], ids=["a follower", "the leader"])
+def test_ranks_close_when_a_vehicle_dies(hop: Plan, dies: int) -> None:
+    """The dead one falls; the zone around its last place and the separation of all are those of the truth."""
+    flown = fly(hop, f"{dies}:die@24", on_loss=OnLoss.CLOSE)
+    (change,) = [event for event in flown.events if event.what.startswith(NEW_PLAN)]
+    assert "fly on with 2 vehicles" in change.rule
+    rest = tuple(sysid for sysid in hop.sysids if sysid != dies)
+    rows = [hop.sysids.index(sysid) for sysid in rest]
+    assert not any(flown.orders(sysid)[:-1] for sysid in rest), flown.events
+    np.testing.assert_allclose(flown.places[rows, -1, :2], hop.landing_points_ned_m[rows, :2], atol=0.5)
+    flying = (flown.t_s > 0.0) & (flown.t_s < flown.flight.plan.landing_s)
+    now = flown.flight.plan.states(flown.t_s[flying])[rows][..., :3]
+    assert np.linalg.norm(now - flown.places[rows][:, flying], axis=-1).max() < 0.5
+    apart_m = hop.separations_m(flown.t_s[flying], flown.places[:, flying])
+    assert apart_m.min() > hop.scenario.judge.separation_min_m
+    assert set(flown.flight.plan.zones_since_s) == {change.data["begins_t_s"]}
