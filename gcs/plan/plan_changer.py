@@ -13,8 +13,10 @@ from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation_return import plan_return
+from gcs.plan.replanning.formation_rest import plan_of, rest_of
+from gcs.plan.replanning.parametric_nlp import with_zones
 from gcs.plan.replanning.plan_pieces import continued, jump_between
-from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part, with_times_of_changes
+from gcs.plan.replanning.remaining_plan import shape_part, with_times_of_changes
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.trajectory.ground_phases import shape_from_ground
 from gcs.plan.trajectory.phases import PhaseKind
@@ -72,7 +74,18 @@ class FlyHome:
         return "fly home together"
 
 
-PlanOrder = Avoid | Scale | Reshape | FlyHome
+@dataclass(frozen=True)
+class CloseRanks:
+    """The vehicles `sysids` fly on without those that left the formation, which may be in `zones` from now on."""
+
+    sysids: tuple[int, ...]
+    zones: tuple[NoFlyZone, ...]
+
+    def __str__(self) -> str:
+        return f"close its ranks and fly on with {len(self.sysids)} vehicle{'s' if len(self.sysids) > 1 else ''}"
+
+
+PlanOrder = Avoid | Scale | Reshape | FlyHome | CloseRanks
 
 
 @dataclass(frozen=True)
@@ -91,6 +104,7 @@ class PlanChanger:
         self.flown = plan
         self._known = len(plan.scenario.no_fly)  # zones of the plan that the programs were built for
         self._base = plan
+        self._rest: tuple[CloseRanks, Replanner] | None = None  # programs that an earlier attempt built
         self._way_home: Plan | None = None  # of an earlier instant: the next one is found sooner near it
 
     @cached_property
@@ -121,6 +135,12 @@ class PlanChanger:
 
     def adopt(self, plan: Plan) -> None:
         """Go on from this plan: the vehicles fly it."""
+        self._rest = None
+        if plan.sysids != self.flown.sysids:
+            self.flown = self._base = plan
+            self._known, self._way_home = len(plan.scenario.no_fly), None
+            self.__dict__.pop("_replanner", None)
+            return
         self.flown = continued(self.flown, plan)
         if plan.moves != self._base.moves:  # the programs are for one schedule of shapes
             self._base, self._known = plan, len(plan.scenario.no_fly)
@@ -129,6 +149,8 @@ class PlanChanger:
     def _answering(self, order: PlanOrder, at_s: float) -> Plan:
         if isinstance(order, Avoid):
             return self._around(order, at_s)
+        if isinstance(order, CloseRanks):
+            return self._without_the_lost(order, at_s)
         if isinstance(order, FlyHome):
             self._way_home = plan_return(self.flown, at_s, self._way_home)
             return self._way_home
@@ -141,6 +163,17 @@ class PlanChanger:
                 f"{len(zones)} zones came up in this flight; there is room for {ZONES_MAX}", hint=_OTHERWISE
             )
         return self._replanner.replan(self.flown.leader_trajectory.state(at_s), at_s, zones)
+
+    def _without_the_lost(self, order: CloseRanks, at_s: float) -> Plan:
+        """The same track for those that remain; where one of them would meet one that left, another track."""
+        rest = plan_of(self.flown, order.sysids, at_s)
+        every = (*rest.scenario.no_fly, *order.zones)
+        kept = replace(rest, scenario=with_zones(rest.scenario, every))
+        if verify(kept).ok:
+            return kept
+        if self._rest is None or self._rest[0] != order:
+            self._rest = order, Replanner(rest, spare_disks=len(order.zones))
+        return self._rest[1].replan(rest.leader_trajectory.state(at_s), at_s, order.zones)
 
     def _reshaped(self, order: Scale | Reshape, at_s: float) -> Plan:
         """The same track in another shape from `at_s` on; where it cannot be flown so, another track."""
@@ -156,25 +189,15 @@ class PlanChanger:
         mission = old.phase(PhaseKind.MISSION)
         starts_s = tuple(sorted([*(move.start_s for move in old.scheduled_moves), at_s]))
         laid = lay(scenario, starts_s, mission.start_s, mission.end_s)
-        begun = np.array(old.leader_trajectory.state(at_s))
-        route_s = tuple(t_s for t_s in old.route_s if t_s > at_s)
         plan = replace(
-            old,
+            rest_of(old, at_s),
             scenario=scenario,
-            leader_trajectory=trajectory_part(old.leader_trajectory, at_s, old.t_end_s),
             shape=_to_ground(old, shape_part(laid.shape, at_s, mission.end_s), mission.end_s),
-            phases=tuple(
-                replace(phase, start_s=max(phase.start_s, at_s)) for phase in old.phases if phase.end_s > at_s
-            ),
             moves=laid.moves,
-            begin_state=tuple(begun.tolist()),
-            route_s=route_s,
-            leg_limits=old.leg_limits[len(old.leg_limits) - len(route_s) - 1 :] if old.leg_limits else (),
-            zones_since_s=(),
         )
         if verify(plan).ok:
             return plan
-        return Replanner(plan, spare_disks=0).replan(begun, at_s)
+        return Replanner(plan, spare_disks=0).replan(old.leader_trajectory.state(at_s), at_s)
 
 
 _OTHERWISE = "the old plan is flown on; order hold, return or land"

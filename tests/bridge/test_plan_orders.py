@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcs.flight.contingency.choices import OnLoss
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
 from gcs.flight.monitoring.progress import FlightPart
@@ -69,3 +70,30 @@ def test_a_formation_flies_home_together_and_lands_on_its_pads(hop: Plan) -> Non
     now = flown.flight.plan.states(flown.t_s[flying])[..., :3]
     assert np.linalg.norm(now - flown.places[:, flying], axis=-1).max() < 0.5
     assert flown.flight.monitor.nearest[FlightPart.FLIGHT].distance_m > 4.0
+
+
+@pytest.mark.parametrize("dies", [3, 1], ids=["a follower", "the leader"])
+def test_ranks_close_when_a_vehicle_dies(hop: Plan, dies: int) -> None:
+    """The dead one falls; the zone around its last place and the separation of all are those of the truth."""
+    flown = fly(hop, f"{dies}:die@24", on_loss=OnLoss.CLOSE)
+    (change,) = [event for event in flown.events if event.what.startswith(NEW_PLAN)]
+    assert "fly on with 2 vehicles" in change.rule
+    rest = tuple(sysid for sysid in hop.sysids if sysid != dies)
+    rows = [hop.sysids.index(sysid) for sysid in rest]
+    assert not any(flown.orders(sysid)[:-1] for sysid in rest), flown.events
+    np.testing.assert_allclose(flown.places[rows, -1, :2], hop.landing_points_ned_m[rows, :2], atol=0.5)
+    flying = (flown.t_s > 0.0) & (flown.t_s < flown.flight.plan.landing_s)
+    now = flown.flight.plan.states(flown.t_s[flying])[rows][..., :3]
+    assert np.linalg.norm(now - flown.places[rows][:, flying], axis=-1).max() < 0.5
+    apart_m = hop.separations_m(flown.t_s[flying], flown.places[:, flying])
+    assert apart_m.min() > hop.scenario.judge.separation_min_m
+    assert set(flown.flight.plan.zones_since_s) == {change.data["begins_t_s"]}
+
+
+def test_the_others_land_if_the_ranks_cannot_close(hop: Plan) -> None:
+    """Vehicle 3 is not heard when vehicle 2 is given up, so it would not get a new plan for sure."""
+    flown = fly(hop, "2:die@24", "3:down.loss=1@29..41", on_loss=OnLoss.CLOSE)
+    assert any("close its ranks" in event.rule and "vehicle 3 is silent" in event.rule for event in flown.events)
+    assert not any(event.what.startswith(NEW_PLAN) for event in flown.events)
+    assert flown.orders(1)[0] == "land"
+    assert flown.at_s(1, "ordered to land") - flown.at_s(2, "vehicle lost") < 1.0

@@ -59,7 +59,10 @@ def fly(
     ] = False,
     on_loss: Annotated[
         str,
-        shared.option("What the other vehicles do when one is lost: land, return or continue.", words=tuple(OnLoss)),
+        shared.option(
+            "What the other vehicles do when one is lost: land, return, continue, or close (a new plan without it).",
+            words=tuple(OnLoss),
+        ),
     ] = OnLoss.LAND,
     on_leader_loss: Annotated[
         str,

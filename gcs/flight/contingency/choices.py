@@ -35,6 +35,7 @@ class OnLoss(StrEnum):
     LAND = "land"
     RETURN = "return"
     CONTINUE = "continue"
+    CLOSE = "close"
 
 
 class OnLeaderLoss(StrEnum):

@@ -112,6 +112,10 @@ class ContingencyPolicy:
         """Return the orders to a vehicle that did not carry out its last one."""
         return self._trigger(Trigger.NOT_OBEYED, unix_s, sysid=sysid)
 
+    def ranks_stay_open(self, unix_s: float) -> list[Order]:
+        """Return the orders to the others, where no plan without a lost vehicle was found."""
+        return self._trigger(Trigger.RANKS_OPEN, unix_s)
+
     def clear(self, unix_s: float) -> list[Order]:
         """Return the orders to vehicles that yielded and had no conflict for `CLEAR_S` since."""
         return self._trigger(Trigger.CLEAR, unix_s)

@@ -76,6 +76,7 @@ class Trigger(StrEnum):
     CONTINUE_ASKED = "the operator orders to continue"
     CLEAR = "conflict over"
     VEHICLE_OUT = "vehicle lost from the formation"
+    RANKS_OPEN = "no plan without the lost vehicle was verified in time"
     LEADER_OUT = "leader lost or left, with `--follow`"
     NOT_OBEYED = "order refused or not answered three times"
     START_ABORTED = "trouble before T0"
@@ -220,6 +221,7 @@ TAKEABLE_NEAR = Condition(
 LAND_ON_LOSS = Condition("`--on-loss land`", lambda now: now.choices.on_loss is OnLoss.LAND)
 RETURN_ON_LOSS = Condition("`--on-loss return`", lambda now: now.choices.on_loss is OnLoss.RETURN)
 CONTINUE_ON_LOSS = Condition("`--on-loss continue`", lambda now: now.choices.on_loss is OnLoss.CONTINUE)
+CLOSE_ON_LOSS = Condition("`--on-loss close`", lambda now: now.choices.on_loss is OnLoss.CLOSE)
 PROMOTE = Condition("`--on-leader-loss promote`", lambda now: now.choices.on_leader_loss is OnLeaderLoss.PROMOTE)
 
 

@@ -203,6 +203,20 @@ POLICY = (
     ),
     Row(_T.VEHICLE_OUT, p.IN_FORMATION, "All others continue", when=p.CONTINUE_ON_LOSS, vehicles=p.every_vehicle),
     Row(
+        _T.VEHICLE_OUT,
+        p.IN_FORMATION,
+        "The others are planned anew, around where the lost vehicle may be",
+        when=p.CLOSE_ON_LOSS,
+        vehicles=p.every_vehicle,
+    ),
+    Row(
+        _T.RANKS_OPEN,
+        p.IN_FORMATION,
+        "A vehicle was lost, and no plan without it was verified in time: all others land",
+        _A.LAND,
+        vehicles=p.every_vehicle,
+    ),
+    Row(
         _T.LEADER_OUT,
         frozenset({_S.FLYING}),
         "The next vehicle leads",

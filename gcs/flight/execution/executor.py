@@ -168,6 +168,12 @@ class ContingencyExecutor:
         """Give an order of the operator. Raises FlightError where no vehicle would obey."""
         return self.operator.ask(order, sysids, by, self._time.sure_s(), self._on_event, self._carry_out)
 
+    def ranks_stay_open(self) -> None:
+        """No plan without a lost vehicle was found: the others are ordered what the policy says."""
+        now_s = self._time.sure_s()
+        for order in self.policy.ranks_stay_open(now_s):
+            self._carry_out(order, self._plan_time_s(now_s))
+
     def forecast(self, order: AskedOrder, sysids: Collection[int]) -> OrderForecast:
         """Return what an order of the operator would do. Raises as `ask` does."""
         return self.operator.forecast(order, sysids, self._time.sure_s())

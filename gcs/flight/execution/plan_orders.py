@@ -13,9 +13,11 @@ from typing import Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, GcsError
-from gcs.flight.contingency.choices import FlightMode
+from gcs.flight.contingency.choices import FlightMode, OnLoss
+from gcs.flight.contingency.lost_vehicle import on_its_way, way_home, where_it_stopped
+from gcs.flight.contingency.manoeuvres import MotionReference
 from gcs.flight.contingency.plan_change import ATTEMPTS, PlanChange, Planning
-from gcs.flight.contingency.policy import State
+from gcs.flight.contingency.policy import IN_FORMATION, State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.hover_charge import model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
@@ -23,12 +25,14 @@ from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event
 from gcs.flight.recording.flight_folder import later_plans
 from gcs.flight.setup.plan_worker import PlanWorker, Replacement
 from gcs.flight.setup.planner_process import PlannerProcess
-from gcs.plan.plan_changer import PlanOrder
+from gcs.plan.plan_changer import CloseRanks, PlanOrder
 from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.scenario import NoFlyZone
 from gcs.util.aio import ended
 from gcs.util.steady_loop import follows
 
+_GONE = frozenset({State.LOST, State.RETURNING, State.LANDING})
 _WHO = 80  # characters of who asked
 NEW_PLAN = "fly a new plan"
 
@@ -48,6 +52,8 @@ class PlanOrders:
         self._on_event, self._follow = on_event, follow
         scenario, self._loop = fleet.plan.scenario, asyncio.get_running_loop()
         self._change = PlanChange(scenario.mission.setpoint_rate_hz, fleet.options.lead_s)
+        self._rest = fleet.plan.sysids  # the vehicles that the plan is for
+        self._gone: set[int] = set()  # those that the others were asked to fly on without
         self._streams, real = fleet.options.mode is FlightMode.STREAM, fleet.options.lead_s == 0.0
         self._worker = PlannerProcess(partial(PlanWorker, fenced=real), fleet.plan, folder)
         self._count = 1 if folder is None else 1 + len(later_plans(folder))  # of a flight that is taken up again
@@ -62,7 +68,7 @@ class PlanOrders:
         now_s, by = self._now_s(), by[:_WHO]
         self._tell(f"were asked to {order} by {by}", "", {"order": str(order), "by": by})
         try:
-            if why := self._why_not():
+            if why := self._why_not(order):
                 raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
             planning = self._change.ask(order, by, now_s)
         except FlightError as refusal:
@@ -70,7 +76,7 @@ class PlanOrders:
             raise
         self._answer = self._loop.create_future()
         self._asked.put_nowait(planning)
-        return self._fleet.plan.sysids
+        return order.sysids if isinstance(order, CloseRanks) else self._rest
 
     async def answer(self) -> str:
         """Return in words what came of the last order. Raises FlightError where it was refused."""
@@ -80,7 +86,7 @@ class PlanOrders:
 
     async def run(self) -> None:
         """Plan what is asked, and brake where that is due, until cancelled."""
-        beside = asyncio.ensure_future(self._brake_in_time())
+        beside = asyncio.ensure_future(self._look_ahead())
         try:
             if self._streams and not follows(self._loop):  # for emulated time the first order can wait as long
                 await self._rehearse()
@@ -104,7 +110,7 @@ class PlanOrders:
         try:
             while (now := self._change.pending) is not None:
                 made: Replacement = await self._worker.call("change", order, now.begin_s, f"plan-{self._count + 1}")
-                if why := self._why_not():
+                if why := self._why_not(order):
                     raise FlightError(f"{why}.")
                 if self._change.in_time(self._now_s()):
                     self._fly(planning, made, time.perf_counter() - began_s)
@@ -119,6 +125,8 @@ class PlanOrders:
             self._contingency.operator.blocked = self._change.blocked
             self._tell("keep their plan", f"not {order}: {why}; {instead}")
             self._answered(FlightError(f"the formation does not {order}: {why}; {instead}."))
+            if isinstance(order, CloseRanks):
+                self._stay_open(order)
             return
         await self._adopt()
 
@@ -126,6 +134,7 @@ class PlanOrders:
         fleet, new = self._fleet, made.plan
         flown = continued(fleet.plan, new)
         self._count += 1
+        self._rest = new.sysids
         file = None
         if made.file is not None:
             file = made.file.with_name(f"plan-{self._count}.skein")
@@ -153,21 +162,59 @@ class PlanOrders:
         if not follows(self._loop):
             await self._rehearse()
 
-    async def _brake_in_time(self) -> None:
+    async def _look_ahead(self) -> None:
+        """Close the ranks when a vehicle left, and brake in time."""
         while True:
             await self._fleet.time.comes_to(self._fleet.time.sure_s() + 0.1)
+            self._close_ranks()
             if self._change.brakes(self._now_s()):
                 with suppress(FlightError):
                     self._contingency.ask(AskedOrder.HOLD, (), f"this program: {self._change.blocked}")
 
-    def _why_not(self) -> str:
+    def _close_ranks(self) -> None:
+        """Have the others fly on without vehicles that are lost, or that fly or land by themselves."""
+        states, options = self._contingency.policy.states, self._fleet.options
+        gone = {i for i in self._rest if states[i] in _GONE}
+        if options.on_loss is not OnLoss.CLOSE or not gone - self._gone or self._change.pending is not None:
+            return
+        self._gone |= gone
+        if not (rest := tuple(i for i in self._rest if states[i] in IN_FORMATION)):
+            return
+        zones = tuple(zone for sysid in sorted(gone) for zone in self._zones_of(sysid, rest))
+        order = CloseRanks(rest, zones)
+        try:
+            self.ask(order, "this program")
+        except FlightError:
+            self._stay_open(order)
+
+    def _zones_of(self, sysid: int, rest: tuple[int, ...]) -> tuple[NoFlyZone, ...]:
+        """Where a vehicle that left may be from now on."""
+        plan, view, now_s = self._fleet.plan, self._fleet.monitor.views[sysid], self._now_s()
+        reference = self._fleet.streamer.streamed[sysid].reference
+        state, row = self._contingency.policy.states[sysid], plan.sysids.index(sysid)
+        if state is State.RETURNING and isinstance(reference, MotionReference):
+            return (on_its_way(plan, reference, now_s),)
+        stopped = where_it_stopped(plan, view.position_ned_m, view.velocity_ned_mps)
+        if state is State.LANDING:
+            return (stopped,)
+        rtl_up_m = self._contingency.returns.altitudes_m[row]
+        return (stopped, *way_home(plan, row, view.position_ned_m, rtl_up_m, now_s, rest))
+
+    def _stay_open(self, order: CloseRanks) -> None:
+        """No plan for the rest: where a vehicle is lost the others land, else they keep theirs with its empty place."""
+        states = self._contingency.policy.states
+        if any(states[i] is State.LOST for i in set(self._rest) - set(order.sysids)):
+            self._contingency.ranks_stay_open()
+
+    def _why_not(self, order: PlanOrder) -> str:
         """Why the formation cannot change its plan now, in words; empty if it can."""
         states = self._contingency.policy.states
         if not self._streams:
             return "missions on board keep the plan that was uploaded"
         if self._contingency.waits:
             return "the plan waits until all vehicles go on"
-        if away := [sysid for sysid, state in states.items() if state is not State.FLYING]:
+        needed = order.sysids if isinstance(order, CloseRanks) else self._rest
+        if away := [sysid for sysid in needed if states[sysid] is not State.FLYING]:
             return f"vehicle {away[0]} is {states[away[0]].value}"
         return ""
 

@@ -11,6 +11,8 @@ from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.plan_changer import PlanChanger, PlanOrder
 from gcs.plan.plan_file import save_plan
+from gcs.plan.replanning.formation_rest import with_empty_places
+from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import navigation_error
 
@@ -32,7 +34,7 @@ class PlanWorker:
     """
 
     def __init__(self, plan: Plan, folder: Path | None, *, fenced: bool = False) -> None:
-        self._changer = PlanChanger(plan)
+        self._changer, self._flown = PlanChanger(plan), plan  # the flown one keeps the places of vehicles that left
         self._fence_corners_m = inclusion_corners(planned_places_m(plan)) if fenced else None
         self._folder = folder
         self._made: Replacement | None = None
@@ -45,7 +47,7 @@ class PlanWorker:
         """The plan that carries out an order from `begin_s` on. Raises as `PlanChanger.change`."""
         found = self._changer.change(order, begin_s)
         self._refuse_near_fence(found.plan)
-        stream = build_stream(found.plan, found.plan.scenario.mission.setpoint_rate_hz)
+        stream = build_stream(with_empty_places(self._flown, found.plan), found.plan.scenario.mission.setpoint_rate_hz)
         file = None if self._folder is None else self._folder / f"{name}.made"
         if file is not None:
             save_plan(found.plan, found.report, file)
@@ -68,4 +70,5 @@ class PlanWorker:
         """The vehicles fly the last plan: go on from it, and return the returns from the flown plan."""
         assert self._made is not None
         self._changer.adopt(self._made.plan)
-        return plan_returns(self._changer.flown, autopilots)
+        self._flown = continued(self._flown, self._made.plan)
+        return plan_returns(self._flown, autopilots)

@@ -8,6 +8,7 @@ import numpy as np
 from gcs.errors import PlanningError
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.shape import joined as joined_shapes
+from gcs.plan.replanning.formation_rest import with_empty_places
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
@@ -41,31 +42,33 @@ class Jump:
 
 
 def jump_between(old: Plan, new: Plan) -> Jump:
-    """What jumps where `new` begins; the place of each vehicle includes the shape."""
-    at_s = np.array([new.t_start_s])
-    before, after = old.states(at_s)[:, 0], new.states(at_s)[:, 0]
+    """What jumps where `new` begins, of its vehicles; the place of each includes the shape."""
+    at_s, rows = np.array([new.t_start_s]), [old.sysids.index(sysid) for sysid in new.sysids]
+    before, after = old.states(at_s)[rows, 0], new.states(at_s)[:, 0]
     position, velocity = (np.linalg.norm((after - before)[:, part], axis=1).max() for part in (POSITION, VELOCITY))
-    pushes = old.accelerations(at_s - 1e-6)[:, 0], new.accelerations(at_s)[:, 0]
+    pushes = old.accelerations(at_s - 1e-6)[rows, 0], new.accelerations(at_s)[:, 0]
     return Jump(float(position), float(velocity), float(np.linalg.norm(pushes[1] - pushes[0], axis=1).max()))
 
 
 def continued(old: Plan, new: Plan) -> Plan:
     """The plan as flown: the old one until the new one begins, which is its rest. It begins where the old one did.
 
-    The zones that only the new one has count from its begin on (`Plan.zones_since_s`). Raises PlanningError where the
-    plans are of different vehicles, or the formation would jump.
+    The zones that only the new one has count from its begin on (`Plan.zones_since_s`). Vehicles that only the old one
+    has left the formation: their places stay empty. Raises PlanningError where the new one has other vehicles, or the
+    formation would jump.
     """
     at_s = new.t_start_s
-    if new.sysids != old.sysids or not old.t_start_s < at_s < old.landing_s:
+    if not set(new.sysids) <= set(old.sysids) or not old.t_start_s < at_s < old.landing_s:
         raise PlanningError(
             f"the plan of vehicles {new.sysids} from t = {at_s:g} s does not continue that of vehicles {old.sysids}",
-            hint="a plan is replaced between its take-off and its landing, by one of the same vehicles",
+            hint="a plan is replaced between its take-off and its landing, by one of its vehicles",
         )
     if not (jump := jump_between(old, new)).allowed:
         raise PlanningError(
             f"at t = {at_s:g} s the new plan is {jump} from the old one",
             hint="plan it from the state that the old plan has then",
         )
+    new = with_empty_places(old, new)
     before = [phase for phase in old.phases if phase.start_s < at_s and phase.name != PhaseKind.MISSION]
     mission, *after = new.phases
     begun = replace(mission, start_s=old.phase(PhaseKind.MISSION).start_s)

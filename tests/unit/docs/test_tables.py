@@ -125,6 +125,12 @@ POLICY_PROOFS = {
     "A vehicle was lost: all others land": [(MISHAPS, "test_a_vehicle_is_lost_the_others_land")],
     "A vehicle was lost: all others return": [(MISHAPS, "test_a_vehicle_is_lost_the_others_return_staggered")],
     "All others continue": [(MISHAPS, "test_a_vehicle_is_lost_the_others_go_on")],
+    "The others are planned anew, around where the lost vehicle may be": [
+        ("tests/bridge/test_plan_orders.py", "test_ranks_close_when_a_vehicle_dies")
+    ],
+    "A vehicle was lost, and no plan without it was verified in time: all others land": [
+        ("tests/bridge/test_plan_orders.py", "test_the_others_land_if_the_ranks_cannot_close")
+    ],
     "The next vehicle leads": [(MISHAPS, "test_a_leader_is_lost_and_another_leads")],
     "The formation has no leader: all vehicles return": [(RULES, "test_without_a_leader_all_may_return")],
     "The operator ordered it to hold": [(ASKED, "test_one_vehicle_holds_until_the_operator_brings_it_home")],

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.states import POSITION
-from gcs.plan.plan_changer import Avoid, FlyHome, PlanChanger, Reshape, Scale
+from gcs.plan.plan_changer import Avoid, CloseRanks, FlyHome, PlanChanger, Reshape, Scale
 from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.replanning.plan_pieces import continued, in_pieces, jump_between
 from gcs.plan.trajectory.plan import Plan
@@ -113,3 +113,38 @@ def test_plans_that_do_not_meet_are_not_joined(hop: Plan) -> None:
     off = replace(made, leader_trajectory=Trajectory(type(leader.state)(moved, leader.state.x), leader.control))
     with pytest.raises(PlanningError, match=r"is 0\.500 m"):
         continued(hop, off)
+
+
+@pytest.mark.parametrize("gone", [1, 2], ids=["the leader", "a follower"])
+def test_the_rest_flies_round_where_a_lost_vehicle_may_be(hop: Plan, gone: int) -> None:
+    """The next one leads, and further orders are for those that remain."""
+    rest = tuple(sysid for sysid in hop.sysids if sysid != gone)
+    rows = [hop.sysids.index(sysid) for sysid in rest]
+    place = hop.states(np.array([22.0]))[rows, 0, :2].mean(axis=0)
+    zone = Avoid(float(place[0]), float(place[1]) + 1.0, 3.0).zone
+    ours = PlanChanger(hop)
+    made = ours.change(CloseRanks(rest, (zone,)), 10.0)
+    assert made.report.ok
+    assert made.plan.sysids == rest
+    assert made.plan.sysids[made.plan.leader] == (2 if gone == 1 else 1)
+    t_s = np.arange(10.0, hop.landing_s, 0.05)
+    places = made.plan.states(t_s)[..., POSITION]
+    assert nearest_zone_m((zone,), t_s, places[..., 0], places[..., 1]).min() > -1e-3
+    flown = continued(hop, made.plan)
+    np.testing.assert_allclose(flown.states(t_s)[rows][..., POSITION], places, atol=1e-9)
+    empty = flown.states(t_s)[hop.sysids.index(gone), :, POSITION] - places[0]
+    np.testing.assert_allclose(empty, empty[:1].repeat(len(t_s), axis=0), atol=1e-9)
+    np.testing.assert_allclose(flown.landing_points_ned_m[rows], hop.landing_points_ned_m[rows], atol=1e-3)
+    ours.adopt(made.plan)
+    assert ours.change(Scale(1.3), 14.0).plan.sysids == rest
+
+
+def test_those_that_remain_keep_their_track_if_the_lost_one_is_behind(hop: Plan) -> None:
+    made = PlanChanger(hop).change(CloseRanks((2, 3), (ahead(hop, 2.0).zone,)), 15.0)
+    t_s = np.arange(15.0, hop.t_end_s, 0.1)
+    np.testing.assert_allclose(made.plan.states(t_s)[..., POSITION], hop.states(t_s)[1:, :, POSITION], atol=1e-9)
+
+
+def test_ranks_that_cannot_close_say_why(hop: Plan) -> None:
+    with pytest.raises(PlanningError, match="no-fly zone"):
+        PlanChanger(hop).change(CloseRanks((2, 3), (ahead(hop, 10.0, 6.0).zone,)), 10.0)

@@ -260,7 +260,8 @@ def test_a_vehicle_heard_again_elsewhere_returns() -> None:
 
 
 @pytest.mark.parametrize(
-    ("choice", "action"), [(OnLoss.LAND, Action.LAND), (OnLoss.RETURN, Action.RETURN), (OnLoss.CONTINUE, None)]
+    ("choice", "action"),
+    [(OnLoss.LAND, Action.LAND), (OnLoss.RETURN, Action.RETURN), (OnLoss.CONTINUE, None), (OnLoss.CLOSE, None)],
 )
 def test_a_lost_vehicle(choice: OnLoss, action: Action | None) -> None:
     ours = fleet(on_loss=choice)
@@ -270,6 +271,12 @@ def test_a_lost_vehicle(choice: OnLoss, action: Action | None) -> None:
     assert ours.states[2] is State.LOST
     assert [t.sysid for t in ours.troubles] == [2]
     assert ordered(ours.take(Incident(IncidentKind.LINK_BACK, 2, 40.0))) == {2: Action.RETURN}
+
+
+def test_the_others_land_if_no_plan_without_the_lost_one_was_found() -> None:
+    ours = fleet(on_loss=OnLoss.CLOSE)
+    ours.take(Incident(IncidentKind.VEHICLE_LOST, 2, 17.0))
+    assert ordered(ours.ranks_stay_open(18.0)) == dict.fromkeys((1, 3, 4), Action.LAND)
 
 
 def test_a_lost_leader_is_replaced_by_the_next() -> None:
