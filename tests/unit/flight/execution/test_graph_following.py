@@ -28,6 +28,7 @@ from tests.unit.flight.execution import closed_loop
 from tests.unit.flight.execution.closed_loop import FollowerResponse, Link, follow
 from tests.unit.flight.execution.test_leader_follower import QUICK, SLOW, recorded
 
+BOUNDS_M: dict[Topology, float] = {"leader": 0.5, "chain": 1.1, "tree": 1.1, "voronoi": 1.1}
 CHAIN = (1, 2, 4, 3, 6, 5)  # system ids of the field's vehicles from the leader on
 
 
@@ -77,10 +78,9 @@ def test_recorded_vehicles_keep_the_shape_whomever_they_listen_to(
     field: Plan, autopilot: str, topology: Topology
 ) -> None:
     flown = recorded(listening(field, topology), autopilot)
-    assert flown.shape_m(0.0, 15.0) < BOUNDS[topology]
+    assert flown.shape_m(0.0, 15.0) < BOUNDS_M[topology]
 
 
-BOUNDS: dict[Topology, float] = {"leader": 0.5, "chain": 1.1, "tree": 1.1, "voronoi": 1.1}
 SWING_T_S = np.arange(0.0, 90.0, 0.1)
 
 
