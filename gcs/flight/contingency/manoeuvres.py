@@ -203,6 +203,10 @@ class RejoinReference:
         p, v = np.asarray(off_m), np.asarray(off_mps) * fade_s
         self._c = np.array([-6 * p - 3 * v, 15 * p + 8 * v, -10 * p - 6 * v, 0 * p, v, p])
 
+    def fades(self, t_s: float) -> bool:
+        """Whether some of the deviation is left at plan time `t_s`."""
+        return t_s < self._begin_s + self._fade_s
+
     def at(self, k: int, t_s: float) -> Values | None:
         """Return the other reference's setpoint plus the deviation that is left."""
         values = self.base.at(k, t_s)

@@ -264,6 +264,8 @@ class ContingencyExecutor:
         self._monitor.watch_formation([i for i in formation if self.policy.states[i] is State.FLYING])
         if not formation and State.WAITING not in self.policy.states.values():
             self.over.set()
+        for change in self._streamer.heed(formation, now_s):
+            self._on_event(Event(now_s, t_s, change.sysid, change.what, change.rule))
 
     def _report_clocks(self, now_s: float) -> None:
         for change in self._time.changes():

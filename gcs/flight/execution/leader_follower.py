@@ -1,23 +1,27 @@
-"""Leader-following setpoints: the plan, moved with the leader's deviation that a follower does not make by itself.
+"""Following setpoints: the plan, moved with the deviation of those a vehicle listens to that it does not make itself.
 
-The planned position plus the leader's deviation equals the leader's position plus the offset (Eq. 22). But leader and
-followers fly the same plan with the same kind of autopilot. A follower that copied the leader's tracking error would
-add its own to it. So a follower's setpoint is the planned one moved by D, with
+Whom it listens to is the information graph (Eq. 3): the leader, or its neighbours towards the leader. The planned
+position plus their mean deviation from the plan is its place in their shape (Eq. 22). But all fly the same plan with
+the same kind of autopilot. A follower that copied a neighbour's tracking error would add its own to it. So a
+follower's setpoint is the planned one moved by D, with
 
-    x = L - C,   D'' = soft(w^2 (x - D) + 2 w (x' - D'))
+    x = L - C,   D'' = soft(w^2 (x - D) + 2 w (k x' - D')),   L = sum of w_ij (deviation of j)
 
-L is the leader's deviation from the plan. C is the follower's own tracking error: its reported position less the
-setpoint that was sent for the same time, at most OWN_MAX_M. Errors that all vehicles make cancel; what remains is the
-error of the shape, and D takes it out. Both are predicted to the time of the setpoint. `soft` bounds the acceleration
-(`accel_bound_mps2`) and smooths it: followers go with a leader that the wind moves, not with noise or jumps.
+C is the follower's own tracking error: its reported position less the setpoint that was sent for the same time, at most
+OWN_MAX_M. Errors that all vehicles make cancel; what remains is the error of the shape, and D takes it out. All are
+predicted to the time of the setpoint. `soft` bounds the acceleration (`accel_bound_mps2`) and smooths it: followers go
+with a leader that the wind moves, not with noise or jumps.
 
 With F = D / x and G the follower's response to D, the loop is stable while |F (G - 1)| < 1 at every frequency. F is
 about 1 where G is, and small where G is delayed.
+
+A loop that follows a ramp without lag (k = 1) exceeds its input at some frequency: every follower would swing further
+than the one before it. So where a follower's deviation is passed on, k is RELAYED_RATE: then |deviation / L| < 1.
 """
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +29,7 @@ import numpy as np
 from gcs.flight.contingency.manoeuvres import PlanReference, Values
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.time_scaling import budget
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -38,6 +43,9 @@ BANDWIDTH_RADPS = 0.5
 SOFT_S = 0.3  # acceleration passes two lags of this: vehicles tilt for it, and some tilt slowly
 IGNORED_M = 0.1  # estimates drift by this much: following that would shake the formation
 OWN_MAX_M = 2.0  # a larger tracking error is a vehicle that cannot follow
+RELAYED_RATE = 0.3
+LINK_MAX_S = 2.0  # nobody listens to a follower whose report is older; again, once one is younger than REPORT_MAX_S
+REMADE_S, REMADE_M = 1.0, 0.5  # the graph is made anew where a place in the shape has moved so far; asked so often
 _STEP_S = 0.02
 
 
@@ -146,18 +154,58 @@ class FollowerState:
         return share * off_m, share * off_mps
 
 
+@dataclass(frozen=True)
+class LinkChange:
+    """Nobody listens to a vehicle any more, or the same listen to it again."""
+
+    sysid: int
+    what: str
+    rule: str
+
+
+class ReportedDeviation:
+    """How far a vehicle in row `row` of the plan is from its place in the plan, predicted from its reports."""
+
+    def __init__(self, view: VehicleView, row: int, t0_unix_s: float) -> None:
+        self._view, self._row, self._t0_unix_s = view, row, t0_unix_s
+        self._estimate = DeviationEstimate()
+
+    def age_s(self, t_s: float) -> float:
+        """Return how old the last report is at plan time `t_s`; infinite without one."""
+        seen_s = self._view.unix_s - self._t0_unix_s
+        return math.inf if math.isnan(seen_s) else t_s - seen_s
+
+    def at(self, plan: Plan, t_s: float) -> tuple[Array, Array]:
+        """Return the deviation (3,) at plan time `t_s` and its rate; zeros before the first report."""
+        view, row = self._view, self._row
+        if math.isnan(view.unix_s):
+            return np.zeros(3), np.zeros(3)
+        seen_s = view.unix_s - self._t0_unix_s
+        if seen_s != self._estimate.t_s:
+            at = np.clip(np.array([seen_s]), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+            planned = plan.leader_trajectory.state(at)[0]
+            off = view.position_ned_m - planned[POSITION] - plan.shape.offsets(at)[row, 0]
+            rate = view.velocity_ned_mps - planned[VELOCITY] - plan.shape.offsets(at, 1)[row, 0]
+            self._estimate.receive(seen_s, off, rate)
+        return self._estimate.at(t_s)
+
+
 class FormationFollowing:
     """The deviations D of all followers from the plan, at rising plan times. `lead` may change the leader.
 
-    `position_m`, `velocity_mps` and `acceleration_mps2` are (F, 3), in the order of `followers`.
+    `position_m`, `velocity_mps` and `acceleration_mps2` are (F, 3), in the order of `followers`. `graph` is whom each
+    row of the plan listens to now.
     """
 
     def __init__(self, plan: Plan, t0_unix_s: float, followers: Mapping[int, FollowerState]) -> None:
         self.plan = plan
         self._t0_unix_s = t0_unix_s
-        self._view: VehicleView | None = None
-        self._row = 0
-        self._leader = DeviationEstimate()
+        self._listening = [plan.sysids.index(sysid) for sysid in followers]  # rows of the plan
+        self._reported = {
+            row: ReportedDeviation(one.view, row, t0_unix_s)
+            for row, one in zip(self._listening, followers.values(), strict=True)
+        }
+        self._leader = plan.leader
         self._followers = tuple(followers.values())
         self._index = {sysid: n for n, sysid in enumerate(followers)}
         shape = (len(followers), 3)
@@ -165,11 +213,73 @@ class FormationFollowing:
         self._soft = np.zeros(shape)
         self._accel_mps2 = accel_bound_mps2(plan.scenario)
         self._t_s = math.nan
+        # Rows of the plan that are no vehicles of this flight: none of its followers, and not the leader.
+        self._absent = frozenset(range(len(plan.sysids))) - self._reported.keys()
+        self._broken: dict[int, str] = {}  # rows whose reports nobody uses, and why
+        self._whole = self.graph = InformationGraph(())
+        self._look_s, self._offsets_m = -math.inf, np.full((len(plan.sysids), 3), np.inf)
 
     def lead(self, view: VehicleView) -> None:
         """Make this vehicle the leader."""
-        self._view, self._row = view, self.plan.sysids.index(view.sysid)
-        self._leader = DeviationEstimate()
+        self._leader = row = self.plan.sysids.index(view.sysid)
+        self._reported[row] = ReportedDeviation(view, row, self._t0_unix_s)
+        self._absent -= {row}
+        self._broken.pop(row, None)
+        self._look_s, self._offsets_m = -math.inf, np.full_like(self._offsets_m, np.inf)
+
+    def heed(self, flying: Collection[int], t_s: float) -> list[LinkChange]:
+        """Listen to the leader, and to those of these vehicles alone whose reports are young at plan time `t_s`.
+
+        Returns the changes since the last call by which somebody listens to another vehicle.
+        """
+        self._look(t_s)
+        old, before = self.graph, self._broken
+        rows = self._reported.keys() - {self._leader}
+        self._broken = {row: why for row in rows if (why := self._why_broken(row, flying, t_s))}
+        if before.keys() == self._broken.keys():
+            return []
+        self._reroute()
+        lost = [self._change(row, old, self._broken[row]) for row in sorted(self._broken.keys() - before.keys())]
+        back = [self._change(row, self.graph, "") for row in sorted(before.keys() - self._broken.keys())]
+        return [change for change in (*lost, *back) if change is not None]
+
+    def _why_broken(self, row: int, flying: Collection[int], t_s: float) -> str:
+        if self.plan.sysids[row] not in flying:
+            return "it is not in its place in the formation"
+        age_s = self._reported[row].age_s(t_s)
+        return f"its last report is {age_s:.1f} s old" if age_s > self._oldest_s(row) else ""
+
+    def _oldest_s(self, row: int) -> float:
+        return REPORT_MAX_S if row in self._broken else LINK_MAX_S
+
+    def _change(self, row: int, heard_in: InformationGraph, why: str) -> LinkChange | None:
+        """What became of a row to which somebody listens in that graph; None if nobody does."""
+        sysids = self.plan.sysids
+        unheard = self._absent | self._broken.keys()
+        listeners = [n for n, sources in enumerate(heard_in.sources) if row in sources and n not in unheard]
+        if not listeners:
+            return None
+        if not why:
+            return LinkChange(sysids[row], "is listened to again", f"by {_named(sysids[n] for n in listeners)}")
+        instead = (
+            f"vehicle {sysids[n]} listens to {_named(sysids[s] for s in self.graph.sources[n])}" for n in listeners
+        )
+        return LinkChange(sysids[row], "is not listened to any more", "; ".join((why, *instead)))
+
+    def _look(self, t_s: float) -> None:
+        """Make the graph for the shape at plan time `t_s`, where the last one was made for another shape."""
+        if t_s < self._look_s:
+            return
+        self._look_s = t_s + REMADE_S
+        plan = self.plan
+        offsets_m = plan.shape.at(min(max(t_s, plan.t_start_s), float(np.nextafter(plan.t_end_s, -np.inf))))
+        if np.linalg.norm(offsets_m - self._offsets_m, axis=1).max() >= REMADE_M:
+            self._offsets_m = offsets_m
+            self._whole = information_graph(plan.scenario.formation.topology, offsets_m, self._leader)
+            self._reroute()
+
+    def _reroute(self) -> None:
+        self.graph = self._whole.without(self._absent | self._broken.keys())
 
     def at(self, sysid: int, t_s: float) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration (3,) of a follower's D at plan time `t_s`."""
@@ -202,28 +312,24 @@ class FormationFollowing:
             self._t_s += step_s
 
     def _wanted(self, t_s: float) -> tuple[Array, Array]:
-        """Return x and its rate, (F, 3) each: the leader's deviation less each follower's own, less what is ignored."""
-        led_m, led_mps = self._leader_deviation(t_s)
+        """Return x and k x', (F, 3) each: the deviation listened to less the follower's own, less what is ignored."""
+        self._look(t_s)
+        weights = self.graph.weights[self._listening]
+        off, rate = np.zeros((2, len(self.graph.sources), 3))
+        for row in np.flatnonzero(weights.any(axis=0)).tolist():
+            off[row], rate[row] = self._reported[row].at(self.plan, t_s)
         own = [one.tracking_error(self._t0_unix_s + t_s) for one in self._followers]
-        off = led_m - np.array([off_m for off_m, _ in own]).reshape(-1, 3)
-        rate = led_mps - np.array([off_mps for _, off_mps in own]).reshape(-1, 3)
+        off = weights @ off - np.array([off_m for off_m, _ in own]).reshape(-1, 3)
+        rate = weights @ rate - np.array([off_mps for _, off_mps in own]).reshape(-1, 3)
         size = np.linalg.norm(off, axis=1, keepdims=True)
         share = 1.0 - IGNORED_M / np.maximum(size, IGNORED_M)
-        return share * off, share * rate
+        return share * off, (RELAYED_RATE if self.graph.relays else 1.0) * share * rate
 
-    def _leader_deviation(self, t_s: float) -> tuple[Array, Array]:
-        view = self._view
-        if view is None or math.isnan(view.unix_s):
-            return np.zeros(3), np.zeros(3)
-        seen_s = view.unix_s - self._t0_unix_s
-        if seen_s != self._leader.t_s:
-            plan = self.plan
-            at = np.clip(np.array([seen_s]), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
-            planned = plan.leader_trajectory.state(at)[0]
-            off = view.position_ned_m - planned[POSITION] - plan.shape.offsets(at)[self._row, 0]
-            rate = view.velocity_ned_mps - planned[VELOCITY] - plan.shape.offsets(at, 1)[self._row, 0]
-            self._leader.receive(seen_s, off, rate)
-        return self._leader.at(t_s)
+
+def _named(sysids: Iterable[int]) -> str:
+    """The vehicles in words."""
+    found = [str(sysid) for sysid in sysids]
+    return f"vehicle {found[0]}" if len(found) == 1 else f"vehicles {', '.join(found[:-1])} and {found[-1]}"
 
 
 class FollowReference:

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from gcs.flight.contingency.manoeuvres import (
     Values,
 )
 from gcs.flight.contingency.options import FlightOptions
-from gcs.flight.execution.leader_follower import FollowerState, FollowReference, FormationFollowing
+from gcs.flight.execution.leader_follower import FollowerState, FollowReference, FormationFollowing, LinkChange
 from gcs.flight.execution.setpoint_schedule import Grid, Scheduler, Streamed, numbered_message, send_due, wait_s
 from gcs.flight.execution.takeoff_landing import FlightVehicle, set_mode
 from gcs.flight.monitoring.fleet_time import FleetTime
@@ -263,6 +263,18 @@ class Streamer:
         off_m, off_mps, _ = following.at(sysid, begin_s)
         self.streamed[sysid].reference = RejoinReference(self._timed[sysid], off_m, off_mps, begin_s, _REJOIN_S)
         following.lead(self._fleet[sysid].view)
+
+    def heed(self, flying: Collection[int], now_s: float) -> list[LinkChange]:
+        """Have followers listen to these vehicles alone, less those led back to the plan or not heard; return changes.
+
+        `now_s` is fleet time. None where nobody flies or follows.
+        """
+        if self._following is None or self.scheduler is None or not flying:
+            return []
+        t_s = now_s - self.scheduler.t0_unix_s
+        references = {sysid: self.streamed[sysid].reference for sysid in flying}
+        settled = [i for i, one in references.items() if not (isinstance(one, RejoinReference) and one.fades(t_s))]
+        return self._following.heed(settled, t_s)
 
     def _let_follow(self, t0_unix_s: float, leader: int | None = None) -> None:
         leader = self._plan.sysids[self._plan.leader] if leader is None else leader

@@ -1,9 +1,10 @@
 """The information graph G of §2.2 (Eq. 3): whose state each vehicle needs."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from graphlib import TopologicalSorter
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
+from gcs.scenario.schema.formation_table import Topology
 from gcs.types import Array
 
 # Thinner than this share of its length, a formation counts as flat in that direction.
 _FLAT = 1e-6
+_DECIMALS = 6  # of equal distances the lowest row counts, whatever rounding makes of them
 
 Pairs = NDArray[np.intp]
 
@@ -31,10 +34,68 @@ class InformationGraph:
         pairs = [(row, source) for row, sources in enumerate(self.sources) for source in sources]
         return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
+    @cached_property
+    def weights(self) -> Array:
+        """Weights (V, V) of the states that each vehicle uses: its sources alike, the leader its own; rows sum to 1."""
+        found = np.zeros((len(self.sources), len(self.sources)))
+        for row, sources in enumerate(self.sources):
+            found[row, list(sources) or row] = 1.0 / max(len(sources), 1)
+        return found
 
-def information_graph(topology: Literal["voronoi", "leader"], offsets_ned_m: Array, leader: int) -> InformationGraph:
+    @cached_property
+    def relays(self) -> bool:
+        """Whether somebody uses the state of a follower."""
+        return any(self.sources[source] for sources in self.sources for source in sources)
+
+    def without(self, gone: Collection[int]) -> "InformationGraph":
+        """The graph in which nobody uses the states of these rows: who did, uses those that they used.
+
+        The leader, to which every path leads, is used all the same. Where it is gone, another graph is needed.
+        """
+        found: dict[int, set[int]] = {}
+        for row in TopologicalSorter(dict(enumerate(self.sources))).static_order():
+            found[row] = set()
+            for source in self.sources[row]:
+                found[row] |= found[source] if source in gone and found[source] else {source}
+        return InformationGraph(tuple(tuple(sorted(found[row])) for row in range(len(self.sources))))
+
+
+def information_graph(topology: Topology, offsets_ned_m: Array, leader: int) -> InformationGraph:
     """The graph of a scenario's `topology` for offsets (V, 3)."""
-    return voronoi(offsets_ned_m, leader) if topology == "voronoi" else leader_star(len(offsets_ned_m), leader)
+    match topology:
+        case "leader":
+            return leader_star(len(offsets_ned_m), leader)
+        case "chain":
+            return chain(offsets_ned_m, leader)
+        case "tree":
+            return tree(offsets_ned_m, leader)
+        case "voronoi":
+            return voronoi(offsets_ned_m, leader)
+
+
+def chain(offsets_ned_m: Array, leader: int) -> InformationGraph:
+    """The graph in which every vehicle is used by one other at most: the nearest that nobody led to before."""
+    sources: list[tuple[int, ...]] = [()] * len(offsets_ned_m)
+    last, led = leader, np.zeros(len(offsets_ned_m), dtype=bool)
+    led[leader] = True
+    while not led.all():
+        away_m = np.linalg.norm(offsets_ned_m - offsets_ned_m[last], axis=1).round(_DECIMALS)
+        after = int(np.argmin(np.where(led, np.inf, away_m)))
+        sources[after] = (last,)
+        last = after
+        led[after] = True
+    return InformationGraph(tuple(sources))
+
+
+def tree(offsets_ned_m: Array, leader: int) -> InformationGraph:
+    """The graph in which every follower needs the nearest of those that it needs in `voronoi`."""
+
+    def nearest(row: int, sources: tuple[int, ...]) -> tuple[int, ...]:
+        away_m = np.linalg.norm(offsets_ned_m[list(sources)] - offsets_ned_m[row], axis=1).round(_DECIMALS)
+        return (sources[int(np.argmin(away_m))],)
+
+    full = voronoi(offsets_ned_m, leader).sources
+    return InformationGraph(tuple(nearest(row, sources) if sources else () for row, sources in enumerate(full)))
 
 
 def leader_star(count: int, leader: int) -> InformationGraph:

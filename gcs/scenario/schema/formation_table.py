@@ -30,6 +30,7 @@ SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
 VehicleId = Annotated[int, Strict(), Field(ge=1, le=10_000)]  # of a fleet too large for one MAVLink network
 ShapeName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 Generator = Literal["triangle", "line", "column", "vee", "grid", "circle", "sphere"]
+Topology = Literal["leader", "chain", "tree", "voronoi"]
 
 START_SHAPE = "start"  # name of the shape at t = 0 in changes
 _AXIS_LEAST = 1e-3
@@ -187,9 +188,10 @@ class Formation(Part):
     course_tolerance_deg: Annotated[Number, Field(ge=0.01, le=45)] = Field(
         default=5.0, description="with frame = course: largest lag of the shape's heading behind the course, degrees"
     )
-    topology: Literal["voronoi", "leader"] = Field(
-        default="voronoi",
-        description="vehicles whose state a follower uses: its Voronoi neighbours nearer to the leader, or the leader",
+    topology: Topology = Field(
+        default="leader",
+        description="vehicles whose reports a follower uses with --follow: leader: the leader (a star); chain: the one "
+        "before it; voronoi: its Voronoi neighbours nearer to the leader; tree: the nearest of those",
     )
 
     @property

@@ -32,10 +32,11 @@ class FollowerResponse:
 
 @dataclass(frozen=True)
 class Link:
-    """Age of a report on arrival, and how far ahead of its time a setpoint is sent."""
+    """Age of a report on arrival, how far ahead of its time a setpoint is sent, and the share of lost reports."""
 
     delay_s: float = 0.15
     lead_s: float = 0.1
+    loss: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,7 @@ def _run(
     sent = {sysid: SentSetpoints() for sysid in sysids}
     following = FormationFollowing(plan, 0.0, {sysid: FollowerState(views[sysid], sent[sysid]) for sysid in sysids})
     following.lead(views[plan.sysids[plan.leader]])
+    rng = np.random.default_rng(1)
     every = round(1.0 / SETPOINTS_HZ / STEP_S)
     late, ahead, answer = (round(s / STEP_S) for s in (link.delay_s, link.lead_s, response.delay_s))
     state = np.zeros((len(sysids), 6))
@@ -101,11 +103,14 @@ def _run(
         if n % every == 0 and n + ahead < len(grid):
             seen = max((n - late) // every * every, 0)
             for row, report in [(plan.leader, led[seen]), *zip(rows, off[:, seen], strict=True)]:
+                if rng.random() < link.loss:
+                    continue
                 view = views[plan.sysids[row]]
                 view.position_ned_m = states[row, seen, POSITION] + report[:3]
                 view.velocity_ned_mps = states[row, seen, VELOCITY] + report[3:]
                 view.unix_s = float(grid[seen])
             due = n + ahead
+            following.heed(plan.sysids, float(grid[n]))
             for f, (sysid, row) in enumerate(zip(sysids, rows, strict=True)):
                 p, v, a = following.at(sysid, float(grid[due]))
                 planned = states[row, due]

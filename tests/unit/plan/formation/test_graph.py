@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from graphlib import TopologicalSorter
 from itertools import combinations
+from typing import get_args
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gcs.plan.formation.graph import InformationGraph, information_graph, leader_star, voronoi
+from gcs.scenario.schema.formation_table import Topology
 from gcs.scenario.schema.scenario import Generator
 from gcs.scenario.values.formations import places_up_m
 from gcs.types import Array
@@ -95,3 +99,55 @@ def test_the_leaders_graph_is_a_star() -> None:
     assert len(leader_star(1, 0).edges) == 0
     places = places_up_m("grid", 9, 2.0)
     assert information_graph("voronoi", places, 4) == voronoi(places, 4)
+
+
+TOPOLOGIES: tuple[Topology, ...] = get_args(Topology)
+# On a lattice many places are equal, in line, or in one plane.
+LATTICE = st.lists(st.tuples(*[st.integers(-2, 2)] * 3), min_size=2, max_size=12).map(lambda of: np.array(of, float))
+
+
+def check_weights(graph: InformationGraph, count: int, leader: int) -> None:
+    """Rows sum to 1, the leader uses its own state alone, and everybody's state becomes the leader's (Definition 1)."""
+    np.testing.assert_allclose(graph.weights.sum(axis=1), 1.0)
+    assert (graph.weights >= 0.0).all()
+    settled = np.linalg.matrix_power(graph.weights, count)
+    np.testing.assert_allclose(settled[:, leader], 1.0)
+
+
+@given(places=LATTICE, data=st.data(), topology=st.sampled_from(TOPOLOGIES))
+def test_any_loss_leaves_a_graph_that_leads_to_the_leader(
+    places: Array, data: st.DataObject, topology: Topology
+) -> None:
+    count = len(places)
+    leader = data.draw(st.integers(0, count - 1))
+    gone = data.draw(st.sets(st.integers(0, count - 1)))
+    graph = information_graph(topology, places, leader)
+    check(graph, count, leader)
+    check_weights(graph, count, leader)
+    left = graph.without(gone)
+    check(left, count, leader)
+    check_weights(left, count, leader)
+    assert not {source for sources in left.sources for source in sources} & (gone - {leader})
+    untouched = [row for row in range(count) if not set(graph.sources[row]) & gone]
+    assert all(left.sources[row] == graph.sources[row] for row in untouched)
+    assert graph.without(()) == graph
+
+
+def test_listeners_take_over_whom_the_lost_one_listened_to() -> None:
+    graph = InformationGraph(((), (0,), (1,), (1, 2), (3,)))
+    assert graph.without({1}).sources == ((), (0,), (0,), (0, 2), (3,))
+    assert graph.without({1, 2, 3}).sources == ((), (0,), (0,), (0,), (0,))
+    assert graph.without({0}) == graph  # another leader needs another graph
+
+
+def test_a_chain_goes_from_each_to_the_nearest_left_and_a_tree_to_the_nearest_neighbour() -> None:
+    places = places_up_m("triangle", 6, 5.0)
+    line = information_graph("chain", places, 0)
+    assert line.sources == ((), (0,), (1,), (4,), (2,), (3,))
+    assert max(sum(row in sources for sources in line.sources) for row in range(6)) == 1
+    assert information_graph("tree", places, 0).sources == ((), (0,), (0,), (1,), (1,), (2,))
+    assert line.relays
+    assert not leader_star(6, 0).relays
+    column = TILT.apply(places_up_m("column", 6, 2.0))
+    trees = [information_graph(topology, column, 0) for topology in ("chain", "tree", "voronoi")]
+    assert trees[0] == trees[1] == trees[2]
