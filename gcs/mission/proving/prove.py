@@ -36,7 +36,7 @@ from gcs.plan.verification.proof.verdict import (
     SPEED_TOLERANCE_MPS,
 )
 from gcs.scenario.environment.ground_distance import ground_distance_m
-from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.scenario.environment.no_fly import Zone, ZoneName, zone_changes_s, zone_names, zones
 from gcs.scenario.schema.scenario import LimitsTable, Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
@@ -163,12 +163,19 @@ class _Proofs:
     def _names(self) -> tuple[str, ...]:
         return tuple(each.name for each in self.tracks)
 
+    @property
+    def _zones(self) -> tuple[tuple[ZoneName, Zone], ...]:
+        """All zones of the scenario, also those that its box and its flight do not meet: tracks may."""
+        if self.scenario is None:
+            return ()
+        every = self.scenario.model_copy(update={"no_fly": (*self.scenario.no_fly, *self.scenario.no_fly_beyond)})
+        return tuple(zip(zone_names(every), zones(every), strict=True))
+
     def report(self) -> TrackReport:
         """All checks."""
         own = None if self.scenario is None else self.scenario.limits
-        avoided = () if self.scenario is None else zones(self.scenario)
-        visits_s = np.array([move[0] for zone in avoided for move in zone.moves])
-        motion = FleetMotion.of(self.tracks, visits_s)
+        avoided = self._zones
+        motion = FleetMotion.of(self.tracks, zone_changes_s([zone for _, zone in avoided]))
         separation_m, height_m = self.limits.separation_m, self.limits.height_m
         if own is not None:
             separation_m = separation_m or own.separation_min_m
@@ -184,7 +191,7 @@ class _Proofs:
         places = TrackPlaces(
             motion,
             (("northing", None), ("easting", None), ("height", height_m)) if own is None else self._box(own, height_m),
-            () if self.scenario is None else tuple(zip(zone_names(self.scenario), avoided, strict=True)),
+            avoided,
             0.0 if own is None else own.zone_margin_m or 0.0,
         )
         if places.criteria:

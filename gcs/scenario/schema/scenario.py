@@ -380,6 +380,13 @@ class Scenario(Part):
         exclude_if=lambda notes: not notes,
         description="how the zones of a file were taken, in sentences; the program writes it",
     )
+    no_fly_beyond: tuple[NoFlyZone, ...] = Field(
+        default=(),
+        max_length=256,
+        exclude_if=lambda zones: not zones,
+        description="zones above the box, or not in force during the flight, which only `gcs prove` counts; "
+        "the program writes it",
+    )
     keep_in: tuple[KeepIn, ...] = Field(default=(), max_length=16, exclude_if=lambda areas: not areas)
     wind: PlannedWind | None = None
     start: Boundary
