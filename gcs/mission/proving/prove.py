@@ -42,6 +42,7 @@ from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
 from gcs.scenario.values.si import NED_FROM_UP, steady_wind
 from gcs.types import Array
+from gcs.util.long_work import searching_for
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
@@ -87,13 +88,15 @@ def prove(
     vehicle: str | Path | None = None,
     abort: BreakOff | None = None,
     plan: Plan | None = None,
+    limit_s: float | None = None,
 ) -> TrackReport:
     """Prove tracks of any planner on intervals of time: separation, motion, effort, heights, ground, zones, continuity.
 
     Time 0 and place (0, 0, 0) are those of the scenario. With a `vehicle`, a preset's name or a vehicle file, thrust
     and tilt are proved in the scenario's wind. With `abort`, it is proved too that all may break off at any instant:
     the same distances, heights, ground and zones, until the last vehicle rests. To prove returns, the tracks are those
-    of a `plan`, and the scenario is its own.
+    of a `plan`, and the scenario is its own. With `limit_s` each criterion, and each search for the instants at which
+    one is not proved, ends after so much time; what is not settled by then is undecided.
 
     Raises `UsageError` for tracks or limits that leave nothing to prove.
     """
@@ -109,7 +112,8 @@ def prove(
             raise UsageError(
                 text, hint="give no other scenario and no fence; `no_fly` and `keep_in` may have its areas"
             )
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
+    # What has no bounds is not proved.
+    with searching_for(limit_s), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return _Proofs(tuple(tracks), limits, scenario, flown, abort, plan).report()
 
 
