@@ -178,6 +178,25 @@ class NoFlyZone(Part):
             yield ("moves",), "must be in order of time", "make each time later than the one before"
 
 
+GeozoneNotes = Annotated[
+    tuple[str, ...],
+    Field(
+        max_length=1000,
+        exclude_if=lambda notes: not notes,
+        description="how the zones of a file were taken, in sentences; the program writes it",
+    ),
+]
+ZonesBeyond = Annotated[
+    tuple[NoFlyZone, ...],
+    Field(
+        max_length=256,
+        exclude_if=lambda zones: not zones,
+        description="zones above the box, or not in force during the flight, which only `gcs prove` counts; the "
+        "program writes it",
+    ),
+]
+
+
 def polygon_findings(corners: tuple[Point, ...]) -> Findings:
     """Yield what is wrong with the corners of a polygon, under its key `polygon_m`."""
     if len(corners) < 3:
