@@ -78,3 +78,21 @@ def report(what: str | Callable[[], str]) -> None:
         raise OutOfTime.because(what if isinstance(what, str) else what())
     if (listener := _LISTENER.get()) is not None:
         listener.hear(what)
+
+
+_SEARCH_S: ContextVar[float] = ContextVar("search", default=math.inf)
+
+
+@contextmanager
+def searching_for(limit_s: float | None) -> Iterator[None]:
+    """Each search inside ends after so much time with what it has found; None: when it is done."""
+    token = _SEARCH_S.set(math.inf if limit_s is None else limit_s)
+    try:
+        yield
+    finally:
+        _SEARCH_S.reset(token)
+
+
+def search_ends_s() -> float:
+    """When a search that begins now ends, by time.monotonic."""
+    return time.monotonic() + _SEARCH_S.get()

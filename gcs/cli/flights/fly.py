@@ -103,6 +103,22 @@ def fly(
             metavar="CHECK",
         ),
     ] = None,
+    volumes: Annotated[
+        Path | None,
+        shared.option(
+            "Volumes of this flight that `gcs export --format f3548` wrote: a vehicle that leaves them is an incident.",
+            metavar="FILE",
+            shown="not watched",
+        ),
+    ] = None,
+    geoid: Annotated[
+        float | None,
+        shared.option(
+            "With --volumes: height of mean sea level above the WGS-84 ellipsoid, as exported.",
+            metavar="METRES",
+            limits=(-110, 110, "m"),
+        ),
+    ] = None,
     to: Annotated[Path, shared.option("Folder for the folders of flights.")] = Path("flights"),
     also_to: shared.AlsoToOption = None,
     page: PageOption = False,
@@ -153,6 +169,8 @@ def fly(
         refuse_without_nicegui()
         if json:
             raise UsageError("--page and --json exclude each other: nobody would read the page's address")
+    if (volumes is None) != (geoid is None):
+        raise UsageError("--volumes and --geoid belong together", hint="give both, or neither")
     refuse_tiles(tiles, page=page)
     _check_page(page, page_address, page_control, page_keep)
     if share is not None and not 0.0 <= share < 1.0:
@@ -163,6 +181,7 @@ def fly(
     from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.flight.contingency.options import FlightOptions
     from gcs.flight.monitoring.preflight_check import known_checks
+    from gcs.flight.monitoring.volume_watch import FlownVolumes
     from gcs.flight.run import FlightRun, refuse_late_starts
     from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
     from gcs.plan.trajectory.constraint_id import Kind
@@ -193,7 +212,11 @@ def fly(
     if share is not None:
         limits = limits.model_copy(update={"reserve": share})
     choices = FlightOptions(
-        follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss), waived=waived
+        follow=follow,
+        on_loss=OnLoss(on_loss),
+        on_leader_loss=OnLeaderLoss(on_leader_loss),
+        waived=waived,
+        volumes=None if volumes is None or geoid is None else FlownVolumes.read(volumes, plan, geoid),
     )
     safety = not missions_only
     run = FlightRun(

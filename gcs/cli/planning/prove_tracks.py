@@ -139,6 +139,17 @@ def prove(
         float,
         option("Largest speed of descent of vehicles that land.", metavar="M/S", limits=(0.01, 1e3, "m/s")),
     ] = 1.5,
+    time_limit: Annotated[
+        float | None,
+        option(
+            "Longest time for each criterion, and for each search for instants at which the flight must not be broken "
+            "off: what is not settled then is undecided.",
+            "--time-limit",
+            metavar="SECONDS",
+            shown="none",
+            limits=(0.01, 1e6, "s"),
+        ),
+    ] = None,
     picture: Annotated[
         Path | None, option("Draw the tracks and their nearest calls.", "--picture", "-p", metavar="FILE")
     ] = None,
@@ -182,7 +193,7 @@ def prove(
             raise UsageError("a fence is a place on Earth", hint="give the scenario, whose origin is place 0")
         place = within_fence(place, fence)
     how = next((BreakOff(way, brake, sink) for way in MANOEUVRES if way == abort), None)
-    report = proved(read.tracks, limits, place, vehicle, how, plan)
+    report = proved(read.tracks, limits, place, vehicle, how, plan, time_limit)
     for line in read.account:
         screen.say(line)
     table = Table("criterion", "value", "limit", "verdict", "nearest at")

@@ -56,6 +56,7 @@ def show(
     if page:
         refuse_without_nicegui()
     from gcs.plan.verification.navigation_margins import thin_margins
+    from gcs.scenario.environment.no_fly import zone_sentences
     from gcs.scenario.sources.load import load_scenario
     from gcs.scenario.validation.unit_guesses import doubts
 
@@ -72,7 +73,7 @@ def show(
     for name, text in found.items():
         screen.say(f"  {_LABELS.get(name, name):<{width}}  {text}")
     places = pads_of(scenario)
-    for sentence in scenario.geozones:
+    for sentence in zone_sentences(scenario):
         screen.say(sentence)
     say_pads(screen, places)
     if plan is not None and plan.passages:
@@ -101,7 +102,7 @@ def show(
         "name": scenario.name,
         **found,
         **ends,
-        "geozones": list(scenario.geozones),
+        "geozones": list(zone_sentences(scenario)),
         "pads": places,
         "greatest_motion": motion,
     }

@@ -13,6 +13,7 @@ from gcs.plan.plan_file import is_plan_file, load_plan, read_plan
 from gcs.plan.planner import LIMIT_S, make_plan
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.verification.verify import Report, refusal, verify
+from gcs.scenario.environment.no_fly import zone_sentences
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.validation.unit_guesses import doubts
@@ -79,7 +80,7 @@ def plan_for(
             refuse(scenario)
         for question in doubts(scenario):
             screen.warn(question)
-        for sentence in scenario.geozones:
+        for sentence in zone_sentences(scenario):
             screen.say(sentence)
         watch.lap("scenario")
         with _progress(screen) as on_round:

@@ -84,8 +84,9 @@ def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Crit
     kinds = (CriterionName.ZONES, scenario.no_fly, since_s), (CriterionName.KEEP_IN, scenario.keep_in, ())
     for name, zones, from_s in kinds:
         if zones:
-            away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1], from_s)
-            figures = _Figures(plan.sysids, t_s, away_m, within_m)
+            away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1], -places[..., 2], from_s)
+            has_heights = any(zone.height_m is not None for zone in zones)
+            figures = _Figures(plan.sysids, t_s, away_m, everywhere.within_m if has_heights else within_m)
             found.append(figures.at_least(name, 0.0, scenario.limits.zone_margin_m))
     inside = inside_m(inclusion_corners(planned_places_m(plan)), places)
     found.append(_Figures(plan.sysids, t_s, inside, within_m).at_least(CriterionName.FENCE, 0.0))

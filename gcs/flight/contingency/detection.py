@@ -15,6 +15,7 @@ from gcs.flight.contingency.conflict_prediction import HORIZON_S
 from gcs.flight.contingency.energy_choice import Outcome
 from gcs.flight.contingency.mode_changes import ModeChanges, ModeOrigin
 from gcs.flight.monitoring.predicted_tracks import BAND_S, CONFIRMED_S
+from gcs.flight.monitoring.volume_watch import CONFIRMED_S as OUTSIDE_S
 from gcs.link.wire.message import Message, local_motion
 
 
@@ -34,6 +35,7 @@ class IncidentKind(StrEnum):
     MODE_LEFT = "pilot took over"
     CONFLICT = "separation in danger"
     OFF_TRACK = "off its predicted track"
+    OUTSIDE_VOLUME = "outside its volumes"
     STRANDED = "no setpoints for some time"
     DOWN = "on the ground with its motors running"
     MOTORS_STOPPED = "disarmed in the air"
@@ -92,6 +94,7 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.OFF_TRACK: f"mission mode: for {CONFIRMED_S:g} s more than {BAND_S:g} s late or early on its "
     f"predicted track, or farther from it than the navigation error; setpoints: for {OBEYS_S:g} s "
     f"more than {OBEYS_M:g} m from them",
+    IncidentKind.OUTSIDE_VOLUME: f"with `--volumes`: reported for {OUTSIDE_S:g} s outside all volumes in force",
     IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
     IncidentKind.DOWN: "armed for 2 s at the ground and more than 5 m off its place, where the plan flies higher",
     IncidentKind.MOTORS_STOPPED: "HEARTBEAT: not armed above ground, twice or with a fall faster than 2 m/s",

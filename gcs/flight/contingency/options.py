@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import DetectionLimits
 from gcs.flight.monitoring.preflight_check import CheckName
+from gcs.flight.monitoring.volume_watch import FlownVolumes
 
 POSITION_HZ, STATE_HZ = 10.0, 2.0  # full telemetry rates; those of attitudes are half those of positions
 _LEAST_STATE_HZ = 0.5
@@ -30,6 +31,7 @@ class FlightOptions:
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
     waived: frozenset[CheckName] = frozenset()  # pre-flight checks that do not stop this flight
+    volumes: FlownVolumes | None = None  # that a service supplier has for this flight
     texts_after_upload_s: float = 2.5  # vehicle time: so long a critical text about the upload may take
     limits: DetectionLimits = field(default_factory=DetectionLimits)
 

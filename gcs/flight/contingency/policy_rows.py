@@ -160,6 +160,11 @@ POLICY = (
         vehicles=p.formation_of_vehicle,
     ),
     Row(_K.OFF_TRACK, p.ALL, KEEPS),
+    Row(
+        _K.OUTSIDE_VOLUME,
+        p.ALL,
+        "It is told, so that the operator tells the service supplier; the vehicle keeps its order",
+    ),
     Row(_K.DOWN, p.AIRBORNE, "A vehicle that came down is ordered to land, which stops its motors", _A.LAND),
     Row(_K.DOWN, p.ALL - p.AIRBORNE, KEEPS),
     Row(

@@ -1,6 +1,7 @@
 """Detects incidents during a flight and carries out the orders of the contingency policy."""
 
 import asyncio
+import itertools
 import math
 from collections.abc import Awaitable, Callable, Collection
 from dataclasses import replace
@@ -32,7 +33,13 @@ from gcs.types import Array
 _PERIOD_S = 0.1  # of fleet time between two checks
 _STAMPED_S = 0.005  # local time in which many messages get one stamp
 _ALARMS = frozenset(
-    {IncidentKind.ALARM, IncidentKind.DOWN, IncidentKind.MOTORS_STOPPED, IncidentKind.BATTERY_LOW}
+    {
+        IncidentKind.ALARM,
+        IncidentKind.OUTSIDE_VOLUME,
+        IncidentKind.DOWN,
+        IncidentKind.MOTORS_STOPPED,
+        IncidentKind.BATTERY_LOW,
+    }
     | {IncidentKind.BATTERY_CRITICAL}
 )
 
@@ -227,7 +234,8 @@ class ContingencyExecutor:
 
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
-        for incident in (*self.positions.off_track(now_s), *self.positions.down(now_s, t_s)):
+        seen = self.positions.off_track(now_s), self.positions.outside_volumes(now_s), self.positions.down(now_s, t_s)
+        for incident in itertools.chain(*seen):
             self._decide(incident, t_s)
         for sysid, watch in self._watches.items():
             watch.excuse(excused_s, now_s)

@@ -1,4 +1,4 @@
-"""Incidents of positions: vehicles in danger of coming too close, off their predicted tracks or off their setpoints."""
+"""Incidents of positions: vehicles too near each other, off their tracks or setpoints, or outside their volumes."""
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from gcs.flight.contingency.detection import OBEYS_M, OBEYS_S, Incident, Inciden
 from gcs.flight.contingency.policy import HOLDS, IN_FORMATION, USABLE_M, State
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.predicted_tracks import TrackWatch
+from gcs.flight.monitoring.volume_watch import VolumeWatch
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.values.navigation_error import judged_separation_m, navigation_error
@@ -33,6 +34,7 @@ class PositionChecks:
         self._streamed = fleet.streamer.streamed
         self._following = HOLDS | {State.FLYING} if streamed else HOLDS  # one that returns gets new ones as needed
         self._tracks = None if fleet.tracks is None else TrackWatch(fleet.tracks, plan.flight_s)
+        self._volumes = None if fleet.options.volumes is None else VolumeWatch(fleet.options.volumes)
         self._fell_s: dict[int, float] = {}  # when motors stopped in the air
         self._low_s: dict[int, float] = {}  # since when vehicles are down
         self._off_s: dict[int, float] = {}  # since when vehicles do not follow their setpoints
@@ -85,6 +87,20 @@ class PositionChecks:
             flying = [i for i in self._policy.in_formation if self._vehicles[i].session.armed]
             found += [(off.sysid, str(off)) for off in self._tracks.look(self._monitor.views, t0_unix_s, flying)]
         return [Incident(IncidentKind.OFF_TRACK, sysid, now_s, words) for sysid, words in found]
+
+    def outside_volumes(self, now_s: float) -> list[Incident]:
+        """Return an incident for each vehicle in the air, whatever it does, that left the volumes of this flight."""
+        if self._volumes is None:
+            return []
+        flying = [
+            sysid
+            for sysid, state in self._policy.states.items()
+            if state is not State.LOST
+            and self._vehicles[sysid].session.armed
+            and self.place(sysid).above_ground_m > _IN_AIR_M
+        ]
+        found = self._volumes.look(self._monitor.views, flying)
+        return [Incident(IncidentKind.OUTSIDE_VOLUME, sysid, now_s, words) for sysid, words in found]
 
     def _off_setpoints(self, now_s: float) -> list[tuple[int, str]]:
         """Vehicles that do not follow what was sent for the time of their last reports, and how far they are off."""

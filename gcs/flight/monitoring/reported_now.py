@@ -40,7 +40,7 @@ class ReportedNow:
         zone_m, above_m, fence_m = (np.full(len(places), np.nan) for _ in range(3))
         north, east, up = places[known].T
         now_s = np.array(plan.t_start_s if t_s is None else t_s)
-        zone_m[known] = nearest_zone_m(zones(plan.scenario), now_s, north, east)
+        zone_m[known] = nearest_zone_m(zones(plan.scenario), now_s, north, east, up)
         above_m[known] = up - ground_height_m(plan.scenario.terrain, north, east)
         fence_m[known] = inside_m(self._fence_corners_m, places[known])
         found = []

@@ -23,6 +23,7 @@ from gcs.types import Array
 Manoeuvre = Literal["hold", "land", "return"]
 MANOEUVRES: tuple[Manoeuvre, ...] = ("hold", "land", "return")
 BROKEN_OFF = Constraint(LENGTH_TOLERANCE_M, 0.01)  # a margin to a centimetre: there are two times to divide
+RETURNED = Constraint(LENGTH_TOLERANCE_M, 0.01, relative=0.5)  # there are many boxes: half of a margin is enough
 _TINY_MPS = 1e-12
 
 

@@ -1,6 +1,7 @@
 """Heights, zones and the ground while a flight is broken off, bounded over spans of the instant of the breaking off.
 
-Vehicles that land stay above the place at which they come to rest: for zones they do as those that hold.
+Vehicles that land stay above the place at which they come to rest: for zones they do as those that hold, and what is
+below them counts too.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from gcs.plan.verification.constraints.position_limits import ORDER, outside_mov
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
-from gcs.scenario.environment.no_fly import Zone, displacement_m
+from gcs.scenario.environment.no_fly import Zone, displacement_m, zone_changes_s
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Terrain
 from gcs.types import Array
 
+_TIMES_MPS = 1.0  # as if a zone that begins or ends moved so fast
 _FROM, _TO = 0, 1  # columns of a patch: time since the breaking off
 WAY_HALVES = 2**11 - 1  # of a way to rest, over the ground: down to a thousandth of it
 
@@ -44,13 +46,13 @@ class BreakOffPlaces(TrackPlaces):
         return (BROKEN_OFF,) * len(self.criteria)
 
     def cells(self) -> Cells:
-        """Every piece of every vehicle, until it rests and no zone moves any more."""
+        """Every piece of every vehicle, until it rests and no zone changes any more."""
         row, start_s, end_s = self.motion.row, self.motion.starts_s, self.motion.ends_s
         cells = Cells(row[:, None], start_s, end_s, np.zeros(len(row), dtype=np.intp), np.zeros((len(row), 2)))
         if self.how.manoeuvre == "return":
             cells.patch[:, _TO] = self._braking(cells).rest_s[1]
             return cells
-        moved_s = max((zone.moves[-1][0] for _, zone in self.zones if zone.moves), default=-np.inf)
+        moved_s = float(zone_changes_s([zone for _, zone in self.zones]).max(initial=-np.inf))
         cells.patch[:, _TO] = np.maximum(self._braking(cells).rest_s[1], moved_s - start_s)
         return cells
 
@@ -67,13 +69,13 @@ class BreakOffPlaces(TrackPlaces):
         off = np.zeros((2, len(cells)))
         for at_s in (first_s, last_s, *(np.clip(move[0], first_s, last_s) for move in zone.moves)):
             off = np.maximum(off, np.abs(displacement_m(zone, at_s).T - moved[0]))
-        return outside_moved_zone(zone, place, Taylor(moved, off))
+        return outside_moved_zone(zone, place, Taylor(moved, off), (first_s, last_s), descends=self.how.lands)
 
     def moved_m(self, cells: Cells) -> Array:
         """How much (M,) a margin in the middle differs at equal times for other instants of the cell, at most."""
         braking = self._braking(cells)
         moved = np.linalg.norm(braking.place.deviation(), axis=0) + braking.spread_m(cells.patch.mean(axis=1))
-        if any(zone.moves for _, zone in self.zones):
+        if len(zone_changes_s([zone for _, zone in self.zones])):
             moved = np.full(len(cells), np.inf)
         return np.asarray(moved)
 
@@ -88,6 +90,9 @@ class BreakOffPlaces(TrackPlaces):
             if zone.moves:
                 ends = (displacement_m(zone, at_s) for at_s in (some.start_s + begin_s, some.start_s + until_s))
                 of_time = of_time + np.linalg.norm(np.subtract(*ends), axis=1)
+            if zone.in_force_s is not None:  # both count in the same way for whether it is in force
+                of_time = of_time + _TIMES_MPS * (until_s - begin_s)
+                of_instant = of_instant + _TIMES_MPS * (some.end_s - some.start_s)
         can_time, can_instant = until_s - begin_s > SHORTEST_S, some.end_s - some.start_s > SHORTEST_S
         in_time = can_time & ((of_time > of_instant) | ~can_instant)
         in_instant = can_instant & ~in_time

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from gcs.mission.proving.break_off import BROKEN_OFF, Braking
+from gcs.mission.proving.break_off import RETURNED, Braking
 from gcs.mission.proving.break_off_spans import SPAN_S
 from gcs.mission.proving.plan_tracks import plan_velocities
 from gcs.mission.proving.return_tubes import ReturnTubes
@@ -88,7 +88,7 @@ class ReturnSeparation:
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         """In the order of the margins."""
-        return (BROKEN_OFF,)
+        return (RETURNED,)
 
     @property
     def _tops_down_m(self) -> Array:
@@ -179,8 +179,14 @@ class ReturnSeparation:
         return np.where(no_way, np.inf, np.linalg.norm(apart, axis=1))
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
-        """See `Family`: halves of the instants or of the time since, what counts for more."""
-        _, _, rows, sure = self._tubes(cells)
+        """See `Family`: halves of the instants or of the time since, what counts for more.
+
+        Of the instants where it is not certain how a vehicle returns, or that it does in the time that is looked at.
+        """
+        (firsts, counts), tubes, rows, sure = self._tubes(cells)
+        last_s = self._most(tubes.ends_s.high, firsts, counts)
+        vague_s = self._most(tubes.ends_s.high - tubes.ends_s.low, firsts, counts)
+        sure = sure & (last_s <= self._longest_s)
         numbers = np.flatnonzero(chosen)
         some = cells[numbers]
         begin_s, until_s = some.patch.T
@@ -190,8 +196,7 @@ class ReturnSeparation:
         for one in (0, 1):
             braking = self._braking(some.who[:, one], some.start_s, some.end_s)
             off_m = np.linalg.norm(braking.place.deviation(), axis=0) + braking.spread_m(np.full(len(some), np.inf))
-            slow_s, late_s = braking.rest_s
-            of_instant += off_m + fastest * (late_s - slow_s)
+            of_instant += off_m + fastest * vague_s[rows[one, numbers]]
         unsure = ~sure[rows[:, numbers]].all(axis=0)
         can_time, can_instant = until_s - begin_s > _SHORTEST_SINCE_S, some.end_s - some.start_s > 0.5 * SPAN_S
         in_time = can_time & ~unsure & ((of_time > of_instant) | ~can_instant)
@@ -204,6 +209,15 @@ class ReturnSeparation:
             found.append(replace(half, patch=patch))
             origins.append(numbers[in_time])
         return joined(found), np.concatenate(origins)
+
+    @staticmethod
+    def _most(values: Array, firsts: Rows, counts: Rows) -> Array:
+        """The largest value (N,) of the options of each vehicle in each span; 0 without options."""
+        found = np.zeros(len(firsts))
+        some = counts > 0
+        if some.any():
+            found[some] = np.maximum.reduceat(values, firsts[some])
+        return found
 
     def moved_m(self, cells: Cells) -> Array:
         """How much (N,) what was seen differs for other instants of a cell: not known."""

@@ -65,6 +65,7 @@ def unsafe_spans(
         last = looks.last(len(level))
         parts = []
         for first in range(0, len(level), _BATCH):
+            last = last or looks.last(0)
             batch = level[first : first + _BATCH]
             batch = batch[~spans.of(batch.start_s, batch.end_s)[1]]
             if not len(batch):

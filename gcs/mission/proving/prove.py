@@ -36,12 +36,13 @@ from gcs.plan.verification.proof.verdict import (
     SPEED_TOLERANCE_MPS,
 )
 from gcs.scenario.environment.ground_distance import ground_distance_m
-from gcs.scenario.environment.no_fly import zone_names, zones
+from gcs.scenario.environment.no_fly import Zone, ZoneName, zone_changes_s, zone_names, zones
 from gcs.scenario.schema.scenario import LimitsTable, Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
 from gcs.scenario.values.si import NED_FROM_UP, steady_wind
 from gcs.types import Array
+from gcs.util.long_work import searching_for
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
@@ -87,13 +88,15 @@ def prove(
     vehicle: str | Path | None = None,
     abort: BreakOff | None = None,
     plan: Plan | None = None,
+    limit_s: float | None = None,
 ) -> TrackReport:
     """Prove tracks of any planner on intervals of time: separation, motion, effort, heights, ground, zones, continuity.
 
     Time 0 and place (0, 0, 0) are those of the scenario. With a `vehicle`, a preset's name or a vehicle file, thrust
     and tilt are proved in the scenario's wind. With `abort`, it is proved too that all may break off at any instant:
     the same distances, heights, ground and zones, until the last vehicle rests. To prove returns, the tracks are those
-    of a `plan`, and the scenario is its own.
+    of a `plan`, and the scenario is its own. With `limit_s` each criterion, and each search for the instants at which
+    one is not proved, ends after so much time; what is not settled by then is undecided.
 
     Raises `UsageError` for tracks or limits that leave nothing to prove.
     """
@@ -109,7 +112,8 @@ def prove(
             raise UsageError(
                 text, hint="give no other scenario and no fence; `no_fly` and `keep_in` may have its areas"
             )
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved
+    # What has no bounds is not proved.
+    with searching_for(limit_s), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return _Proofs(tuple(tracks), limits, scenario, flown, abort, plan).report()
 
 
@@ -163,12 +167,19 @@ class _Proofs:
     def _names(self) -> tuple[str, ...]:
         return tuple(each.name for each in self.tracks)
 
+    @property
+    def _zones(self) -> tuple[tuple[ZoneName, Zone], ...]:
+        """All zones of the scenario, also those that its box and its flight do not meet: tracks may."""
+        if self.scenario is None:
+            return ()
+        every = self.scenario.model_copy(update={"no_fly": (*self.scenario.no_fly, *self.scenario.no_fly_beyond)})
+        return tuple(zip(zone_names(every), zones(every), strict=True))
+
     def report(self) -> TrackReport:
         """All checks."""
         own = None if self.scenario is None else self.scenario.limits
-        avoided = () if self.scenario is None else zones(self.scenario)
-        visits_s = np.array([move[0] for zone in avoided for move in zone.moves])
-        motion = FleetMotion.of(self.tracks, visits_s)
+        avoided = self._zones
+        motion = FleetMotion.of(self.tracks, zone_changes_s([zone for _, zone in avoided]))
         separation_m, height_m = self.limits.separation_m, self.limits.height_m
         if own is not None:
             separation_m = separation_m or own.separation_min_m
@@ -184,7 +195,7 @@ class _Proofs:
         places = TrackPlaces(
             motion,
             (("northing", None), ("easting", None), ("height", height_m)) if own is None else self._box(own, height_m),
-            () if self.scenario is None else tuple(zip(zone_names(self.scenario), avoided, strict=True)),
+            avoided,
             0.0 if own is None else own.zone_margin_m or 0.0,
         )
         if places.criteria:

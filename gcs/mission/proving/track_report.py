@@ -51,7 +51,7 @@ class TrackCheck:
         where = f"at t = {self.t_s:.3f} s ({who}), {against} required"
         if self.verdict == "undecided":
             between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit}"
-            finest = f"intervals of {SHORTEST_S * 1e6:g} µs, or {CELLS_MAX:,} of them, decide no more"
+            finest = f"intervals of {SHORTEST_S * 1e6:g} µs, {CELLS_MAX:,} of them, or the time limit decide no more"
             return f"{self.name}: undecided, {between} {where}; {finest}"
         return f"{self.name}: {self.seen:.4g} {self.unit} {where}"
 

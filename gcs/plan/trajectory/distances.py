@@ -37,7 +37,8 @@ def zone_distances_m(scenario: Scenario, t_s: Array, positions_ned_m: Array, sin
 
     Negative inside, infinite without zones. `since_s`: from when each of `zones` counts; without it, always.
     """
-    return nearest_zone_m(zones(scenario), t_s, positions_ned_m[..., 0], positions_ned_m[..., 1], since_s)
+    north, east, down = np.moveaxis(positions_ned_m, -1, 0)
+    return nearest_zone_m(zones(scenario), t_s, north, east, -down, since_s)
 
 
 def ground_distances_m(scenario: Scenario, positions_ned_m: Array, reach_m: float) -> Array:

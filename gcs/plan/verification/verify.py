@@ -44,7 +44,7 @@ from gcs.plan.verification.proof.verdict import (
     refusal,
     verdict_of,
 )
-from gcs.scenario.environment.no_fly import ZoneName, zones
+from gcs.scenario.environment.no_fly import ZoneName, zone_changes_s, zones
 from gcs.types import Array
 from gcs.util.cache import once
 
@@ -130,8 +130,7 @@ class _Proofs:
     def places(self) -> list[Check]:
         """Box, heights, no-fly zones, keep-in areas, and the distance to the ground."""
         scenario = self.plan.scenario
-        visits = [move[0] for zone in zones(scenario) for move in zone.moves]
-        cells = self._cells(self._groups, *self._interval(np.array(visits)))
+        cells = self._cells(self._groups, *self._interval(zone_changes_s(zones(scenario))))
         airborne = np.array([i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE], dtype=np.intp)
         ground = ground_patches(scenario.terrain)
         box = PositionLimits(self.plan, self._tree, airborne, self._number(PhaseKind.MISSION), ground, self._area_m())

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from gcs.scenario.environment.convex_pieces import Disk, Piece, pieces_inside, pieces_outside
-from gcs.scenario.schema.scenario import KeepIn, NoFlyZone
+from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from gcs.types import Array
 
 _CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m
@@ -67,6 +67,16 @@ def in_words(of: HasZones) -> str:
     """The kinds of zones, as a table names them."""
     kinds = {"keep-in areas": of.keep_in, "no-fly zones": of.no_fly}
     return " and ".join(kind for kind, listed in kinds.items() if listed) or "no-fly zones"
+
+
+def zone_sentences(scenario: Scenario) -> tuple[str, ...]:
+    """How the zones of files were taken, and which zones a plan takes for larger than they are."""
+    part = [str(n) for n, zone in enumerate(scenario.no_fly, 1) if zone.height_m is not None or zone.in_force_s]
+    if not part:
+        return scenario.geozones
+    which = f"no-fly zone {part[0]} has" if len(part) == 1 else f"no-fly zones {', '.join(part)} have"
+    how = "plan, returns and missions keep out at every height and at all times; proofs and the judge count them"
+    return (*scenario.geozones, f"{which} heights or times: {how}")
 
 
 @lru_cache(maxsize=256)
@@ -133,6 +143,11 @@ def displacement_m(zone: Zone, t_s: Array) -> Array:
     return np.stack([np.interp(t_s, times, north), np.interp(t_s, times, east)], axis=-1)
 
 
+def zone_changes_s(of: Sequence[Zone]) -> Array:
+    """The plan times at which a zone turns, begins or ends."""
+    return np.array([t_s for zone in of for t_s in (*(move[0] for move in zone.moves), *(zone.in_force_s or ()))])
+
+
 def outside_m(zone: Zone, t_s: Array, north_m: Array, east_m: Array) -> Array:
     """Distance (...) outside the zone of places (...) at plan times that broadcast with them; negative inside."""
     moved = displacement_m(zone, t_s)
@@ -157,17 +172,34 @@ def signed_distance_m(zone: Zone, north_m: Array, east_m: Array) -> Array:
 
 
 def nearest_zone_m(
-    beside: Sequence[Zone], t_s: Array, north_m: Array, east_m: Array, since_s: Sequence[float] = ()
+    beside: Sequence[Zone],
+    t_s: Array,
+    north_m: Array,
+    east_m: Array,
+    up_m: Array | None = None,
+    since_s: Sequence[float] = (),
 ) -> Array:
     """True distance (...) of places (...) to the edge of the nearest zone at plan times that broadcast with them.
 
-    Negative inside, infinite without zones. `since_s`: from when the first zones count; all others always do.
+    Negative inside, infinite where no zone is in force. Without heights `up_m` (...) above height 0 zones have none.
+    `since_s`: from when the first zones count; all others always do.
     """
     found = np.full(np.broadcast_shapes(np.shape(t_s), np.shape(north_m)), np.inf)
     for number, zone in enumerate(beside):
         moved = displacement_m(zone, t_s)
         away_m = signed_distance_m(zone, north_m - moved[..., 0], east_m - moved[..., 1])
+        if zone.height_m is not None and up_m is not None:
+            away_m = _beside_or_over_m(away_m, np.maximum(zone.height_m[0] - up_m, up_m - zone.height_m[1]))
+        if zone.in_force_s is not None:
+            away_m = np.where((t_s >= zone.in_force_s[0]) & (t_s <= zone.in_force_s[1]), away_m, np.inf)
         if number < len(since_s):
             away_m = np.where(t_s >= since_s[number], away_m, np.inf)
         found = np.minimum(found, away_m)
     return found
+
+
+def _beside_or_over_m(beside_m: Array, over_m: Array) -> Array:
+    """The distance to a prism, from that to its outline and that to its heights."""
+    outside_m = np.hypot(np.maximum(beside_m, 0.0), np.maximum(over_m, 0.0))
+    nearest_m = np.maximum(beside_m, over_m)
+    return np.asarray(np.where(nearest_m > 0.0, outside_m, nearest_m))

@@ -105,7 +105,10 @@ class Terrain(Part):
 
 
 class NoFlyZone(Part):
-    """A no-fly zone of unlimited height: a disk (Eq. 21) or a polygon, which may move; or the geozones of a file."""
+    """A no-fly zone: a disk (Eq. 21) or a polygon, which may move; or the geozones of a file.
+
+    Planner and returns keep out of it at every height and at all times; proofs count its heights and times.
+    """
 
     degree_keys = (CENTRE, POLYGON)
     file_keys: ClassVar[tuple[str, ...]] = ("flown_utc", "permitted", "geoid_m")
@@ -122,6 +125,12 @@ class NoFlyZone(Part):
         default=(),
         max_length=_LISTED_MAX,
         description="displacement over time, linear in between: [t s, north m, east m], in order of time",
+    )
+    height_m: tuple[Height, Height] | None = left_out(
+        "lower and upper end, m above height 0; left out: without limits in height"
+    )
+    in_force_s: tuple[MoveTime, MoveTime] | None = left_out(
+        "from when until when it holds, plan time, s; left out: at all times"
     )
     file: str | None = left_out(
         "instead of a disk or polygon: path of a file of geozones (ED-269 or ED-318), relative to the scenario's folder"
@@ -142,7 +151,7 @@ class NoFlyZone(Part):
 
     def _disagreements(self) -> Findings:
         if self.file is not None:
-            for key in ("north_m", "east_m", "radius_m", "polygon_m", "moves"):
+            for key in ("north_m", "east_m", "radius_m", "polygon_m", "moves", "height_m", "in_force_s"):
                 if getattr(self, key):
                     yield (key,), "stands beside file, whose zones have places of their own", "remove one of the two"
             return
@@ -160,9 +169,32 @@ class NoFlyZone(Part):
             yield ("polygon_m",), f"stands beside {beside}", "keep the polygon or the disk"
         if self.polygon_m is not None:
             yield from polygon_findings(self.polygon_m)
+        for key in ("height_m", "in_force_s"):
+            ends = getattr(self, key)
+            if ends is not None and ends[1] <= ends[0]:
+                yield (key,), "must begin below its end", "give the lower number first"
         times = [move[0] for move in self.moves]
         if any(b <= a for a, b in itertools.pairwise(times)):
             yield ("moves",), "must be in order of time", "make each time later than the one before"
+
+
+GeozoneNotes = Annotated[
+    tuple[str, ...],
+    Field(
+        max_length=1000,
+        exclude_if=lambda notes: not notes,
+        description="how the zones of a file were taken, in sentences; the program writes it",
+    ),
+]
+ZonesBeyond = Annotated[
+    tuple[NoFlyZone, ...],
+    Field(
+        max_length=256,
+        exclude_if=lambda zones: not zones,
+        description="zones above the box, or not in force during the flight, which only `gcs prove` counts; the "
+        "program writes it",
+    ),
+]
 
 
 def polygon_findings(corners: tuple[Point, ...]) -> Findings:
@@ -264,6 +296,14 @@ class KeepIn(_Polygon):
     def moves(self) -> tuple[tuple[float, float, float], ...]:
         """The displacements over time that a zone may have: none."""
         return ()
+
+    @property
+    def height_m(self) -> None:
+        """The heights that a zone may have: all."""
+
+    @property
+    def in_force_s(self) -> None:
+        """The times that a zone may have: all."""
 
 
 class SurveyHole(_Polygon):

@@ -42,6 +42,7 @@ from gcs.scenario.schema.formation_table import START_SHAPE, ChangeTable, Format
 from gcs.scenario.schema.heightmap import Relief
 from gcs.scenario.schema.places import (
     ROUTE_MAX,
+    GeozoneNotes,
     KeepIn,
     LegsTable,
     Mountains,
@@ -50,6 +51,7 @@ from gcs.scenario.schema.places import (
     RoutePoint,
     SurveyTable,
     Terrain,
+    ZonesBeyond,
 )
 from gcs.scenario.schema.toml_lines import Table
 
@@ -374,12 +376,8 @@ class Scenario(Part):
     limits: LimitsTable
     terrain: Terrain = Terrain()
     no_fly: Annotated[tuple[NoFlyZone, ...], Field(max_length=256)] = ()
-    geozones: tuple[str, ...] = Field(
-        default=(),
-        max_length=1000,
-        exclude_if=lambda notes: not notes,
-        description="how the zones of a file were taken, in sentences; the program writes it",
-    )
+    geozones: GeozoneNotes = ()
+    no_fly_beyond: ZonesBeyond = ()
     keep_in: tuple[KeepIn, ...] = Field(default=(), max_length=16, exclude_if=lambda areas: not areas)
     wind: PlannedWind | None = None
     start: Boundary

@@ -1,8 +1,8 @@
 """The geozones of a file as no-fly zones of a scenario. What a file leaves in doubt is decided for the larger zone.
 
-A no-fly zone has no heights and no times. A geozone without effect on a flight is left out: one beside the box, one
-above its greatest height, one whose periods do not meet the flight, one that restricts nothing, and one that the
-operator is permitted to enter. All others hold at every height, during the whole flight. Every decision is a sentence.
+A geozone without effect on a flight is left out: one beside the box, one whose periods do not meet the flight, one that
+restricts nothing, and one that the operator may enter. One above the box is kept for proofs of other flights alone.
+All others have the heights of the file and the times at which they may hold. Every decision is a sentence.
 """
 
 from __future__ import annotations
@@ -23,22 +23,19 @@ from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.places import CORNERS_MAX, NoFlyZone
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.toml_lines import Table
+from gcs.scenario.sources.geozone_limits import GEOID_M, Range, Reach, heights_in_words
 from gcs.scenario.sources.geozones import (
-    FT_M,
     Corner,
     Geozone,
-    ZoneLimit,
     ZonePeriod,
     ZoneVolume,
     read_geozones,
     utc_of,
 )
-from gcs.scenario.values.navigation_error import navigation_error
 from gcs.scenario.values.si import ground_needed, local_origin
 
 _FREE = "NO_RESTRICTION"
 _KNOWN = ("PROHIBITED", "REQ_AUTHORISATION", "REQ_AUTHORIZATION", "CONDITIONAL", "USPACE")
-_GEOID_HIGHEST_M = 90.0  # of mean sea level above the ellipsoid, anywhere (EGM2008: 86 m)
 _BEYOND_BOX_M = 200.0  # around the box and the pads: a zone beyond has no effect
 _KEPT_BESIDE_M = 1000.0  # around them: what of a zone is farther away is cut off
 _STEPS_MAX = 500_000  # of all edges of a polygon
@@ -56,23 +53,30 @@ class _Asked:
     scenario: Scenario
     flown: tuple[datetime, datetime] | None
     permitted: frozenset[str]
-    geoid_m: float
+    reach: Reach
     needed: shapely.Polygon  # where the flight may be (north, east), m
-    top_m: float  # height 0 to the highest vehicle, with its navigation error
 
 
 def with_geozones(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake], list[int]]:
     """The scenario with zones in place of files, or mistakes; and the number of the entry behind each zone."""
     zones: list[NoFlyZone] = []
+    beyond: list[NoFlyZone] = []
     rows: list[int] = []
     notes: list[str] = []
     mistakes: list[Mistake] = []
-    for row, entry in enumerate(scenario.no_fly):
+    reach = Reach(scenario)
+    for row, entry in enumerate((*scenario.no_fly, *scenario.no_fly_beyond)):
         if entry.file is None:
-            found = [entry]
+            why, was_beyond = reach.is_beyond(entry.height_m, entry.in_force_s), row >= len(scenario.no_fly)
+            found = [] if why else [entry]
+            beyond += [entry] if why else []
+            if why and not was_beyond:
+                notes.append(f"no_fly, entry {row + 1}: {why}; only gcs prove counts it")
+            elif was_beyond and not why:
+                notes.append(f"no-fly zone {len(zones) + 1}: now met by the box and the flight")
         else:
             try:
-                found, said = _zones_of(entry, scenario, folder, first=len(zones) + 1)
+                found, more, said = _zones_of(entry, scenario, folder, first=len(zones) + 1)
             except _WrongKey as error:
                 mistakes.append(Mistake(("no_fly", row, error.key), str(error), getattr(entry, error.key)))
                 continue
@@ -80,6 +84,7 @@ def with_geozones(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mist
                 mistakes.append(Mistake(("no_fly", row, "file"), error.reason.rstrip("."), entry.file, error.hint))
                 continue
             notes += said
+            beyond += more
         zones += found
         rows += [row] * len(found)
     if len(zones) > _ZONES_MAX and not mistakes:
@@ -87,7 +92,9 @@ def with_geozones(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mist
         mistakes.append(Mistake(("no_fly",), text, remedy="make the box smaller, or give flown_utc"))
     if mistakes:
         return scenario, mistakes, rows
-    return scenario.model_copy(update={"no_fly": tuple(zones), "geozones": (*scenario.geozones, *notes)}), [], rows
+    notes = [*scenario.geozones, *notes]
+    changed = {"no_fly": tuple(zones), "no_fly_beyond": tuple(beyond), "geozones": tuple(notes)}
+    return scenario.model_copy(update=changed), [], rows
 
 
 def as_entry(mistake: Mistake, data: Table, rows: Sequence[int]) -> Mistake:
@@ -96,7 +103,7 @@ def as_entry(mistake: Mistake, data: Table, rows: Sequence[int]) -> Mistake:
         return mistake
     number = mistake.key[1]
     row = rows[number] if number < len(rows) else number
-    entry = data["no_fly"][row]
+    entry = data["no_fly"][row] if row < len(data["no_fly"]) else None
     if not isinstance(entry, dict) or entry.get("file") is None:
         return replace(mistake, key=("no_fly", row, *mistake.key[2:]))
     if mistake.key[2] in ("file", *NoFlyZone.file_keys):
@@ -111,8 +118,10 @@ class _WrongKey(ValueError):
         self.key = key
 
 
-def _zones_of(entry: NoFlyZone, scenario: Scenario, folder: Path, first: int) -> tuple[list[NoFlyZone], list[str]]:
-    """The zones of one file, and the sentences about all of its geozones."""
+def _zones_of(
+    entry: NoFlyZone, scenario: Scenario, folder: Path, first: int
+) -> tuple[list[NoFlyZone], list[NoFlyZone], list[str]]:
+    """The zones of one file, those that the planned flight does not meet, and sentences about all of its geozones."""
     assert entry.file is not None
     asked = _asked(entry, scenario)
     geozones = read_geozones(folder / entry.file)
@@ -120,6 +129,7 @@ def _zones_of(entry: NoFlyZone, scenario: Scenario, folder: Path, first: int) ->
     if unknown:
         raise _WrongKey("permitted", f"the file has no zone {', '.join(sorted(unknown))}")
     zones: list[NoFlyZone] = []
+    beyond: list[NoFlyZone] = []
     notes: list[str] = []
     left: dict[str, int] = {}
     name = Path(entry.file).name
@@ -128,12 +138,22 @@ def _zones_of(entry: NoFlyZone, scenario: Scenario, folder: Path, first: int) ->
             left[reason] = left.get(reason, 0) + 1
             continue
         kept, why, beside = [], set[str](), 0
+        heights: list[Range | None] = []
+        in_force_s = _in_force_s(geozone, asked)
         for volume in geozone.volumes:
-            if above := _is_above(volume, asked, why):
-                left[above] = left.get(above, 0) + 1
-                continue
             shapes = _shapes(geozone, volume, asked, why)
             beside += not shapes
+            if not shapes:
+                continue
+            height_m = asked.reach.heights_m(volume, why)
+            limits = {"height_m": height_m, "in_force_s": in_force_s}
+            shapes = [shape.model_copy(update=limits) for shape in shapes]
+            if above := asked.reach.is_beyond(height_m, None):
+                reason = f"lower limit {above}, which only gcs prove counts"
+                left[reason] = left.get(reason, 0) + 1
+                beyond += shapes
+                continue
+            heights.append(height_m)
             kept += shapes
         if geozone.without_area:
             left["points and lines, which have no area"] = left.get("points and lines, which have no area", 0) + 1
@@ -142,14 +162,15 @@ def _zones_of(entry: NoFlyZone, scenario: Scenario, folder: Path, first: int) ->
             continue
         numbers = first + len(zones), first + len(zones) + len(kept) - 1
         which = f"zone {numbers[0]}" if len(kept) == 1 else f"zones {numbers[0]} to {numbers[1]}"
-        when = _when(geozone.periods, asked)
+        when = _when(geozone.periods, asked, in_force_s)
         what = geozone.restriction or "without a restriction"
         doubt = "" if geozone.restriction in _KNOWN else ", which counts as prohibited"
-        text = f"no-fly {which}: {geozone.label} of {name}, {what}{doubt}, {when}, {_heights(geozone.volumes)}"
+        how = heights_in_words(geozone.volumes, heights)
+        text = f"no-fly {which}: {geozone.label} of {name}, {what}{doubt}, {when}, {how}"
         notes.append("; ".join([text, *sorted(why)]))
         zones += kept
     notes += [f"{name}: left out, {reason}: {count}" for reason, count in left.items() if count]
-    return zones, notes
+    return zones, beyond, notes
 
 
 def _asked(entry: NoFlyZone, scenario: Scenario) -> _Asked:
@@ -162,11 +183,11 @@ def _asked(entry: NoFlyZone, scenario: Scenario) -> _Asked:
         if end <= start:
             raise _WrongKey("flown_utc", "ends before it begins")
         flown = start, end
-    region, error_m = ground_needed(scenario), navigation_error(scenario)
+    region = ground_needed(scenario)
     needed = shapely.box(region.north_m[0], region.east_m[0], region.north_m[1], region.east_m[1])
-    geoid_m = _GEOID_HIGHEST_M if entry.geoid_m is None else entry.geoid_m
-    top_m = scenario.limits.height_m[1] + error_m.vertical_m
-    return _Asked(scenario, flown, frozenset(entry.permitted or ()), geoid_m, needed, top_m)
+    geoid_m = GEOID_M if entry.geoid_m is None else (entry.geoid_m, entry.geoid_m)
+    reach = Reach(scenario, flown, geoid_m)
+    return _Asked(scenario, flown, frozenset(entry.permitted or ()), reach, needed)
 
 
 def _without_effect(geozone: Geozone, asked: _Asked) -> str:
@@ -184,55 +205,18 @@ def _meets(period: ZonePeriod, flown: tuple[datetime, datetime]) -> bool:
     return (period.start is None or period.start <= flown[1]) and (period.end is None or period.end >= flown[0])
 
 
-def _when(periods: Sequence[ZonePeriod], asked: _Asked) -> str:
+def _in_force_s(geozone: Geozone, asked: _Asked) -> Range | None:
+    if asked.flown is None:
+        return None
+    return asked.reach.in_force_s([period for period in geozone.periods if _meets(period, asked.flown)])
+
+
+def _when(periods: Sequence[ZonePeriod], asked: _Asked, in_force_s: Range | None) -> str:
     if asked.flown is None:
         return "at all times" if not periods else "at all times, because flown_utc is not given"
     scheduled = any(period.schedule and _meets(period, asked.flown) for period in periods)
-    return "in force" + (" at all hours, whatever its schedule says" if scheduled else "")
-
-
-def _heights(volumes: Sequence[ZoneVolume]) -> str:
-    ranges = dict.fromkeys(f"{_limit_text(one.lower, one)} to {_limit_text(one.upper, one)}" for one in volumes)
-    return f"taken as without limits in height (file: {', '.join(ranges)})"
-
-
-def _limit_text(limit: ZoneLimit | None, volume: ZoneVolume) -> str:
-    unit = {None: " without a unit", 1.0: " m", FT_M: " ft"}[volume.unit_m]
-    return "no limit" if limit is None else f"{limit.value:g}{unit} {limit.reference or 'without a reference'}"
-
-
-def _is_above(volume: ZoneVolume, asked: _Asked, why: set[str]) -> str:
-    """What is said of a volume whose lower limit no vehicle reaches; empty where one may, with the doubts in `why`."""
-    limit = volume.lower
-    if limit is None:
-        return ""
-    unit_m = volume.unit_m
-    if unit_m is None:
-        why.add("its limits have no known unit: the lower one is taken in feet")
-        unit_m = FT_M if limit.value > 0.0 else 1.0
-    lower_m, altitude_m = limit.value * unit_m, asked.scenario.origin.alt_amsl_m
-    if limit.reference == "AMSL":
-        reached_m = altitude_m + asked.top_m
-    elif limit.reference == "WGS84":
-        reached_m = altitude_m + asked.top_m + asked.geoid_m
-    elif limit.reference == "AGL":
-        reached_m = asked.top_m - _lowest_ground_m(asked.scenario)
-    else:
-        why.add("its lower limit has no known reference, and does not count")
-        return ""
-    return f"lower limit above all heights of the box ({asked.top_m:g} m with the navigation error)" * (
-        lower_m > reached_m
-    )
-
-
-def _lowest_ground_m(scenario: Scenario) -> float:
-    """A height that no ground under the flight is below."""
-    terrain = scenario.terrain
-    if terrain.relief is not None:
-        return float(terrain.relief.pixels_m.min())
-    if terrain.ripple is not None:
-        return 0.0  # Eq. 52 is an absolute value
-    return sum(min(0.0, row[0]) for row in terrain.mountains.rows)  # each is nowhere below its summit and 0
+    during = "" if in_force_s is None else f" from t = {in_force_s[0]:g} s to {in_force_s[1]:g} s of the plan, at most"
+    return f"in force{during}" + (" at all hours, whatever its schedule says" if scheduled else "")
 
 
 def _shapes(geozone: Geozone, volume: ZoneVolume, asked: _Asked, why: set[str]) -> list[NoFlyZone]:

@@ -62,6 +62,8 @@ def _in_a_zone(scenario: Scenario, name: ZoneName, zone: Zone, stop: Stop, t_s: 
         key, value = _place_of(name, zone)
         verb, where = _verb(name)
         text = f"{verb} vehicle {stop.sysids[worst]} at {at}, {-outside[worst]:.2f} m {where}"
+        if zone.height_m is not None or zone.in_force_s is not None:
+            text += "; plans keep out of it at every height and at all times"
         yield Mistake(key, text, value, remedy=_apart(name, stop.key, -float(outside[worst])))
 
 

@@ -96,16 +96,33 @@ def outside_zone(zone: Zone, place: Taylor, cells: Cells) -> tuple[Array, Array]
     ends = [displacement_m(zone, t_s) for t_s in (cells.start_s, cells.end_s)]  # (N, 2)
     moved = np.zeros((ORDER + 1, 2, len(cells)))
     moved[0], moved[1] = 0.5 * (ends[0] + ends[1]).T, 0.5 * (ends[1] - ends[0]).T
-    return outside_moved_zone(zone, place, Taylor(moved, np.zeros(moved.shape[1:])))
+    return outside_moved_zone(zone, place, Taylor(moved, np.zeros(moved.shape[1:])), (cells.start_s, cells.end_s))
 
 
-def outside_moved_zone(zone: Zone, place: Taylor, moved: Taylor) -> tuple[Array, Array]:
-    """The distance of places (3, N) outside a zone that has moved so far (2, N), north and east."""
+def outside_moved_zone(
+    zone: Zone, place: Taylor, moved: Taylor, span_s: tuple[Array, Array], *, descends: bool = False
+) -> tuple[Array, Array]:
+    """The distance of places (3, N) outside a zone that has moved so far (2, N), north and east, in spans of time (N,).
+
+    Above or below its heights a place is outside, and so are all in a span that ends before the zone is in force or
+    begins afterwards. Below places of vehicles that descend are places too.
+    """
     north, east = (place[axis] - moved[axis] for axis in (0, 1))
     low, seen = np.full(len(north.middle), np.inf), np.full(len(north.middle), np.inf)
     for piece in pieces(zone):
         of_piece, at_middle = _outside_piece(piece, north, east)
         low, seen = np.minimum(low, of_piece), np.minimum(seen, at_middle)
+    if zone.height_m is not None:
+        below, above = zone.height_m[0] + place[2], -place[2] - zone.height_m[1]
+        low, seen = np.maximum(low, below.low()), np.maximum(seen, below.middle)
+        if not descends:
+            low, seen = np.maximum(low, above.low()), np.maximum(seen, above.middle)
+    if zone.in_force_s is not None:
+        begin_s, end_s = span_s
+        never = (end_s <= zone.in_force_s[0]) | (begin_s >= zone.in_force_s[1])
+        middle_s = 0.5 * (begin_s + end_s)
+        not_now = never | (middle_s < zone.in_force_s[0]) | (middle_s > zone.in_force_s[1])
+        low, seen = np.where(never, np.inf, low), np.where(not_now, np.inf, seen)
     return low, seen
 
 

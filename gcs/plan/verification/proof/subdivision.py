@@ -7,21 +7,21 @@ vehicle has less at any instant than `proved`, and one has `seen` at `t_s`.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.types import Array
-from gcs.util.long_work import report
+from gcs.util.long_work import report, search_ends_s
 
 Rows = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 SHORTEST_S = 1e-3 / 16.0  # shorter intervals are not divided
-_RELATIVE = 0.02  # a margin is bounded to this share of itself, or to the resolution
 _BATCH = 4096
 _FAR = 1e9
 _CELLS_MAX = 3_000_000
@@ -33,10 +33,11 @@ class Constraint:
 
     tolerance: float
     resolution: float
+    relative: float = field(default=0.02, kw_only=True)  # or to this share of the margin
 
     def gap(self, worst: Array) -> Array:
         """How far (...) a bound may be below the least margins (...) that were seen."""
-        gap = np.maximum(self.resolution, _RELATIVE * np.abs(worst))
+        gap = np.maximum(self.resolution, self.relative * np.abs(worst))
         finest = min(self.resolution, self.tolerance) / 8.0
         # Near the tolerance the verdict itself decides how closely to look.
         near = np.minimum(gap, np.maximum(worst + self.tolerance, finest))
@@ -156,14 +157,15 @@ def _lower(known: Array, cells: Cells, values: Array) -> Iterator[tuple[int, int
 
 @dataclass
 class Looks:
-    """How many cells may still be looked at."""
+    """How many cells may still be looked at, and until when, by time.monotonic."""
 
     left: int
+    until_s: float = field(default_factory=search_ends_s)
 
     def last(self, count: int) -> bool:
         """Whether so many more cells are the last ones."""
         self.left -= count
-        return self.left < 0
+        return self.left < 0 or time.monotonic() > self.until_s
 
 
 def prove(family: Family, cells: Cells, phases: int) -> Proof:
@@ -193,6 +195,7 @@ def refined(
         last = looks.last(len(level))
         parts: list[tuple[Cells, Mask]] = []
         for first in range(0, len(level), _BATCH):
+            last = last or looks.last(0)
             batch, wanted = level[first : first + _BATCH], unsettled[:, first : first + _BATCH]
             low, seen = (np.where(np.isnan(each), -np.inf, each) for each in family.bounds(batch))
             proof.note(batch, seen)

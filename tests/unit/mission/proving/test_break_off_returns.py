@@ -17,7 +17,7 @@ from gcs.mission.returns.routed_returns import routed_returns
 from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.mission.returns.rtl_cases import ReturnTo
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.proof.subdivision import plain_cells
+from gcs.plan.verification.proof.subdivision import Looks, Proof, plain_cells, settle
 from gcs.types import Array
 from tests.unit.mission.proving.test_prove import check_of
 from tests.unit.plan.problems import changed
@@ -100,3 +100,30 @@ def test_returns_are_those_of_a_plan_in_its_own_scenario(hop: Plan) -> None:
         gcs.prove(tracks, None, hop.scenario, abort=RETURN)
     with pytest.raises(UsageError, match="own scenario"):
         gcs.prove(tracks, None, beside(hop, DISK).scenario, abort=RETURN, plan=hop)
+
+
+@pytest.mark.parametrize("from_s", [20.0, 22.0, 36.0])
+def test_returns_round_a_zone_are_proved_with_few_boxes(hop: Plan, from_s: float) -> None:
+    """Where a way's duration is vague, instants are divided before times since: else there are millions of boxes."""
+    family = families(beside(hop, DISK))[0]
+    cells = family.cells()
+    cells = cells[(cells.start_s >= from_s) & (cells.end_s <= from_s + 2.0)]
+    assert len(cells)
+    proof, looks = Proof.begun((1, 1), 2), Looks(1_500)
+    settle(family, cells, proof, looks)
+    assert looks.left > 0
+    assert proof.proved[0, 0] > 0.0
+    assert any(len(way) > 2 for options in family._known.values() for way, _ in options or ())
+
+
+def test_what_a_time_limit_leaves_is_undecided_in_named_spans(hop: Plan) -> None:
+    plan = beside(hop, DISK)
+    report = gcs.prove(plan_tracks(plan), None, plan.scenario, abort=RETURN, plan=plan, limit_s=1e-3)
+    check = check_of(report, "separation, broken off to return to home")
+    assert check.verdict == "undecided"
+    assert "time limit" in str(check)
+    spans = [span for span in report.unsafe if span.name == check.name]
+    assert spans
+    assert {span.verdict for span in spans} == {"undecided"}
+    assert min(span.start_s for span in spans) <= 10.0
+    assert max(span.end_s for span in spans) >= 20.0

@@ -23,7 +23,7 @@ from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.sources import geozone_tables as tables
 from gcs.scenario.sources.bundled_missions import bundled_mission
 from gcs.scenario.sources.geozones import Geozone, ZoneVolume
-from gcs.scenario.sources.load import load_scenario
+from gcs.scenario.sources.load import load_scenario, with_keys
 from gcs.scenario.values.navigation_error import navigation_error
 from gcs.scenario.values.si import local_origin
 
@@ -132,6 +132,8 @@ def test_a_zone_above_the_box_is_left_out_and_a_centimetre_decides(base: Scenari
             lower = {"lowerLimit": reached_m + by_m, "lowerVerticalReference": reference, "upperLimit": None}
             scenario = load(ed269(place, lower), *keys)
             assert added(base, scenario) == zones
+            kept = (scenario.no_fly[len(base.no_fly) :] or scenario.no_fly_beyond)[0]
+            assert kept.height_m == pytest.approx((top_m + by_m, 10_000.0))
             assert any("above all heights of the box" in note for note in scenario.geozones) == (zones == 0)
 
 
@@ -144,16 +146,30 @@ def test_a_zone_above_the_box_is_left_out_and_a_centimetre_decides(base: Scenari
         {"lowerLimit": "1.5", "lowerVerticalReference": "AGL", "uomDimensions": "FT"},
         {"lowerLimit": "1.5", "lowerVerticalReference": "AGL", "uomDimensions": None},
         {"upperLimit": 1.0},
+        {"upperLimit": None},
+        {"upperLimit": 1.0, "upperVerticalReference": "QNH"},
+        {"lowerLimit": 500.0, "upperLimit": 100.0},
     ],
 )
-def test_limits_in_doubt_and_upper_limits_close_the_zone_at_every_height(
-    base: Scenario, load: Load, volume: Data
-) -> None:
+def test_limits_in_doubt_make_a_zone_lower_and_higher(base: Scenario, load: Load, volume: Data) -> None:
     if isinstance(volume.get("lowerLimit"), str):  # a share of the greatest height: above it in metres, below in feet
         volume = volume | {"lowerLimit": float(volume["lowerLimit"]) * base.limits.height_m[1]}
     scenario = load(ed269({"type": "Polygon", "coordinates": [corner_ring(base, *aside(base))]}, volume))
     assert added(base, scenario) == 1
-    assert "without limits in height" in scenario.geozones[0]
+    height_m = scenario.no_fly[-1].height_m
+    if volume.get("upperLimit", 120.0) is None or ("QNH" in volume.values() and "upperLimit" in volume):
+        assert height_m is None
+        assert "without limits in height" in scenario.geozones[0]
+    elif volume.get("lowerLimit") == 500.0:
+        assert height_m is None
+        assert "upper limit is not above the lower one" in scenario.geozones[0]
+    elif isinstance(volume.get("lowerLimit"), float) and volume["lowerVerticalReference"] == "AGL":
+        assert height_m is not None
+        assert height_m[0] == pytest.approx(volume["lowerLimit"] * 0.3048)  # an unknown unit is the foot
+    else:
+        assert height_m is not None
+        assert height_m[0] == -10_000.0
+        assert height_m[1] >= max(row[0] for row in base.terrain.mountains.rows) + volume.get("upperLimit", 120.0)
 
 
 def period(start: str | None, end: str | None, **more: Any) -> Data:
@@ -178,6 +194,33 @@ def test_a_zone_holds_where_one_of_its_periods_meets_the_flight(base: Scenario, 
         assert added(base, scenario) == zones
         assert added(base, load(ed269(place, applicability=periods))) == 1  # at all times, where no time is given
     assert "whatever its schedule says" in load(ed269(place, applicability=periods), FLOWN).geozones[0]
+
+
+def test_periods_are_times_of_a_plan_that_may_begin_whenever_it_ends_in_time(base: Scenario, load: Load) -> None:
+    """From 10 h to 12 h a flight of `flight_s` may begin up to so much before 12 h."""
+    place = {"type": "Polygon", "coordinates": [corner_ring(base, *aside(base))]}
+    flight_s = base.time.flight_s
+    periods = [period("2026-11-28T11:59:00Z", "2026-11-28T13:00:00Z"), period("2026-11-28T15:00:00Z", None)]
+    scenario = load(ed269(place, applicability=periods), FLOWN)
+    assert scenario.no_fly[-1].in_force_s == pytest.approx((flight_s - 60.0, 10_800.0))
+    assert "in force from t =" in scenario.geozones[0]
+    always = load(ed269(place, applicability=[period("2026-11-28T08:00:00Z", None)]), FLOWN)
+    assert always.no_fly[-1].in_force_s is None
+
+
+def test_a_zone_of_ones_own_that_the_flight_does_not_meet_counts_in_proofs_alone(base: Scenario) -> None:
+    north_m, east_m, _ = base.start.position_m
+    disk = {"north_m": north_m, "east_m": east_m, "radius_m": 20.0}
+    above = disk | {"height_m": [1000.0, 2000.0]}
+    later = disk | {"in_force_s": [9000.0, 9100.0]}
+    scenario = with_keys(base, no_fly=[above, later])
+    assert not scenario.no_fly
+    assert [zone.height_m for zone in scenario.no_fly_beyond] == [(1000.0, 2000.0), None]
+    assert [note.split(";")[-1] for note in scenario.geozones] == [" only gcs prove counts it"] * 2
+    with pytest.raises(ScenarioError, match="contains vehicle"):
+        with_keys(base, no_fly=[disk | {"height_m": [10.0, 2000.0]}])
+    with pytest.raises(ScenarioError, match="contains vehicle"):  # a higher box meets it
+        with_keys(scenario, limits={"height_m": [0.0, 1500.0]})
 
 
 def test_what_restricts_nothing_is_permitted_or_is_elsewhere_is_left_out_with_its_reason(
