@@ -40,6 +40,8 @@ const PAGE = `
       <input class="time" type="range" step="any" aria-label="time">
       <button class="live" hidden>now</button>
       <button class="nearest" title="go to when two vehicles were nearest between take-off and landing (w)">nearest two</button>
+      <output class="found" aria-live="polite"></output>
+      <span class="legend" aria-label="lines of the curves"></span>
       <label class="more" hidden><input type="checkbox"> U1–U4</label>
     </div>
     <div class="curves"><canvas></canvas></div>
@@ -125,6 +127,7 @@ class Page {
       this.curves.showAll(target.checked);
       this.isStale = true;
     };
+    this.nameLines();
     this.find(".nearest").hidden = this.scene.sysids.length < 2;
     this.find(".nearest").onclick = () => this.nearest();
     this.find(".dark").onclick = () => this.setDark(!this.isDark);
@@ -196,15 +199,31 @@ class Page {
     this.t = Math.min(Math.max(t, this.scene.begin), this.scene.end);
   }
 
-  // Go to when two vehicles were nearest, and look at one of them: the other stands beside it.
+  // Go to when two vehicles were nearest, say where, and look at one of them: the other stands beside it.
   nearest() {
     const { separation } = this.curves;
     const worst = separation && this.curves.worst(separation);
     if (!worst) return;
     this.play(false);
     this.seek(worst.t);
-    const [sysid] = separation.behind(worst.t);
-    if (sysid > 0) this.look(`${sysid}`);
+    const pair = separation.behind(worst.t);
+    const place = this.scene.vehicles(worst.t, false).find((one) => one.sysid === pair[0])?.place;
+    const where = place ? `, ${place[0].toFixed(0)} m north, ${place[1].toFixed(0)} m east, ${(-place[2]).toFixed(0)} m high` : "";
+    this.find(".found").textContent = `vehicles ${pair.join(", ")}: ${worst.value.toFixed(2)} m at ${worst.t.toFixed(1)} s${where}`;
+    if (pair[0] > 0) this.look(`${pair[0]}`);
+  }
+
+  // What the lines of the curves are, of those that there are.
+  nameLines() {
+    const has = (name) => this.scene.curves.some((curve) => curve[name]);
+    const names = { planned: "planned", flown: "reported", true: "true" };
+    const kinds = Object.keys(names).filter((name) => has(name) || (name === "flown" && this.scene.isLive));
+    const lines = (kinds.length > 1 ? kinds : []).map((kind) => {
+      const line = document.createElement("span");
+      [line.className, line.textContent] = [kind, names[kind]];
+      return line;
+    });
+    this.find(".legend").replaceChildren(...lines);
   }
 
   newest() {
