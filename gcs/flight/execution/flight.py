@@ -50,6 +50,7 @@ from gcs.flight.monitoring.progress import (
     FlightHooks,
     FlightTimes,
     OrderForecast,
+    PlanForecast,
     Snapshot,
     Step,
     VehicleNow,
@@ -191,6 +192,10 @@ class FlightSequence:
     async def answer(self) -> str:
         """Return what came of the last `PlanOrder`, in words. Raises FlightError for a refused one."""
         return await self._changing().answer()
+
+    async def propose(self, order: PlanOrder) -> PlanForecast:
+        """Return what an order that changes the plan would lead to; nobody flies it. Raises as `ask` and `answer`."""
+        return await self._changing().propose(order)
 
     def _changing(self) -> PlanOrders:
         if self._changes is None:

@@ -71,7 +71,7 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         None if plan is None or recording.predicted is None else band_of(recording.predicted, plan, t_s),
         None if plan is None else survey_of(plan),
         () if scenario is None else points_of(scenario),
-        _lands_s(recording, t_s, flown),
+        lands_s=_lands_s(recording, t_s, flown),
     )
 
 

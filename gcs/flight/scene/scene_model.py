@@ -152,6 +152,7 @@ class Scene:
     band: PlannedBand | None = None
     survey: SceneSurvey | None = None
     points: tuple[NamedPlace, ...] = ()
+    shapes: tuple[str, ...] = ()  # names of those that the formation may be told to take
     lands_s: float = math.inf  # from then on all vehicles land, by the plan or as ordered before its end
 
 

@@ -4,6 +4,7 @@ import { Board } from "./board.js";
 import { Curves } from "./curves.js";
 import { EventLog } from "./event_log.js";
 import { Orders } from "./orders.js";
+import { PlanOrders } from "./plan_orders.js";
 import { SceneData } from "./scene_data.js";
 import { VehicleTable } from "./vehicle_table.js";
 import { World } from "./world.js";
@@ -31,7 +32,7 @@ const PAGE = `
   <p class="notes"></p>
   <main>
     <section class="space" aria-label="scene in space"></section>
-    <aside><div class="board"></div><div class="command" hidden></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
+    <aside><div class="board"></div><div class="command" hidden><div class="ordered"></div><div class="changed"></div></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
   </main>
   <footer>
     <div class="player">
@@ -71,35 +72,43 @@ class Page {
     return this.element.querySelector(selector);
   }
 
-  async load() {
+  // Read the whole scene; of another plan, or of the flight that is over, in place of the one before.
+  async load(kept) {
     const answer = await fetch("/scene");
     if (!answer.ok) throw new Error(`the scene was refused: ${answer.status}`);
     const whole = await answer.json();
+    this.close();
+    this.sceneNumber = whole.board.scene;
     this.scene = new SceneData(whole);
     const { scene } = this;
     this.element.innerHTML = PAGE;
     this.find("h1").textContent = this.find("h1").title = scene.name;
     this.find(".notes").textContent = scene.notes.join(" ");
-    this.t = scene.isLive ? this.newest() : scene.begin;
-    this.isNow = scene.isLive;
+    this.t = scene.isLive ? this.newest() : Math.min(Math.max(kept?.t ?? scene.begin, scene.begin), scene.end);
+    this.isNow = scene.isLive && (kept?.isNow ?? true);
+    if (!this.isNow && kept) this.t = kept.t;
     this.find(".live").hidden = !scene.isLive;
     this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
     this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
     this.makeTable();
+    this.orders = this.changes = null;
     if (scene.isLive) {
       this.find(".command").hidden = false;
-      this.orders = new Orders(this.find(".command"), () => this.table.ticked());
+      this.orders = new Orders(this.find(".ordered"), () => this.table.ticked());
+      this.changes = new PlanOrders(this.find(".changed"), scene, this.world);
+      this.changes.onView = () => this.look("above");
     }
     this.board = new Board(this.find(".board"));
     this.showBoard(whole.board);
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
     this.listen();
-    this.setDark(window.matchMedia("(prefers-color-scheme: dark)").matches);
+    this.setDark(kept?.isDark ?? window.matchMedia("(prefers-color-scheme: dark)").matches);
     this.world.drawTracks();
-    this.look(scene.isLive ? "chase" : "all");
+    this.look(kept?.view ?? (scene.isLive ? "chase" : "all"));
     this.frame = requestAnimationFrame((ms) => this.draw(ms));
     this.onDrawn(scene.events.length);
-    new ResizeObserver(() => (this.isStale = true)).observe(this.element);
+    this.resizing = new ResizeObserver(() => (this.isStale = true));
+    this.resizing.observe(this.element);
   }
 
   makeTable() {
@@ -252,6 +261,11 @@ class Page {
   // A flight that is over takes no orders.
   showBoard(changes) {
     this.board.show(changes);
+    if (changes.outcome) this.changes?.say(changes.outcome);
+    if (changes.scene && changes.scene !== this.sceneNumber) {
+      this.sceneNumber = changes.scene;
+      this.load({ t: this.t, isNow: this.isNow, isDark: this.isDark, view: this.world.view });
+    }
     if (changes.tiles) this.world.layMap(changes.tiles);
     if (changes.band) {
       this.scene.take("band", changes.band);
@@ -317,6 +331,7 @@ class Page {
 
   close() {
     cancelAnimationFrame(this.frame);
+    this.resizing?.disconnect();
     document.removeEventListener("keydown", this.onKey);
     this.world?.close();
   }

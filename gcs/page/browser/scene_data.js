@@ -2,7 +2,7 @@
 
 const FORMS = { f4: Float32Array, i2: Int16Array, i4: Int32Array };
 
-function unpacked(value) {
+export function unpacked(value) {
   if (Array.isArray(value)) return value.map(unpacked);
   if (value === null || typeof value !== "object") return value;
   for (const [form, Numbers] of Object.entries(FORMS)) {
