@@ -157,7 +157,9 @@ def test_a_page_that_is_kept_shows_verdict_and_files_until_ctrl_c(hop_skein: Pat
             assert found is not None
             opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
             opener.open(found[0].removeprefix("page: ")).read()
-            report = _whole(opener, found[1])["board"]["report"]
+            whole = _whole(opener, found[1])
+            report, curves = whole["board"]["report"], {one["name"]: one for one in whole["scene"]["curves"]}
+            assert whole["scene"]["kind"] == "replay" and curves["least separation"]["true"] is not None
             assert report["outcome"] == "flight ok" and {"report.md", "map.png"} <= {*report["files"]}
             assert len(report["criteria"]) >= 6 and not any(one["is_bad"] for one in report["criteria"])
             assert opener.open(f"{found[1]}files/map.png").read(8) == b"\x89PNG\r\n\x1a\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 from gcs.flight.assessment.judge import load_truth
 from gcs.flight.recording.flight_folder import read_flown_plan
+from gcs.flight.recording.flight_state import read_flight_state
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from tests.browser import CHROMIUM, WHY_NOT, Browser
@@ -46,11 +48,11 @@ def draw(page: Browser, centre_m: tuple[float, float], radius_m: float) -> None:
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=edge[0], y=edge[1], **button)
 
 
-def test_a_zone_drawn_on_the_page_is_flown_round_once_its_plan_is_accepted(
+def test_a_zone_drawn_on_the_page_is_flown_round_once_its_plan_is_accepted_and_the_nearest_two_are_found(
     hop: Plan, hop_skein: Path, tmp_path: Path
 ) -> None:
     north_m, east_m = (float(metres) for metres in hop.leader_trajectory.state(20.0)[:2])
-    flown = [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "1", "--page", "--to", str(tmp_path)]
+    flown = [*GCS, "fly", str(hop_skein), "--sim", "--speedup", "1", "--page", "--page-keep", "--to", str(tmp_path)]
     with (
         subprocess.Popen(flown, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as command,
         Browser() as page,
@@ -78,11 +80,14 @@ def test_a_zone_drawn_on_the_page_is_flown_round_once_its_plan_is_accepted(
             page.press("Enter")
             page.until(f"{SAID}.startsWith('a new plan is flown from t = ')", 60.0)
             page.until("skein.scene.zones.length === 2", 60.0)
-            page.until("skein.scene.newest.t_s > 24", 60.0)
+            page.until("skein.scene.kind === 'replay' && !document.querySelector('.report').hidden", 200.0)
+            page.value("document.querySelector('.nearest').click()")
+            nearest = page.value("document.querySelector('.found').textContent")
             assert page.elsewhere() == [] and page.said == []
             page.go("about:blank")
-            said = command.stdout.read()
-            assert command.wait() == 0, said
+            command.send_signal(signal.SIGINT)
+            said = command.communicate(timeout=60.0)[0]
+            assert command.returncode == 0, said
         finally:
             command.kill()
     (folder,) = [one for one in tmp_path.iterdir() if one.is_dir()]
@@ -92,7 +97,14 @@ def test_a_zone_drawn_on_the_page_is_flown_round_once_its_plan_is_accepted(
     (zone,) = read_flown_plan(folder).scenario.no_fly
     assert zone.north_m == pytest.approx(north_m, abs=0.4) and zone.east_m == pytest.approx(east_m + 1.0, abs=0.4)
     (change,) = [one["data"]["begins_t_s"] for one in events if one["what"].startswith("fly a new plan")]
-    places = load_truth(folder / "truth.npz").states[..., POSITION]
+    truth = load_truth(folder / "truth.npz")
+    places = truth.states[..., POSITION]
     assert change < 18.0
     away_m = np.linalg.norm(places[..., :2] - (zone.north_m, zone.east_m), axis=-1).min() - zone.radius_m
     assert away_m > 0.0
+    (least_m,) = re.findall(
+        r"^vehicles \d, \d: ([\d.]+) m at [\d.]+ s, -?\d+ m north, -?\d+ m east, \d+ m high$", nearest
+    )
+    t_s = truth.t_s(read_flight_state(folder).t0_unix_s or 0.0)
+    chosen = (t_s > 0.0) & (t_s < hop.landing_s)
+    assert float(least_m) == pytest.approx(hop.separations_m(t_s[chosen], places[:, chosen]).min(), abs=0.05), "the true one"
