@@ -107,4 +107,6 @@ def test_a_zone_drawn_on_the_page_is_flown_round_once_its_plan_is_accepted_and_t
     )
     t_s = truth.t_s(read_flight_state(folder).t0_unix_s or 0.0)
     chosen = (t_s > 0.0) & (t_s < hop.landing_s)
-    assert float(least_m) == pytest.approx(hop.separations_m(t_s[chosen], places[:, chosen]).min(), abs=0.05), "the true one"
+    assert float(least_m) == pytest.approx(hop.separations_m(t_s[chosen], places[:, chosen]).min(), abs=0.05), (
+        "the true one"
+    )

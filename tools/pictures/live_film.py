@@ -11,13 +11,13 @@ from PIL import Image
 from tests.browser import Browser
 from tools.pictures.live import NOW, page_of, taken
 
-_SIZE = (960, 600)
+_SIZE, _SMALL = (1200, 750), (960, 600)
 _COLOURS, _FRAME_MS = 48, 160
 _STEP_S = 3.0  # of plan time between frames in flight
 _DRAWN_AT_S, _AHEAD_S, _RADIUS_M = 20.0, 80.0, 25.0  # when the zone is drawn, how far ahead, and how large
-_ENDS_S = 150.0
+_PAST_S, _ENDS_S = 125.0, 150.0  # the zone, and of the film
 _NEARER = """(() => {{ const {{ world }} = skein; const place = world.at([{0}, {1}, 0]); world.isMoved = true;
-    world.controls.target.copy(place); world.camera.position.copy(place).add({{ x: 0, y: -0.4, z: 420 }}); }})()"""
+    world.controls.target.copy(place); world.camera.position.copy(place).add({{ x: 0, y: -0.4, z: 330 }}); }})()"""
 
 
 def write_film(root: Path, folder: Path) -> Iterator[Path]:
@@ -30,7 +30,7 @@ def write_film(root: Path, folder: Path) -> Iterator[Path]:
             def frame(count: int = 1) -> None:
                 shot = Path(scratch) / "frame.png"
                 page.picture(shot)
-                frames.extend([Image.open(io.BytesIO(shot.read_bytes())).convert("RGB")] * count)
+                frames.extend([Image.open(io.BytesIO(shot.read_bytes())).convert("RGB").resize(_SMALL, 3)] * count)
 
             def fly_until(t_s: float) -> None:
                 while (now_s := page.value(NOW) or -1.0) < t_s:
@@ -58,6 +58,7 @@ def write_film(root: Path, folder: Path) -> Iterator[Path]:
             page.value("document.querySelector('.proposal .accept').click()")
             page.until("skein.scene.zones.length === 2", 120.0)
             frame(4)
+            fly_until(_PAST_S)
             page.value("skein.look('chase')")
             fly_until(_ENDS_S)
     still = frames[len(frames) // 2].quantize(_COLOURS)

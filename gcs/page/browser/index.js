@@ -105,6 +105,7 @@ class Page {
     this.setDark(kept?.isDark ?? window.matchMedia("(prefers-color-scheme: dark)").matches);
     this.world.drawTracks();
     this.look(kept?.view ?? (scene.isLive ? "chase" : "all"));
+    if (kept?.pose) this.world.pose = kept.pose;
     this.frame = requestAnimationFrame((ms) => this.draw(ms));
     this.onDrawn(scene.events.length);
     this.resizing = new ResizeObserver(() => (this.isStale = true));
@@ -264,7 +265,7 @@ class Page {
     if (changes.outcome) this.changes?.say(changes.outcome);
     if (changes.scene && changes.scene !== this.sceneNumber) {
       this.sceneNumber = changes.scene;
-      this.load({ t: this.t, isNow: this.isNow, isDark: this.isDark, view: this.world.view });
+      this.load({ t: this.t, isNow: this.isNow, isDark: this.isDark, view: this.world.view, pose: this.world.pose });
     }
     if (changes.tiles) this.world.layMap(changes.tiles);
     if (changes.band) {

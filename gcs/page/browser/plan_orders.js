@@ -10,8 +10,8 @@ export class PlanOrders {
   constructor(element, scene, world) {
     element.innerHTML = `
       <form class="orders">
-        <label>change the plan: <select>${Object.keys(HINTS).map((name) => `<option>${name}</option>`).join("")}</select></label>
-        <input list="skein-shapes" aria-label="of what" autocomplete="off" size="18">
+        <label>plan: <select>${Object.keys(HINTS).map((name) => `<option>${name}</option>`).join("")}</select></label>
+        <input list="skein-shapes" aria-label="of what" autocomplete="off" size="14">
         <datalist id="skein-shapes"></datalist>
         <button type="button" class="draw">draw it</button>
         <button class="propose">propose …</button>
