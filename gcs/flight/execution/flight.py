@@ -102,16 +102,10 @@ class FlightSequence:
         self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
         self.completion = Completion(plan)
         self.step = Step.READY
+        views = self.monitor.views
+        kinds = {i: flight_behaviour(i, sessions[i].autopilot) for i in plan.sysids}
         self.vehicles = {
-            sysid: FlightVehicle(
-                sessions[sysid],
-                flight_behaviour(sysid, sessions[sysid].autopilot),
-                plan,
-                row,
-                self.monitor.views[sysid],
-                options,
-            )
-            for row, sysid in enumerate(plan.sysids)
+            i: FlightVehicle(sessions[i], kinds[i], plan, row, views[i], options) for row, i in enumerate(plan.sysids)
         }
         self._reported = ReportedNow(sessions, self.monitor)
         self.time = FleetTime(sessions)
