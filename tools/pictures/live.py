@@ -15,7 +15,7 @@ from PIL import Image
 
 from tests.browser import Browser
 
-_SIZE = (1200, 780)
+SIZE = (1200, 780)
 _COLOURS = 224  # of each picture: that keeps it small
 _ADDRESS = re.compile(r"page: (http://127\.0\.0\.1:\d+/\?token=[\w-]+)")
 NOW = "skein.scene.newest.t_s"
@@ -26,7 +26,7 @@ def write_page(root: Path, folder: Path) -> Iterator[Path]:
     """Plan, go or no-go, a flight from above and followed, an incident, and the verdict."""
     gcs = (sys.executable, "-m", "gcs")
     field = root / "missions" / "field"
-    with tempfile.TemporaryDirectory() as scratch, Browser(*_SIZE) as page:
+    with tempfile.TemporaryDirectory() as scratch, Browser(*SIZE) as page:
         with page_of((*gcs, "show", str(root / "missions" / "survey"), "--page"), page):
             page.value("skein.seek(60), skein.look('all')")
             yield taken(page, folder / "plan.png")
