@@ -93,6 +93,12 @@ class PageFeed:
             self._picture = picture
             self._wake.notify()
 
+    def replace(self, scene: bytes, *, same_flight: bool) -> None:
+        """Show another scene: of the same flight with another plan, or one with pictures and events of its own."""
+        with self._wake:
+            self._frames.append((PageFrame.PLAN if same_flight else PageFrame.SCENE, scene))
+            self._wake.notify()
+
     def tell(self, event: bytes) -> None:
         """Add an event to the page's log."""
         with self._wake:
@@ -116,10 +122,14 @@ class PageFeed:
         """Return what the page has asked since the last call."""
         return [self._asks.popleft() for _ in range(len(self._asks))]
 
-    def answer(self, number: int, text: str, *, may: bool) -> None:
-        """Answer what the page asked under this number. `may`: it was said or given; else `text` has the reason."""
+    def answer(self, number: int, text: str, *, may: bool, way: object = None) -> None:
+        """Answer what the page asked under this number. `may`: it was said or given; else `text` has the reason.
+
+        `way`: the tracks of a proposed plan, as plain values.
+        """
+        answer = {"number": number, "text": text, "may": may, "way": way}
         with self._wake:
-            self._frames.append((PageFrame.ANSWER, json.dumps({"number": number, "text": text, "may": may}).encode()))
+            self._frames.append((PageFrame.ANSWER, json.dumps(answer).encode()))
             self._wake.notify()
 
     def wait(self) -> None:

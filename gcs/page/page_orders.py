@@ -1,5 +1,7 @@
 """What the page asks of the flight: the word that arms, and orders, each confirmed by a second message.
 
+An order that changes the plan is planned before it is said, which takes longer.
+
 The flight decides and answers. Messages are small, few and checked on both sides. A page that hears no answer says so;
 the flight never waits for one.
 """
@@ -14,23 +16,27 @@ MESSAGE_BYTES = 8192
 WORDS = ("hold", "land", "return", "continue")
 _VEHICLES, _LARGEST, _LONGEST = 255, 2**31, 64
 _WAITING = 8  # messages without an answer
-_ANSWER_S = 5.0
+_ANSWER_S, _PLANS_S = 5.0, 120.0
 
 
 @dataclass(frozen=True)
 class PageAsk:
-    """An order that is to be said in numbers, the number of the one said that is to be given, or a typed word."""
+    """An order that is to be said in numbers, the number of the one said that is to be given, or a typed word.
+
+    `change`: an order that changes the plan, in the words of `gcs tell`.
+    """
 
     number: int
     order: str = ""
     vehicles: tuple[int, ...] = ()  # system ids; none: all
     confirms: int | None = None
     word: str = ""
+    change: str = ""
     client: str = ""  # the address of the browser, by the page's process
 
     @classmethod
     def of(cls, data: bytes) -> "PageAsk":
-        """Read a message. Raises ValueError for anything else than one of the three forms."""
+        """Read a message. Raises ValueError for anything else than one of the four forms."""
         if len(data) > MESSAGE_BYTES:
             raise ValueError("too long")
         try:
@@ -41,17 +47,17 @@ class PageAsk:
             raise ValueError("no order")
         number, confirms = found.get("number", 0), found.get("confirms")
         order, vehicles = found.get("order", ""), found.get("vehicles", [])
-        word, client = found.get("word", ""), found.get("client", "")
-        if not (_is_number(number) and _is_text(order) and _is_text(word) and _is_text(client)):
+        word, change, client = found.get("word", ""), found.get("change", ""), found.get("client", "")
+        if not (_is_number(number) and all(map(_is_text, (order, word, change, client)))):
             raise ValueError("no order")
         if not isinstance(vehicles, list) or len(vehicles) > _VEHICLES or not all(map(_is_number, vehicles)):
             raise ValueError("no vehicles")
-        forms = (order in WORDS, _is_number(confirms), bool(word))
+        forms = (order in WORDS, _is_number(confirms), bool(word), bool(change))
         if sum(forms) != 1 or (order and not forms[0]) or (confirms is not None and not forms[1]):
             raise ValueError("no order, or several")
         if vehicles and not order:
             raise ValueError("vehicles without an order")
-        return cls(number, order, tuple(vehicles), confirms, word, client)
+        return cls(number, order, tuple(vehicles), confirms, word, change, client)
 
     def data(self) -> bytes:
         """Return it as a message."""
@@ -89,7 +95,7 @@ class PageOrders:
         answer = self._waiting[number] = self._loop.create_future()
         try:
             self._send(replace(asked, number=number, client=client).data())
-            return await asyncio.wait_for(answer, _ANSWER_S)
+            return await asyncio.wait_for(answer, _PLANS_S if asked.change else _ANSWER_S)
         except (OSError, TimeoutError):
             return {"may": False, "text": "the flight does not answer: its events say whether the order was given"}
         finally:

@@ -9,6 +9,7 @@ from typing import BinaryIO
 from gcs.page.pipe_frames import PageFrame, read_frame
 
 _APART_S = 1.0  # of plan time, between pictures that are kept
+_SCENE = "scene"  # on the board, the number of the change that brought the scene: a page reads it again
 _KEPT = 7200  # pictures; then every other one goes
 
 
@@ -45,6 +46,12 @@ class PageState:
             for name, value in json.loads(data).items():
                 self.changed = {**self.changed, name: self.number + 1}
                 self.board = {**self.board, name: json.dumps(value).encode()}
+        if kind in (PageFrame.SCENE, PageFrame.PLAN):
+            if kind is PageFrame.SCENE:
+                self.newest, self.past, self.events = None, [], []
+            self.scene = data
+            self.changed = {**self.changed, _SCENE: self.number + 1}
+            self.board = {**self.board, _SCENE: json.dumps(self.number + 1).encode()}
         if kind is PageFrame.EVENT:
             self.events.append(data)
         elif kind is PageFrame.PICTURE:

@@ -11,7 +11,8 @@ class PageFrame(StrEnum):
     """What a frame holds, all of it JSON but the token."""
 
     TOKEN = "t"  # first
-    SCENE = "s"  # second
+    SCENE = "s"  # second; later another one, which forgets pictures and events of the one before
+    PLAN = "n"  # the scene of a new plan, in the same flight
     PICTURE = "p"
     EVENT = "e"
     BOARD = "b"  # what stands beside the scene, by name: each replaces the one before

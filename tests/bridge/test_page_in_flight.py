@@ -80,7 +80,7 @@ def test_a_flight_is_shown_and_goes_on_without_its_page(
 
 
 @pytest.mark.slow
-def test_the_word_typed_on_the_page_arms_and_the_record_says_from_where(
+def test_the_word_typed_on_the_page_arms_and_the_log_has_every_alarm_of_an_autopilot(
     hop: Plan, hop_skein: Path, tmp_path: Path
 ) -> None:
     """No input at the terminal, and the page says GO: a wrong word arms nothing, and no word before it is asked for."""
@@ -124,6 +124,19 @@ def arm_on_page(fleet: World, link: str, hop_skein: Path, tmp_path: Path) -> Non
             assert not fleet.vehicles[0].autopilot.armed
             assert _asked(opener, found[1], {"word": "arm"}) == answer_of("confirmed", may=True)
             read_until("flying: ")
+            fleet.vehicles[1]._queue_text(2, "Potential Thrust Loss (3)")
+            fleet.vehicles[2]._queue_text(4, "Something that no table has")
+            end_s, alarms = time.monotonic() + 60.0, set[tuple[int, str]]()
+            while (
+                not {
+                    (2, "reports: CRITICAL: Potential Thrust Loss (3)"),
+                    (3, "reports: WARNING: Something that no table has"),
+                }
+                <= alarms
+            ):
+                assert time.monotonic() < end_s, alarms
+                events = _whole(opener, found[1])["events"]
+                alarms = {(one["sysid"], one["text"].partition(". ")[0]) for one in events if one["is_bad"]}
             command.send_signal(signal.SIGINT)
             command.communicate(timeout=600.0)
         finally:
@@ -144,7 +157,9 @@ def test_a_page_that_is_kept_shows_verdict_and_files_until_ctrl_c(hop_skein: Pat
             assert found is not None
             opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
             opener.open(found[0].removeprefix("page: ")).read()
-            report = _whole(opener, found[1])["board"]["report"]
+            whole = _whole(opener, found[1])
+            report, curves = whole["board"]["report"], {one["name"]: one for one in whole["scene"]["curves"]}
+            assert whole["scene"]["kind"] == "replay" and curves["least separation"]["true"] is not None
             assert report["outcome"] == "flight ok" and {"report.md", "map.png"} <= {*report["files"]}
             assert len(report["criteria"]) >= 6 and not any(one["is_bad"] for one in report["criteria"])
             assert opener.open(f"{found[1]}files/map.png").read(8) == b"\x89PNG\r\n\x1a\n"

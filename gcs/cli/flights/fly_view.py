@@ -163,12 +163,12 @@ def fly_and_judge(
             if shown is not None:
                 folder = None if failure.folder is None else Path(failure.folder)
                 shown.report("flight FAILED", f"{failure.message} {failure.hint}".strip(), None, folder)
-                _keep_page(screen, shown, failure, keep=page_keep)
+                _keep_page(screen, shown, failure, folder, keep=page_keep)
             raise
         _show(screen, flown)
         if shown is not None:
             shown.report(_ended_words(flown.verdict), _failed_words(flown.verdict), flown.verdict, flown.folder)
-            _keep_page(screen, shown, None, keep=page_keep)
+            _keep_page(screen, shown, None, flown.folder, keep=page_keep)
     if page:
         screen.say(f"the page has ended; gcs replay {flown.folder} --page shows the flight again")
     screen.say(f"time: {watch}")
@@ -176,11 +176,13 @@ def fly_and_judge(
     return screen.ended(_failure(flown))
 
 
-def _keep_page(screen: Screen, page: LivePage, failure: GcsError | None, *, keep: bool) -> None:
+def _keep_page(screen: Screen, page: LivePage, failure: GcsError | None, folder: Path | None, *, keep: bool) -> None:
     if not page.stays(keep=keep):
         return
     if failure is not None:  # it is printed once more, with its hint, at the very end
         screen.warn(failure.message)
+    if folder is not None:
+        page.replay(folder)
     until = "Ctrl-C" if keep else "its browser is closed, or Ctrl-C"
     screen.say(f"the page stays, with the report, until {until}")
     page.stay(keep=keep)

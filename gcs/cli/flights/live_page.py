@@ -6,26 +6,31 @@ The flight never waits for it. After the flight it stays as long as a browser sh
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gcs.errors import GcsError
+from gcs.errors import GcsError, UsageError
 from gcs.flight.assessment.criterion import FlightOutcome
 from gcs.flight.assessment.judge import Verdict
+from gcs.flight.contingency.order_words import order_of
 from gcs.flight.monitoring.preflight_check import PreflightCheck, checks_data
 from gcs.flight.monitoring.progress import AskedOrder, Event, InFlight, PredictedPlaces
 from gcs.flight.recording.flight_folder import limit_text
+from gcs.flight.recording.load_recording import load_recording
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.flight.scene.plan_scene import scene_of_plan
 from gcs.flight.scene.predicted_band import band_of
-from gcs.flight.scene.recording_scene import happening
-from gcs.flight.scene.scene_json import band_json, event_json, picture_json, scene_json
+from gcs.flight.scene.recording_scene import happening, scene_of_recording
+from gcs.flight.scene.scene_json import band_json, event_json, picture_json, scene_json, way_json
 from gcs.flight.scene.scene_model import SceneKind
+from gcs.flight.setup.own_process import in_own_process
 from gcs.page.page_feed import PageFeed
 from gcs.page.page_orders import PageAsk
+from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.plan import Plan
+from gcs.util.aio import ended
 
 _STEP_S = 0.1  # between pictures at least
 _CONFIRM_S = 60.0  # an order that was said before that is said again
@@ -40,7 +45,7 @@ class _Said(NamedTuple):
     """An order that was said in numbers: to the vehicles that would obey it, and when."""
 
     number: int
-    order: AskedOrder
+    order: AskedOrder | PlanOrder
     vehicles: tuple[int, ...]
     at_s: float
 
@@ -56,6 +61,8 @@ class LivePage:
         self._said: _Said | None = None  # not given yet
         self._word = ""  # that arms, while it is waited for
         self._typed_at = ""  # where it was typed
+        self._plan: Plan | None = None  # that the page shows
+        self._beside: set[asyncio.Task[None]] = set()  # that the page waits for
 
     def checks(self, checks: tuple[PreflightCheck, ...], title: str) -> None:
         """Show the pre-flight table, and whether it is a go."""
@@ -114,6 +121,17 @@ class LivePage:
         """Add an event to the page's log."""
         self._feed.tell(event_json(happening(event, is_bad=True)))
 
+    def replay(self, folder: Path) -> None:
+        """Show the recording of the flight that is over instead, with what was true where that is known."""
+        try:
+            recording = load_recording(folder).recording
+            scene = scene_of_recording(recording, *recording.span_s)
+        except GcsError as problem:
+            self._say(f"the page keeps what was reported: {problem.message}")
+            return
+        self._feed.put("band", None)
+        self._feed.replace(scene_json(scene), same_flight=False)
+
     def _answer(self, flight: InFlight, asked: PageAsk) -> tuple[str, bool]:
         """Say an order in numbers, or give the one that was said last, within a minute; with whether it may be."""
         where = f"the page at {asked.client}" if asked.client else "the page"
@@ -128,6 +146,10 @@ class LivePage:
             said, self._said = self._said, None
             if said is None or said.number != asked.confirms or time.monotonic() - said.at_s > _CONFIRM_S:
                 return "not given: it was not said, or too long ago. Ask again", False
+            if not isinstance(said.order, AskedOrder):
+                flight.ask(said.order, by=where)
+                self._start(self._outcome(flight))
+                return "ordered; it is planned from now on", True
             now = flight.forecast(said.order, said.vehicles)
             if set(now.vehicles) != set(said.vehicles):
                 return f"not given: by now {now.words}. Ask again", False
@@ -138,6 +160,47 @@ class LivePage:
             self._say(f"WARNING: an order of the page failed: {type(failure).__name__}: {failure}")
             return f"not given: {type(failure).__name__}", False
         return "ordered", True
+
+    async def _propose(self, flight: InFlight, asked: PageAsk) -> None:
+        """Plan an order that changes the plan, and answer with what it would lead to."""
+        self._said = None
+        text, may, way = "", False, None
+        try:
+            order = order_of(asked.change.split(), flight.plan.scenario)
+            if isinstance(order, AskedOrder):
+                raise UsageError(f"{order} changes no plan", hint="it has a button of its own")
+            found = await flight.propose(order)
+            self._said = _Said(asked.number, order, flight.plan.sysids, time.monotonic())
+            text, may, way = f"{order}: {found.words}", True, way_json(found.places_ned_m)
+        except GcsError as refusal:
+            text = f"{refusal.message} {refusal.hint}".strip()
+        except Exception as failure:
+            self._say(f"WARNING: an order of the page failed: {type(failure).__name__}: {failure}")
+            text = f"not planned: {type(failure).__name__}"
+        self._feed.answer(asked.number, text, may=may, way=way)
+
+    async def _outcome(self, flight: InFlight) -> None:
+        """Have the page say what came of the order that was given last."""
+        try:
+            said = await flight.answer()
+        except GcsError as refusal:
+            said = refusal.message
+        self._feed.put("outcome", said)
+
+    async def _show_plan(self, plan: Plan) -> None:
+        """Show the new plan that is flown; its scene takes seconds to make."""
+        try:
+            scene = await in_own_process(_flight_scene, plan)
+        except Exception as failure:
+            self._say(f"WARNING: the page shows the plan before this one: {type(failure).__name__}: {failure}")
+            return
+        if plan is self._plan:
+            self._feed.replace(scene, same_flight=True)
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.ensure_future(work)
+        self._beside.add(task)
+        task.add_done_callback(self._beside.discard)
 
     def _take_word(self, word: str, where: str) -> tuple[str, bool]:
         if not self._word:
@@ -151,8 +214,21 @@ class LivePage:
         """Send pictures, and take orders, until cancelled, or until the page ends."""
         if flight.predicted is not None and self._band is not None:
             self._feed.put("band", self._band(flight.predicted))
+        self._plan = flight.plan
+        try:
+            await self._feeds(flight)
+        finally:
+            await ended(*self._beside)
+
+    async def _feeds(self, flight: InFlight) -> None:
         while not self._feed.has_ended:
+            if self._plan is not flight.plan:
+                self._plan = flight.plan
+                self._start(self._show_plan(flight.plan))
             for asked in self._feed.asks():
+                if asked.change:
+                    self._start(self._propose(flight, asked))
+                    continue
                 text, may = self._answer(flight, asked)
                 self._feed.answer(asked.number, text, may=may)
             began_s = time.perf_counter()
@@ -164,6 +240,10 @@ class LivePage:
             spent_s = time.perf_counter() - began_s
             await asyncio.sleep(max(_STEP_S, spent_s / _SHARE))
         self._say("WARNING: the page has ended; the flight goes on without it")
+
+
+def _flight_scene(plan: Plan) -> bytes:
+    return scene_json(scene_of_plan(plan, SceneKind.FLIGHT))
 
 
 @contextmanager

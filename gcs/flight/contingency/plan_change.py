@@ -62,6 +62,15 @@ class PlanChange:
         self.pending = Planning(order, by, now_s, now_s, self._begin_s(now_s))
         return self.pending
 
+    def would_begin_s(self, order: PlanOrder, now_s: float) -> float:
+        """From when on an order would be flown. Raises FlightError while another one is being planned."""
+        if self.pending is not None:
+            raise FlightError(
+                f"whether the formation would {order} is not known: it is being asked to {self.pending.order}.",
+                hint="wait for its answer in the events",
+            )
+        return self._begin_s(now_s)
+
     def in_time(self, now_s: float) -> bool:
         """Take in that the plan was made now. Without time to send it, `pending` begins again later, or it is too late.
 

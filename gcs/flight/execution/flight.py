@@ -50,6 +50,7 @@ from gcs.flight.monitoring.progress import (
     FlightHooks,
     FlightTimes,
     OrderForecast,
+    PlanForecast,
     Snapshot,
     Step,
     VehicleNow,
@@ -101,16 +102,10 @@ class FlightSequence:
         self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
         self.completion = Completion(plan)
         self.step = Step.READY
+        views = self.monitor.views
+        kinds = {i: flight_behaviour(i, sessions[i].autopilot) for i in plan.sysids}
         self.vehicles = {
-            sysid: FlightVehicle(
-                sessions[sysid],
-                flight_behaviour(sysid, sessions[sysid].autopilot),
-                plan,
-                row,
-                self.monitor.views[sysid],
-                options,
-            )
-            for row, sysid in enumerate(plan.sysids)
+            i: FlightVehicle(sessions[i], kinds[i], plan, row, views[i], options) for row, i in enumerate(plan.sysids)
         }
         self._reported = ReportedNow(sessions, self.monitor)
         self.time = FleetTime(sessions)
@@ -191,6 +186,10 @@ class FlightSequence:
     async def answer(self) -> str:
         """Return what came of the last `PlanOrder`, in words. Raises FlightError for a refused one."""
         return await self._changing().answer()
+
+    async def propose(self, order: PlanOrder) -> PlanForecast:
+        """Return what an order that changes the plan would lead to; nobody flies it. Raises as `ask` and `answer`."""
+        return await self._changing().propose(order)
 
     def _changing(self) -> PlanOrders:
         if self._changes is None:

@@ -21,7 +21,7 @@ from gcs.flight.contingency.policy import IN_FORMATION, State
 from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.hover_charge import model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
-from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event, PlanForecast
 from gcs.flight.recording.flight_folder import later_plans
 from gcs.flight.setup.plan_worker import PlanWorker, Replacement
 from gcs.flight.setup.planner_process import PlannerProcess
@@ -77,6 +77,15 @@ class PlanOrders:
         self._answer = self._loop.create_future()
         self._asked.put_nowait(planning)
         return order.sysids if isinstance(order, CloseRanks) else self._rest
+
+    async def propose(self, order: PlanOrder) -> PlanForecast:
+        """Return what an order would lead to now; nobody flies it. Raises as `ask` and `answer` do."""
+        if why := self._why_not(order):
+            raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
+        begin_s = self._change.would_begin_s(order, self._now_s())
+        # Whoever no longer waits for it leaves the planner's process as it is.
+        found: PlanForecast = await asyncio.shield(asyncio.ensure_future(self._worker.call("propose", order, begin_s)))
+        return found
 
     async def answer(self) -> str:
         """Return in words what came of the last order. Raises FlightError where it was refused."""

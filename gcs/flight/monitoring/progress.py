@@ -24,6 +24,7 @@ from gcs.types import Array
 if TYPE_CHECKING:
     from gcs.flight.monitoring.preflight_check import PreflightCheck
     from gcs.plan.plan_changer import PlanOrder
+    from gcs.plan.trajectory.plan import Plan
 
 _SAME_S = 1e-3
 
@@ -219,6 +220,15 @@ class OrderForecast:
     words: str
 
 
+@dataclass(frozen=True)
+class PlanForecast:
+    """A verified plan that nobody flies yet: in words and numbers what it changes, and its tracks to the landing."""
+
+    words: str
+    t_s: Array  # (N,) plan times
+    places_ned_m: Array  # (V, N, 3)
+
+
 class PredictedPlaces(Protocol):
     """Where missions on board have their vehicles over time, and how far off that they may be."""
 
@@ -233,6 +243,11 @@ class PredictedPlaces(Protocol):
 
 class InFlight(Protocol):
     """A flight, as far as a watcher reads it."""
+
+    @property
+    def plan(self) -> Plan:
+        """The plan as it is flown; an order may change it."""
+        ...
 
     def snapshot(self) -> Snapshot:
         """Return how it stands now."""
@@ -260,6 +275,10 @@ class InFlight(Protocol):
 
         A `PlanOrder` (`gcs.Avoid`, `gcs.Scale`, `gcs.Reshape`) changes the plan of all.
         """
+        ...
+
+    async def propose(self, order: PlanOrder) -> PlanForecast:
+        """Return what a `PlanOrder` would lead to now; nobody flies it. Raises as `ask` and `answer` do."""
         ...
 
     async def answer(self) -> str:

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError, counted
+from gcs.flight.assessment.judge import Tracks, load_truth
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import Event, PlanTime, flown_plan_time
+from gcs.flight.recording.emulation_record import TRUTH
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, PREDICTED, read_events, read_flown_plan
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
@@ -28,6 +30,8 @@ from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.link.protocols.statustext import StatusTextJoiner
 from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
+from gcs.physics.states import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
 _FORMS = ("{}_m", "v_{}_mps")
@@ -319,9 +323,24 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
             predicted = PredictedTracks.load(folder / PREDICTED)
         except FileFormatError as problem:
             notes = (*notes, problem.message)
+    truth = None
+    if (folder / TRUTH).exists():
+        try:
+            truth = _true_tracks(folder, plan, plan_time)
+        except FileFormatError as problem:
+            notes = (*notes, problem.message)
     name = f"{state.mission}, {state.step}"
-    recording = Recording(name, tracks, events, tuple(said), plan, notes, landings, predicted)
+    recording = Recording(name, tracks, events, tuple(said), plan, notes, landings, predicted, truth)
     return LoadedRecording(_not_empty(recording, folder), plan_time.t_s(unix_s), frames)
+
+
+def _true_tracks(folder: Path, plan: Plan, plan_time: PlanTime) -> Tracks:
+    """The true tracks of emulated vehicles. Raises FileFormatError."""
+    truth = load_truth(folder / TRUTH)
+    if missing := set(plan.sysids) - set(truth.sysids):
+        raise FileFormatError(f"{folder / TRUTH} has no vehicle {min(missing)} of the plan.")
+    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
+    return Tracks(plan_time.t_s(truth.unix_s), truth.states[rows][..., POSITION])
 
 
 def _placed(event: Event, plan_time: PlanTime) -> Event:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
+from gcs.flight.assessment.judge import Tracks
 from gcs.flight.monitoring.expected_motion import ExpectedMotion
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import Event
@@ -63,6 +64,7 @@ class Recording:
     notes: tuple[str, ...] = ()  # what was not read, in sentences
     landings: Mapping[int, LandingProfile] = field(default_factory=dict)  # by system id
     predicted: PredictedTracks | None = None  # of missions on board
+    truth: Tracks | None = None  # of emulated vehicles
 
     @property
     def sysids(self) -> tuple[int, ...]:

@@ -71,6 +71,7 @@ def scene_of_plan(plan: Plan, kind: SceneKind = SceneKind.PLAN) -> Scene:
         needed_pct=needed_pct(plan, t_s),
         survey=survey_of(plan),
         points=points_of(scenario),
+        shapes=("start", *(shape.name for shape in scenario.formation.shape)),
     )
 
 

@@ -1,9 +1,11 @@
 """The scene of a recorded flight: flown and planned tracks, what vehicles reported, curves, events."""
 
+import math
+
 import numpy as np
 
 from gcs.autopilots.traits import mode_name
-from gcs.flight.monitoring.progress import Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Event
 from gcs.flight.recording.recording import Recording
 from gcs.flight.scene import scene_curves
 from gcs.flight.scene.plan_scene import (
@@ -14,6 +16,7 @@ from gcs.flight.scene.plan_scene import (
     limits_of,
     needed_pct,
     phases_of_plan,
+    planned_motion,
     points_of,
     rally_of,
     survey_of,
@@ -24,6 +27,9 @@ from gcs.flight.scene.scene_model import Curve, Happening, Motion, ReportedState
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
+
+_LAND, _RETURN = "ordered to land", "ordered to return"  # as events say it
+_LOW = 0.8  # of the hover before T0: a vehicle that returns is lower only to land
 
 
 def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scene:
@@ -38,6 +44,10 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
     error_m = np.full(places.shape[:2], np.nan)
     if planned is not None:
         error_m = np.linalg.norm(places - planned.places_ned_m, axis=-1)
+    true = _true(recording, t_s)
+    true_m = None
+    if true is not None and planned is not None:
+        true_m = np.linalg.norm(true.places_ned_m - planned.places_ned_m, axis=-1)
     limits = {} if scenario is None else limits_of(scenario)
     return Scene(
         recording.name,
@@ -52,7 +62,7 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         _reported(recording, t_s, places, error_m),
         () if plan is None else phases_of_plan(plan),
         () if plan is None else changes_of(plan),
-        (*_curves(plan, ids, t_s, flown, planned, error_m, limits), *_controls(plan, ids, t_s)),
+        (*_curves(plan, ids, t_s, (flown, planned, true), (error_m, true_m), limits), *_controls(plan, ids, t_s)),
         _events(recording, from_s, to_s),
         limits,
         recording.notes,
@@ -61,6 +71,7 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         None if plan is None or recording.predicted is None else band_of(recording.predicted, plan, t_s),
         None if plan is None else survey_of(plan),
         () if scenario is None else points_of(scenario),
+        lands_s=_lands_s(recording, t_s, flown),
     )
 
 
@@ -102,38 +113,79 @@ def _reported(recording: Recording, t_s: Array, places_ned_m: Array, error_m: Ar
     return ReportedState(tuple(words), mode, armed, battery, age_s, error_m, band)
 
 
+def _true(recording: Recording, t_s: Array) -> Motion | None:
+    """The true motion of emulated vehicles; None where it is not known."""
+    truth, plan = recording.truth, recording.plan
+    if truth is None or plan is None:
+        return None
+    outside = (t_s < truth.t_s[0]) | (t_s > truth.t_s[-1])
+    rates = np.gradient(truth.ned_m, truth.t_s, axis=1)
+    found = []
+    for values in (truth.ned_m, rates):
+        between = [[np.interp(t_s, truth.t_s, one) for one in vehicle.T] for vehicle in values]
+        found.append(np.where(outside[:, None], np.nan, np.array(between).swapaxes(1, 2)))
+    return scene_curves.motion_of(plan.scenario, *found)
+
+
+def _lands_s(recording: Recording, t_s: Array, flown: Motion) -> float:
+    """When the last vehicle begins to land: by the plan, or after an order that took it down."""
+    plan = recording.plan
+    if plan is None:
+        return math.inf
+    begins_s = dict.fromkeys(plan.sysids, plan.landing_s)
+    hover_m = _LOW * float(planned_motion(plan, np.zeros(1)).above_ground_m.min())
+    for event in recording.events:
+        for row, sysid in enumerate(plan.sysids):
+            if event.sysid not in (sysid, ALL_VEHICLES):
+                continue
+            if event.what.startswith(_LAND):
+                begins_s[sysid] = min(begins_s[sysid], event.t_s)
+            elif event.what.startswith(_RETURN):  # the way back is flown, until it comes down for the last time
+                high = np.flatnonzero((t_s >= event.t_s) & (flown.above_ground_m[row] > hover_m))
+                begins_s[sysid] = float(t_s[high[-1]]) if len(high) else event.t_s
+    return max(begins_s.values())
+
+
 def _curves(
     plan: Plan | None,
     ids: tuple[int, ...],
     t_s: Array,
-    flown: Motion,
-    planned: Motion | None,
-    error_m: Array,
+    motions: tuple[Motion, Motion | None, Motion | None],
+    errors_m: tuple[Array, Array | None],
     limits: dict[str, float],
 ) -> tuple[Curve, ...]:
+    """The curves of flown, planned and true motions, and of errors as reported and as they are."""
+    flown, planned, true = motions
     curves = []
     if plan is not None:
-        curves.append(scene_curves.ground_curve(ids, flown, planned, limits["above_ground_m"]))
+        curves.append(scene_curves.ground_curve(ids, flown, planned, limits["above_ground_m"], true))
     if len(ids) > 1:
-        curves.append(scene_curves.separation_curve(ids, flown, planned, limits.get("separation_m")))
+        curves.append(scene_curves.separation_curve(ids, flown, planned, limits.get("separation_m"), true))
     if plan is not None:
-        curves.append(scene_curves.error_curve(ids, error_m))
+        curves.append(scene_curves.error_curve(ids, *errors_m))
     if plan is not None and len(ids) > 1:
-        curves.append(_formation_curve(plan, t_s, flown.places_ned_m))
-    return (*curves, scene_curves.speed_curve(ids, flown, planned))
+        curves.append(_formation_curve(plan, t_s, flown, true))
+    return (*curves, scene_curves.speed_curve(ids, flown, planned, true))
 
 
 def _controls(plan: Plan | None, ids: tuple[int, ...], t_s: Array) -> tuple[Curve, ...]:
     return () if plan is None else scene_curves.control_curves(ids, plan.controls(inside_s(plan, t_s)))
 
 
-def _formation_curve(plan: Plan, t_s: Array, places_ned_m: Array) -> Curve:
+def _formation_curve(plan: Plan, t_s: Array, flown: Motion, true: Motion | None) -> Curve:
     """Definition 1, from T0 to the order to land, where all vehicles are known: elsewhere no shape is kept."""
-    kept = (t_s >= 0.0) & (t_s <= plan.landing_s) & np.isfinite(places_ned_m[..., 0]).all(axis=0)
-    error_m = np.full(len(t_s), np.nan)
-    if kept.any():
-        error_m[kept] = formation_error_m(places_ned_m[:, kept], plan.offsets(t_s[kept]))
-    return Curve("formation error", "m", error_m, None, np.zeros((len(t_s), 2), dtype=np.int64), at_least=False)
+
+    def error_m(motion: Motion) -> Array:
+        places = motion.places_ned_m
+        kept = (t_s >= 0.0) & (t_s <= plan.landing_s) & np.isfinite(places[..., 0]).all(axis=0)
+        found = np.full(len(t_s), np.nan)
+        if kept.any():
+            found[kept] = formation_error_m(places[:, kept], plan.offsets(t_s[kept]))
+        return found
+
+    none = np.zeros((len(t_s), 2), dtype=np.int64)
+    is_true = None if true is None else error_m(true)
+    return Curve("formation error", "m", error_m(flown), None, none, at_least=False, true=is_true)
 
 
 def _events(recording: Recording, from_s: float, to_s: float) -> tuple[Happening, ...]:

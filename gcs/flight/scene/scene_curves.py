@@ -57,31 +57,45 @@ def neighbours(places_ned_m: Array) -> tuple[Array, Rows]:
     return away_m, rows
 
 
-def ground_curve(sysids: tuple[int, ...], flown: Motion | None, planned: Motion | None, limit_m: float | None) -> Curve:
+def ground_curve(
+    sysids: tuple[int, ...],
+    flown: Motion | None,
+    planned: Motion | None,
+    limit_m: float | None,
+    true: Motion | None = None,
+) -> Curve:
     """Return the least height above ground, and the vehicle that is so low."""
-    values = [None if one is None else _extreme(one.above_ground_m, least=True) for one in (flown, planned)]
+    values = [None if one is None else _extreme(one.above_ground_m, least=True) for one in (true, flown, planned)]
     name = "least height above ground"
     return _curve(name, "m", sysids, values, limit_m)
 
 
-def speed_curve(sysids: tuple[int, ...], flown: Motion | None, planned: Motion | None) -> Curve:
+def speed_curve(
+    sysids: tuple[int, ...], flown: Motion | None, planned: Motion | None, true: Motion | None = None
+) -> Curve:
     """Return the greatest speed, and the vehicle that is so fast."""
-    values = [None if one is None else _extreme(one.speed_mps, least=False) for one in (flown, planned)]
+    values = [None if one is None else _extreme(one.speed_mps, least=False) for one in (true, flown, planned)]
     return _curve("greatest speed", "m/s", sysids, values, None, at_least=False)
 
 
-def error_curve(sysids: tuple[int, ...], error_m: Array) -> Curve:
+def error_curve(sysids: tuple[int, ...], error_m: Array, true_m: Array | None = None) -> Curve:
     """Return the greatest of position errors (V, N), and the vehicle that has it."""
-    return _curve("greatest position error", "m", sysids, [_extreme(error_m, least=False), None], None, at_least=False)
+    values = [None if one is None else _extreme(one, least=False) for one in (true_m, error_m, None)]
+    return _curve("greatest position error", "m", sysids, values, None, at_least=False)
 
 
 def separation_curve(
-    sysids: tuple[int, ...], flown: Motion | None, planned: Motion | None, limit_m: float | None
+    sysids: tuple[int, ...],
+    flown: Motion | None,
+    planned: Motion | None,
+    limit_m: float | None,
+    true: Motion | None = None,
 ) -> Curve:
     """Return the distance of the nearest two vehicles, and which they are."""
-    values = [None if one is None else _extreme(one.neighbour_m, least=True) for one in (flown, planned)]
+    motions = (true, flown, planned)
+    values = [None if one is None else _extreme(one.neighbour_m, least=True) for one in motions]
     curve = _curve("least separation", "m", sysids, values, limit_m)
-    shown = flown if flown is not None else planned
+    shown = next((one for one in motions if one is not None), None)
     if shown is None:
         return curve
     ids = np.array([0, *sysids], dtype=np.int64)
@@ -98,7 +112,7 @@ def control_curves(sysids: tuple[int, ...], controls: Array) -> tuple[Curve, ...
         values = controls[..., column]
         row = _extreme(np.abs(values), least=False)[1]
         found = np.where(row < 0, np.nan, values[row, np.arange(values.shape[1])])
-        curve = _curve(f"{name}, largest", unit, sysids, [None, (found, row)], None, at_least=False)
+        curve = _curve(f"{name}, largest", unit, sysids, [None, None, (found, row)], None, at_least=False)
         curves.append(replace(curve, on_demand=True))
     return tuple(curves)
 
@@ -121,8 +135,9 @@ def _curve(
     *,
     at_least: bool = True,
 ) -> Curve:
-    flown, planned = values
+    true, flown, planned = values
     rows = next(one for one in values if one is not None)[1]
     ids = np.array([0, *sysids], dtype=np.int64)[rows + 1]
     vehicles = np.stack([ids, np.zeros_like(ids)], axis=1)
-    return Curve(name, unit, flown and flown[0], planned and planned[0], vehicles, limit, at_least)
+    told, meant = flown and flown[0], planned and planned[0]
+    return Curve(name, unit, told, meant, vehicles, limit, at_least, true=true and true[0])

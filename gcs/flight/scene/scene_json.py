@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.flight.scene.scene_model import FlightPicture, Happening, PlannedBand, Scene
+from gcs.types import Array
 
 
 def scene_json(scene: Scene) -> bytes:
@@ -24,6 +25,11 @@ def picture_json(picture: FlightPicture) -> bytes:
 def band_json(band: PlannedBand) -> object:
     """Return the band as plain values, likewise."""
     return _plain(band)
+
+
+def way_json(places_ned_m: Array) -> object:
+    """Return tracks (V, N, 3) as plain values, likewise."""
+    return _plain(places_ned_m)
 
 
 def event_json(event: Happening) -> bytes:

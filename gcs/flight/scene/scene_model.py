@@ -1,5 +1,6 @@
 """The values that a scene is made of: ground, zones, tracks, phases, curves, events, and one picture of now."""
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -109,10 +110,11 @@ class Curve:
     unit: str
     flown: Array | None  # (N,)
     planned: Array | None  # (N,)
-    vehicles: Rows  # (N, 2) system ids behind the flown value, else behind the planned one; 0 for none
+    vehicles: Rows  # (N, 2) system ids behind the true value, else the flown, else the planned one; 0 for none
     limit: float | None = None
     at_least: bool = True  # a value below the limit violates it; else one above
     on_demand: bool = False  # shown when asked for
+    true: Array | None = None  # (N,) of emulated vehicles, whose true states are known; `flown` is what they reported
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,8 @@ class Scene:
     band: PlannedBand | None = None
     survey: SceneSurvey | None = None
     points: tuple[NamedPlace, ...] = ()
+    shapes: tuple[str, ...] = ()  # names of those that the formation may be told to take
+    lands_s: float = math.inf  # from then on all vehicles land, by the plan or as ordered before its end
 
 
 @dataclass(frozen=True)

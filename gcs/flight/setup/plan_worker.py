@@ -5,6 +5,8 @@ from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PlanningError
+from gcs.flight.monitoring.progress import PlanForecast
+from gcs.flight.setup.plan_forecast import forecast_of
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
@@ -53,6 +55,12 @@ class PlanWorker:
             save_plan(found.plan, found.report, file)
         self._made = Replacement(found.plan, stream, file, found.took_s)
         return self._made
+
+    def propose(self, order: PlanOrder, begin_s: float) -> PlanForecast:
+        """What an order would lead to, planned and verified as if it were given. Raises as `PlanChanger.change`."""
+        found = self._changer.change(order, begin_s)
+        self._refuse_near_fence(found.plan)
+        return forecast_of(self._changer.flown, found)
 
     def _refuse_near_fence(self, plan: Plan) -> None:
         if self._fence_corners_m is None:

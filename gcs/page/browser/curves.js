@@ -6,6 +6,7 @@ const PANEL = 62;
 const STRIP = 36; // phases and changes of shape
 const LEFT = 46;
 const RIGHT = 10;
+const NARROW = 700; // pixels: there the words of a curve alone have room
 
 export class Curves {
   constructor(canvas, scene, onTime) {
@@ -93,20 +94,21 @@ export class Curves {
 
   // What a curve says at a time, and whether it is beyond its limit.
   words(curve, t) {
-    const points = curve.flown.length ? curve.flown : curve.planned;
-    const value = valueAt(points, t);
+    const value = valueAt(known(curve), t);
     const named = curve.behind(t).filter((sysid) => sysid > 0);
     const who = named.length ? ` (${named.length > 1 ? "vehicles" : "vehicle"} ${named.join(", ")})` : "";
-    const said = Number.isFinite(value) ? `${value.toFixed(2)} ${curve.unit}${who}` : "–";
+    const told = curve.true.length ? valueAt(curve.flown, t) : NaN;
+    const also = Number.isFinite(told) && this.width > NARROW ? `, reported ${told.toFixed(2)}` : "";
+    const said = Number.isFinite(value) ? `${value.toFixed(2)} ${curve.unit}${who}${also}` : "–";
     const holds = curve.name !== "least height above ground" || this.scene.isAloft(t);
     const isBad = holds && curve.limit != null && (curve.at_least ? value < curve.limit : value > curve.limit);
     return { text: `${isBad ? "! " : ""}${curve.name}: ${said}`, isBad };
   }
 
-  // When a curve is worst between take-off and landing: flown if it was flown. Null where nothing is known.
+  // When a curve is worst between take-off and landing. Null where nothing is known.
   worst(curve) {
     let found = null;
-    for (const [t, value] of curve.flown.length ? curve.flown : curve.planned) {
+    for (const [t, value] of known(curve)) {
       if (!Number.isFinite(value) || (this.scene.phases.length && !this.scene.isAloft(t))) continue;
       if (!found || (curve.at_least ? value < found.value : value > found.value)) found = { t, value };
     }
@@ -137,7 +139,7 @@ export class Curves {
 
   drawPanel(pen, style, curve, top) {
     const bottom = top + PANEL - 6;
-    const values = [...curve.flown, ...curve.planned].map(([, value]) => value).filter(Number.isFinite);
+    const values = [...curve.flown, ...curve.planned, ...curve.true].map(([, value]) => value).filter(Number.isFinite);
     const sorted = values.sort((a, b) => a - b);
     // What counts of a distance is how small it is: landed vehicles may be far apart, beyond the panel.
     const usual = sorted[Math.floor((curve.at_least ? 0.95 : 1) * (sorted.length - 1))] ?? 1;
@@ -162,7 +164,7 @@ export class Curves {
       pen.font = "12px system-ui, sans-serif";
       pen.textBaseline = "top";
       const text = `${curve.at_least ? "least" : "most"} ${worst.value.toFixed(2)} ${curve.unit} at ${worst.t.toFixed(1)} s`;
-      if (this.width > 700) pen.fillText(text, this.width - RIGHT, top + 4);
+      if (this.width > NARROW) pen.fillText(text, this.width - RIGHT, top + 4);
       pen.font = "10px system-ui, sans-serif";
       pen.textBaseline = "middle";
       pen.beginPath();
@@ -175,6 +177,9 @@ export class Curves {
     pen.clip();
     this.stroke(pen, curve.planned, y, curve.flown.length || this.scene.isLive ? style.planned : style.line, 1.3);
     this.stroke(pen, curve.flown, y, style.line, 1.6);
+    pen.setLineDash([5, 3]);
+    this.stroke(pen, curve.true, y, style.text, 1.6);
+    pen.setLineDash([]);
     pen.restore();
     if (curve.limit == null) return;
     pen.strokeStyle = style.bad;
@@ -226,6 +231,11 @@ export class Curves {
       pen.fillText(`${Number(t.toPrecision(6))} s`, this.x(t), top + 28);
     }
   }
+}
+
+// What is known best of a curve: what was true, else what was reported, else what was planned.
+function known(curve) {
+  return [curve.true, curve.flown, curve.planned].find((points) => points.length) ?? [];
 }
 
 function valueAt(points, t) {

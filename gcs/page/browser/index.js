@@ -4,6 +4,7 @@ import { Board } from "./board.js";
 import { Curves } from "./curves.js";
 import { EventLog } from "./event_log.js";
 import { Orders } from "./orders.js";
+import { PlanOrders } from "./plan_orders.js";
 import { SceneData } from "./scene_data.js";
 import { VehicleTable } from "./vehicle_table.js";
 import { World } from "./world.js";
@@ -31,7 +32,7 @@ const PAGE = `
   <p class="notes"></p>
   <main>
     <section class="space" aria-label="scene in space"></section>
-    <aside><div class="board"></div><div class="command" hidden></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
+    <aside><div class="board"></div><div class="command" hidden><div class="ordered"></div><div class="changed"></div></div><div class="fleet"></div><div class="events"><h2>Events</h2></div></aside>
   </main>
   <footer>
     <div class="player">
@@ -40,6 +41,8 @@ const PAGE = `
       <input class="time" type="range" step="any" aria-label="time">
       <button class="live" hidden>now</button>
       <button class="nearest" title="go to when two vehicles were nearest between take-off and landing (w)">nearest two</button>
+      <output class="found" aria-live="polite"></output>
+      <span class="legend" aria-label="lines of the curves"></span>
       <label class="more" hidden><input type="checkbox"> U1–U4</label>
     </div>
     <div class="curves"><canvas></canvas></div>
@@ -69,35 +72,44 @@ class Page {
     return this.element.querySelector(selector);
   }
 
-  async load() {
+  // Read the whole scene; of another plan, or of the flight that is over, in place of the one before.
+  async load(kept) {
     const answer = await fetch("/scene");
     if (!answer.ok) throw new Error(`the scene was refused: ${answer.status}`);
     const whole = await answer.json();
+    this.close();
+    this.sceneNumber = whole.board.scene;
     this.scene = new SceneData(whole);
     const { scene } = this;
     this.element.innerHTML = PAGE;
     this.find("h1").textContent = this.find("h1").title = scene.name;
     this.find(".notes").textContent = scene.notes.join(" ");
-    this.t = scene.isLive ? this.newest() : scene.begin;
-    this.isNow = scene.isLive;
+    this.t = scene.isLive ? this.newest() : Math.min(Math.max(kept?.t ?? scene.begin, scene.begin), scene.end);
+    this.isNow = scene.isLive && (kept?.isNow ?? true);
+    if (!this.isNow && kept) this.t = kept.t;
     this.find(".live").hidden = !scene.isLive;
     this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
     this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
     this.makeTable();
+    this.orders = this.changes = null;
     if (scene.isLive) {
       this.find(".command").hidden = false;
-      this.orders = new Orders(this.find(".command"), () => this.table.ticked());
+      this.orders = new Orders(this.find(".ordered"), () => this.table.ticked());
+      this.changes = new PlanOrders(this.find(".changed"), scene, this.world);
+      this.changes.onView = () => this.look("above");
     }
     this.board = new Board(this.find(".board"));
     this.showBoard(whole.board);
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
     this.listen();
-    this.setDark(window.matchMedia("(prefers-color-scheme: dark)").matches);
+    this.setDark(kept?.isDark ?? window.matchMedia("(prefers-color-scheme: dark)").matches);
     this.world.drawTracks();
-    this.look(scene.isLive ? "chase" : "all");
+    this.look(kept?.view ?? (scene.isLive ? "chase" : "all"));
+    if (kept?.pose) this.world.pose = kept.pose;
     this.frame = requestAnimationFrame((ms) => this.draw(ms));
     this.onDrawn(scene.events.length);
-    new ResizeObserver(() => (this.isStale = true)).observe(this.element);
+    this.resizing = new ResizeObserver(() => (this.isStale = true));
+    this.resizing.observe(this.element);
   }
 
   makeTable() {
@@ -125,6 +137,7 @@ class Page {
       this.curves.showAll(target.checked);
       this.isStale = true;
     };
+    this.nameLines();
     this.find(".nearest").hidden = this.scene.sysids.length < 2;
     this.find(".nearest").onclick = () => this.nearest();
     this.find(".dark").onclick = () => this.setDark(!this.isDark);
@@ -196,15 +209,31 @@ class Page {
     this.t = Math.min(Math.max(t, this.scene.begin), this.scene.end);
   }
 
-  // Go to when two vehicles were nearest, and look at one of them: the other stands beside it.
+  // Go to when two vehicles were nearest, say where, and look at one of them: the other stands beside it.
   nearest() {
     const { separation } = this.curves;
     const worst = separation && this.curves.worst(separation);
     if (!worst) return;
     this.play(false);
     this.seek(worst.t);
-    const [sysid] = separation.behind(worst.t);
-    if (sysid > 0) this.look(`${sysid}`);
+    const pair = separation.behind(worst.t);
+    const place = this.scene.vehicles(worst.t, false).find((one) => one.sysid === pair[0])?.place;
+    const where = place ? `, ${place[0].toFixed(0)} m north, ${place[1].toFixed(0)} m east, ${(-place[2]).toFixed(0)} m high` : "";
+    this.find(".found").textContent = `vehicles ${pair.join(", ")}: ${worst.value.toFixed(2)} m at ${worst.t.toFixed(1)} s${where}`;
+    if (pair[0] > 0) this.look(`${pair[0]}`);
+  }
+
+  // What the lines of the curves are, of those that there are.
+  nameLines() {
+    const has = (name) => this.scene.curves.some((curve) => curve[name]);
+    const names = { planned: "planned", flown: "reported", true: "true" };
+    const kinds = Object.keys(names).filter((name) => has(name) || (name === "flown" && this.scene.isLive));
+    const lines = (kinds.length > 1 ? kinds : []).map((kind) => {
+      const line = document.createElement("span");
+      [line.className, line.textContent] = [kind, names[kind]];
+      return line;
+    });
+    this.find(".legend").replaceChildren(...lines);
   }
 
   newest() {
@@ -233,6 +262,11 @@ class Page {
   // A flight that is over takes no orders.
   showBoard(changes) {
     this.board.show(changes);
+    if (changes.outcome) this.changes?.say(changes.outcome);
+    if (changes.scene && changes.scene !== this.sceneNumber) {
+      this.sceneNumber = changes.scene;
+      this.load({ t: this.t, isNow: this.isNow, isDark: this.isDark, view: this.world.view, pose: this.world.pose });
+    }
     if (changes.tiles) this.world.layMap(changes.tiles);
     if (changes.band) {
       this.scene.take("band", changes.band);
@@ -298,6 +332,7 @@ class Page {
 
   close() {
     cancelAnimationFrame(this.frame);
+    this.resizing?.disconnect();
     document.removeEventListener("keydown", this.onKey);
     this.world?.close();
   }

@@ -2,7 +2,7 @@
 
 const FORMS = { f4: Float32Array, i2: Int16Array, i4: Int32Array };
 
-function unpacked(value) {
+export function unpacked(value) {
   if (Array.isArray(value)) return value.map(unpacked);
   if (value === null || typeof value !== "object") return value;
   for (const [form, Numbers] of Object.entries(FORMS)) {
@@ -90,9 +90,10 @@ export class SceneData {
     return this.phases.find((phase) => phase.begin_s <= t && t < phase.end_s)?.name ?? "";
   }
 
-  // Whether the limit of the height above ground holds: not in take-off and landing.
+  // Whether the limit of the height above ground holds: not in take-off and landing, planned or ordered.
   isAloft(t) {
-    return !["takeoff", "landing", ""].includes(this.phase(t));
+    if (["takeoff", "landing", ""].includes(this.phase(t)) || (this.lands_s ?? Infinity) <= t) return false;
+    return !this.isLive || !this.pictureAt(t)?.step.startsWith("land");
   }
 
   // Every vehicle at a time; of a flight under way as it was reported last, if that is `isNow`.
@@ -188,6 +189,7 @@ export class SceneData {
       ...curve,
       flown: pairs(curve.flown),
       planned: pairs(curve.planned),
+      true: pairs(curve.true),
       behind: behind(curve),
     }));
     if (!this.isLive) return lines;
@@ -212,6 +214,7 @@ export class SceneData {
       name,
       unit: "m",
       planned: [],
+      true: [],
     }));
     const grown = (curve) => ({
       ...curve,

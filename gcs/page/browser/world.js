@@ -329,6 +329,17 @@ export class World {
     if (!this.isMoved) this.setView(this.view);
   }
 
+  // Where the camera stands and looks, as east, north, up; null where the view decides that.
+  get pose() {
+    if (!this.isMoved) return null;
+    return [this.camera.position, this.controls.target].map((one) => one.toArray().map((value, axis) => value + this.middle[axis]));
+  }
+
+  set pose(pose) {
+    [this.camera.position, this.controls.target].forEach((one, n) => one.fromArray(pose[n].map((value, axis) => value - this.middle[axis])));
+    this.isMoved = true;
+  }
+
   // "all", "above", "chase", "side", or the number of a vehicle.
   setView(view) {
     this.view = view;

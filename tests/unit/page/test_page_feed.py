@@ -83,6 +83,24 @@ def test_what_stands_beside_the_scene_is_sent_whole_at_first_and_then_when_it_ch
     assert boards() == [{"question": None}]
 
 
+def test_a_new_plan_keeps_what_the_flight_reported_and_the_scene_of_a_replay_begins_anew() -> None:
+    state, view = PageState(SCENE), View()
+    readers = PageReaders(state, lambda *_: None)
+    state.take(PageFrame.PICTURE, picture(1.0))
+    state.take(PageFrame.EVENT, b'{"text":"is armed"}')
+    state.take(PageFrame.PLAN, b'{"name":"another plan"}')
+    whole = json.loads(state.whole())
+    assert whole["scene"] == {"name": "another plan"} and len(whole["events"]) == 1 and len(whole["pictures"]) == 2
+    first = whole["board"]["scene"]
+    readers.drawn(view, 1)  # type: ignore[arg-type]
+    readers.send()
+    assert json.loads(view.got[0])["board"] == {"scene": first}, "the page is told to read it again"
+    state.take(PageFrame.SCENE, b'{"name":"replay"}')
+    whole = json.loads(state.whole())
+    assert whole["scene"] == {"name": "replay"} and whole["events"] == whole["pictures"] == []
+    assert whole["board"]["scene"] > first
+
+
 def test_a_state_needs_token_and_scene() -> None:
     pipe = io.BytesIO()
     write_frame(pipe, PageFrame.TOKEN, b"word")

@@ -26,10 +26,11 @@ def test_the_page_knows_the_orders_of_the_flight() -> None:
         ({"order": "hold"}, PageAsk(0, "hold")),
         ({"order": "return", "vehicles": [3, 1]}, PageAsk(0, "return", (3, 1))),
         ({"number": 7, "confirms": 6}, PageAsk(7, confirms=6)),
+        ({"change": "avoid 560,480,30"}, PageAsk(0, change="avoid 560,480,30")),
         ({"word": "arm", "client": "10.0.0.7"}, PageAsk(0, word="arm", client="10.0.0.7")),
     ],
 )
-def test_the_three_forms_of_a_message(message: dict[str, Any], expected: PageAsk) -> None:
+def test_the_four_forms_of_a_message(message: dict[str, Any], expected: PageAsk) -> None:
     found = PageAsk.of(json.dumps(message).encode())
     assert found == expected and PageAsk.of(found.data()) == expected
 
@@ -60,6 +61,11 @@ def test_the_three_forms_of_a_message(message: dict[str, Any], expected: PageAsk
         b'{"word":["arm"]}',
         b'{"word":""}',
         b'{"word":"' + b"a" * 65 + b'"}',
+        b'{"change":"home","order":"land"}',
+        b'{"change":"home","vehicles":[1]}',
+        b'{"change":"home","confirms":1}',
+        b'{"change":7}',
+        b'{"change":"avoid ' + b"1" * 64 + b'"}',
         b'{"order":"hold","client":7}',
         b'{"confirms":99999999999999}',
         b'{"order":"hold","vehicles":[' + b",".join([b"1"] * 300) + b"]}",

@@ -11,13 +11,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gcs.cli.flights import live_page
 from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.flights.live_page import LivePage
 from gcs.cli.shared.console import Screen
 from gcs.cli.shared.plan_argument import Stopwatch
-from gcs.errors import FlightError, UsageError
+from gcs.errors import FlightError, PlanningError, UsageError
 from gcs.flight.assessment.criterion import Criterion, CriterionName
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
@@ -27,11 +29,13 @@ from gcs.flight.monitoring.progress import (
     FlightPart,
     NearestPair,
     OrderForecast,
+    PlanForecast,
     Snapshot,
     VehicleNow,
 )
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.page.page_orders import PageAsk
+from gcs.plan.plan_changer import Avoid, Scale
 from tests.virtual_clock import VirtualLoop
 
 USUAL = VehicleNow(1, "GUIDED", True, 20.0, 5.0, 80.0, 0.1, 0.0, 0.3, 12.0, 20.0)
@@ -54,6 +58,7 @@ class Flight:
         return self.now
 
     predicted: PredictedTracks | None = None
+    plan: Any = SimpleNamespace(scenario=None, sysids=(1, 2, 7))
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:
         return self.fleet
@@ -76,6 +81,9 @@ class Feed:
         self.pictures: list[bytes] = []
         self.events: list[bytes] = []
         self.asked: list[PageAsk] = []
+        self.later: list[tuple[int, PageAsk]] = []  # each after so many pictures
+        self.ways: list[list[int]] = []  # shapes of proposed tracks
+        self.scenes: list[tuple[bytes, bool]] = []
         self.answers: list[tuple[int, str, bool]] = []
         self.board: dict[str, Any] = {}
         self.readers = 0
@@ -88,10 +96,17 @@ class Feed:
 
     def asks(self) -> list[PageAsk]:
         asked, self.asked = self.asked, []
+        while self.later and len(self.pictures) >= self.later[0][0]:
+            asked.append(self.later.pop(0)[1])
         return asked
 
-    def answer(self, number: int, text: str, *, may: bool) -> None:
+    def answer(self, number: int, text: str, *, may: bool, way: Any = None) -> None:
         self.answers.append((number, text, may))
+        if way is not None:
+            self.ways.append(way["shape"])
+
+    def replace(self, scene: bytes, *, same_flight: bool) -> None:
+        self.scenes.append((scene, same_flight))
 
     def show(self, picture: bytes) -> None:
         self.pictures.append(picture)
@@ -160,6 +175,72 @@ def test_every_event_reaches_the_log_in_words() -> None:
     feed = Feed()
     LivePage(feed, print).event(Event(1.7e9, 12.5, 3, "is silent", "lost: land"))  # type: ignore[arg-type]
     assert json.loads(feed.events[0]) == {"t_s": 12.5, "sysid": 3, "text": "is silent. lost: land", "is_bad": True}
+
+
+class ReplanningFlight(Flight):
+    """A flight whose plan changes, and that notes what it is asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[tuple[object, str]] = []
+
+    async def propose(self, order: object) -> PlanForecast:
+        if order == Scale(9.0):
+            raise PlanningError("the new plan failed verification", hint="the old plan is flown on")
+        await asyncio.sleep(1.0)
+        return PlanForecast("verified; 5 s later", np.arange(2.0), np.zeros((3, 2, 3)))
+
+    def ask(self, order: object, vehicles: Collection[int] = (), *, by: str = "") -> tuple[int, ...]:
+        self.asked.append((order, by))
+        return (1, 2, 7)
+
+    async def answer(self) -> str:
+        await asyncio.sleep(1.0)
+        return "a new plan is flown"
+
+
+def test_a_change_of_the_plan_is_proposed_with_its_cost_and_way_and_ordered_once_it_is_accepted() -> None:
+    feed, flight = Feed(), ReplanningFlight()
+    feed.asked = [PageAsk(1, change="avoid 10,20,3")]
+    assert followed(feed, flight, 0.5) == [] and feed.answers == [], "it is being planned, and pictures go on"
+    assert len(feed.pictures) > 2 and flight.asked == []
+    feed.asked = [PageAsk(1, change="avoid 10,20,3")]
+    feed.later = [(40, PageAsk(2, confirms=1)), (45, PageAsk(3, confirms=1))]
+    feed.pictures.clear()
+    followed(feed, flight, 20.0)
+    assert feed.answers[0] == (1, "avoid 3 m around (10, 20): verified; 5 s later", True)
+    assert [order for order, _ in flight.asked] == [Avoid(10.0, 20.0, 3.0)], "once"
+    assert feed.ways == [[3, 2, 3]] and feed.board["outcome"] == "a new plan is flown"
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("scale 9", "the new plan failed verification the old plan is flown on"),
+        ("avoid", "avoid of what? give NORTH,EAST,RADIUS in m, or three corners NORTH,EAST or more"),
+        ("land", "land changes no plan it has a button of its own"),
+    ],
+)
+def test_a_change_that_cannot_be_planned_is_refused_with_the_reason(change: str, reason: str) -> None:
+    feed, flight = Feed(), ReplanningFlight()
+    feed.asked = [PageAsk(1, change=change)]
+    feed.later = [(10, PageAsk(2, confirms=1))]
+    assert followed(feed, flight, 5.0) == []
+    assert feed.answers[0] == (1, reason, False) and flight.asked == []
+    assert feed.answers[1][2] is False
+
+
+def test_the_scene_of_a_new_plan_replaces_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed, flight = Feed(), ReplanningFlight()
+
+    async def made(work: object, plan: object) -> bytes:
+        return b"{}" if plan is flight.plan else b"old"
+
+    monkeypatch.setattr(live_page, "in_own_process", made)
+    changes = iter([SimpleNamespace(), SimpleNamespace()])
+    flight.vehicles_now = lambda: (setattr(flight, "plan", next(changes, flight.plan)), FLEET)[1]  # type: ignore
+    followed(feed, flight, 3.0)
+    assert feed.scenes[-1] == (b"{}", True) and len(feed.scenes) <= 2
 
 
 class ControlledFlight(Flight):

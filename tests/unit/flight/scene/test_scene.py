@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
+from gcs.flight.assessment.judge import Tracks
 from gcs.flight.monitoring.progress import Event
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.scene.plan_scene import scene_of_plan, zones_of
@@ -65,6 +67,37 @@ def recording_of(plan: Plan, aside_m: float = 2.0) -> Recording:
         )
     events = (Event(math.nan, 40.0, 3, "is told to land", "lost"), Event(math.nan, 99.0, 3, "later"))
     return Recording("field, landed", tuple(tracks), events, (Event(math.nan, 10.0, 1, "is in LAND"),), plan)
+
+
+def test_curves_of_emulated_vehicles_are_true_beside_what_they_reported(plan: Plan) -> None:
+    """In truth the second vehicle flies 1 m beside the first, while both report their places in the formation."""
+    t_s = np.arange(-5.0, 85.0, 0.25)
+    places = plan.states(np.clip(t_s, 0.0, 80.0))[..., POSITION].copy()
+    places[1] = places[0] + (0.0, 1.0, 0.0)
+    whole = recording_of(plan)
+    scene = scene_of_recording(replace(whole, truth=Tracks(t_s, places)), 0.0, 79.5)
+    curves = {curve.name: curve for curve in scene.curves}
+    apart = curves["least separation"]
+    assert apart.true is not None and apart.flown is not None
+    np.testing.assert_allclose(apart.true, 1.0, atol=1e-6)
+    assert apart.flown.min() > 2.0 and (apart.vehicles == plan.sysids[:2]).all()
+    error = curves["greatest position error"].true
+    off_m = np.linalg.norm(places[1] - plan.states(np.clip(t_s, 0.0, 80.0))[1, :, POSITION], axis=1)
+    assert error is not None and error[0] == pytest.approx(off_m[20], abs=0.1)
+    assert curves["formation error"].true is not None and curves["greatest speed"].true is not None
+    assert all(curve.true is None for curve in scene_of_recording(whole, 0.0, 79.5).curves)
+
+
+def test_the_landing_begins_when_the_last_vehicle_is_ordered_down(plan: Plan) -> None:
+    def lands_s(*events: Event) -> float:
+        return scene_of_recording(replace(recording_of(plan), events=events), 0.0, 79.5).lands_s
+
+    assert lands_s() == plan.landing_s
+    assert lands_s(Event(math.nan, 40.0, 3, "ordered to land")) == plan.landing_s, "the others fly on"
+    assert lands_s(Event(math.nan, 41.0, 0, "ordered to land where they are")) == 41.0
+    all_but_one = [Event(math.nan, 30.0 + row, sysid, "ordered to land") for row, sysid in enumerate(plan.sysids[:-1])]
+    returns = Event(math.nan, 50.0, plan.sysids[-1], "ordered to return")
+    assert lands_s(*all_but_one, returns) == pytest.approx(79.5, abs=0.2), "it was never low again"
 
 
 def test_a_plan_is_shown_where_it_flies(plan: Plan) -> None:
