@@ -7,7 +7,6 @@ import asyncio
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +46,8 @@ class PlanOrders:
         self._on_event, self._follow = on_event, follow
         scenario, self._loop = fleet.plan.scenario, asyncio.get_running_loop()
         self._change = PlanChange(scenario.mission.setpoint_rate_hz, fleet.options.lead_s)
-        self._streams, real = fleet.options.mode is FlightMode.STREAM, fleet.options.lead_s == 0.0
-        self._worker = PlannerProcess(partial(PlanWorker, fenced=real), fleet.plan, folder)
+        self._streams = fleet.options.mode is FlightMode.STREAM
+        self._worker = PlannerProcess(PlanWorker, fleet.plan, folder)
         self._count = 1
         self._asked: asyncio.Queue[Planning] = asyncio.Queue()
         self._answer: asyncio.Future[str] | None = None
