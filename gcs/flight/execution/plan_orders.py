@@ -62,7 +62,7 @@ class PlanOrders:
         try:
             if why := self._why_not():
                 raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
-            planning = self._change.ask(order, by, now_s)
+            planning = self._change.ask(order, by, now_s, self._fleet.plan)
         except FlightError as refusal:
             self._tell("keep their plan", f"refused: {refusal.message}")
             raise
@@ -131,8 +131,8 @@ class PlanOrders:
                 made.file.replace(file)
         fleet.streamer.follow_plan(flown, made.stream)
         self._follow(flown)
-        self._change.changed(flown)
-        self._contingency.operator.blocked = ""
+        self._change.changed(planning.order, flown, self._now_s())
+        self._contingency.operator.blocked = self._change.blocked
         words = f"{planning.order}, asked by {planning.by}; planned and verified in {took_s:.2f} s"
         data = {"order": str(planning.order), "asked_t_s": planning.asked_s, "begins_t_s": new.t_start_s}
         data |= {"planned_s": took_s, "file": None if file is None else file.name}
@@ -155,6 +155,7 @@ class PlanOrders:
         while True:
             await self._fleet.time.comes_to(self._fleet.time.sure_s() + 0.1)
             if self._change.brakes(self._now_s()):
+                self._contingency.operator.blocked = self._change.blocked
                 with suppress(FlightError):
                     self._contingency.ask(AskedOrder.HOLD, (), f"this program: {self._change.blocked}")
 
