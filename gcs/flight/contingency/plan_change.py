@@ -67,6 +67,11 @@ class PlanChange:
         self.pending = Planning(order, by, now_s, now_s, self._begin_s(now_s))
         return self.pending
 
+    def begin(self, now_s: float) -> None:
+        """Planning begins now: an order may have waited for what the planner did before."""
+        if self.pending is not None:
+            self.pending = replace(self.pending, tried_s=now_s, begin_s=self._begin_s(now_s))
+
     def in_time(self, now_s: float) -> bool:
         """Take in that the plan was made now. Without time to send it, `pending` begins again later, or it is too late.
 

@@ -99,6 +99,7 @@ class PlanOrders:
     async def _carry_out(self, planning: Planning) -> None:
         """Plan until a plan is in time, and fly it; or refuse."""
         order, began_s = planning.order, time.perf_counter()  # emulated time stands
+        self._change.begin(self._now_s())
         try:
             while (now := self._change.pending) is not None:
                 made: Replacement = await self._worker.call("change", order, now.begin_s, f"plan-{self._count + 1}")

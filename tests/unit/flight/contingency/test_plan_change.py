@@ -71,6 +71,17 @@ def test_planning_that_took_long_gets_more_time_next(hop: Plan) -> None:
     assert ours.pending.begin_s >= 13.0 + SLOWER * 3.0
 
 
+def test_an_order_that_waited_for_the_planner_is_planned_from_a_later_instant_at_once(hop: Plan) -> None:
+    """On six PX4 the second order waited 24 s for the ways back of the first plan; that counted as planning."""
+    ours = PlanChange(10.0, LEAD_S, 1.0)
+    ours.ask(FAR, "a test", 10.0, hop)
+    ours.begin(34.0)
+    assert ours.pending is not None
+    assert 34.0 + SLOWER <= ours.pending.begin_s <= 34.0 + SLOWER + LEAD_S + MARGIN_S + 0.1 + 1e-9
+    assert ours.in_time(34.8)
+    assert ours.ask(FAR, "a test", 40.0, hop).begin_s < 40.0 + SLOWER + LEAD_S + MARGIN_S + 0.1 + 1e-9
+
+
 def test_a_refused_zone_that_the_plan_enters_makes_the_formation_brake_before_it(hop: Plan) -> None:
     ours, zone = PlanChange(10.0, LEAD_S), ahead(hop)
     ours.ask(zone, "a test", 3.0, hop)
