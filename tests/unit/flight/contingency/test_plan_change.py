@@ -72,7 +72,7 @@ def test_planning_that_took_long_gets_more_time_next(hop: Plan) -> None:
 
 
 def test_an_order_that_waited_for_the_planner_is_planned_from_a_later_instant_at_once(hop: Plan) -> None:
-    """On six PX4 the second order waited 24 s for the ways back of the first plan; that counted as planning."""
+    """The planner may still be at the ways back of the plan before."""
     ours = PlanChange(10.0, LEAD_S, 1.0)
     ours.ask(FAR, "a test", 10.0, hop)
     ours.begin(34.0)
@@ -106,7 +106,7 @@ def test_a_zone_that_is_refused_too_late_makes_the_formation_brake_at_once(hop: 
 
 
 def test_a_zone_that_the_plan_enters_while_another_one_is_made_makes_the_formation_brake_before_it(hop: Plan) -> None:
-    """Six PX4 flew 2 m beside a zone that they had been told 36 s before: its plan began 10 s after they passed it."""
+    """Six PX4 flew 1.5 m into a zone that they were told of 24 s before: the plan round it began 10 s after that."""
     ours, zone = PlanChange(10.0, LEAD_S, 30.0), ahead(hop)
     enters_s = enters_at_s(hop, zone, 3.0)
     planning = ours.ask(zone, "a test", 3.0, hop)
