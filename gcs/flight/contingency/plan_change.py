@@ -95,6 +95,8 @@ class PlanChange:
         self.pending = None
         if not isinstance(order, Avoid):
             return "the old plan is flown on"
+        if self.blocked and math.isinf(self.brakes_at_s):
+            return f"all have braked: {self.blocked}"
         if math.isinf(enters_at_s(plan, order, now_s)):
             return "the old plan is flown on, it does not enter the zone"
         self._watch(plan, now_s)

@@ -115,6 +115,8 @@ def test_a_zone_that_the_plan_enters_while_another_one_is_made_makes_the_formati
     assert planning.begin_s <= due_s + 0.1 < enters_s
     assert ours.brakes(due_s)
     assert "enters the new no-fly zone" in ours.blocked
+    assert "all have braked" in ours.refused(zone, hop, enters_s + 30.0), "the old plan would have left the zone again"
+    assert ours.blocked, "to go on would lead into it"
 
 
 def test_a_plan_that_leads_round_another_zone_only_still_brakes_before_the_first(hop: Plan) -> None:
