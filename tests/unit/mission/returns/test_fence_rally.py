@@ -63,7 +63,7 @@ def test_closed_areas_are_fenced_where_the_plan_leaves_room(plan_of: Callable[[s
         assert circle.radius_m == pytest.approx(min(disk.radius_m, nearest_m - EXCLUSION_SLACK_M), abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["field/scenario.toml", "circuit/scenario.toml"])
+@pytest.mark.parametrize("name", ["field/scenario.toml", pytest.param("circuit/scenario.toml", marks=pytest.mark.slow)])
 def test_a_flight_whose_plan_may_change_has_a_fence_around_all_that_its_limits_allow(
     plan_of: Callable[[str], Plan], name: str
 ) -> None:
