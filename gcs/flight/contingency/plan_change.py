@@ -2,7 +2,8 @@
 
 A machine without clocks: times are arguments, plan times by the vehicles' clocks. The new plan begins at an instant of
 the setpoint grid, as far ahead as planning took before, and a margin. An answer that comes too late is planned again
-from a later instant, then refused. A refused zone that the old plan would enter makes the formation brake before it.
+from a later instant, then refused. The formation brakes before a new zone that the plan would enter, unless a plan
+round it comes first: while it is planned as well as after a refusal.
 """
 
 import math
@@ -45,6 +46,7 @@ class PlanChange:
         self._rate_hz, self._lead_s = rate_hz, lead_s
         self._took_s = [plans_s]
         self.pending: Planning | None = None
+        self._not_avoided: tuple[Avoid, ...] = ()  # zones that came up and that the flown plan does not lead round
         self.brakes_at_s = math.inf  # plan time at which the formation has to brake
         self.blocked = ""  # why the old plan must not be gone on with, in words
 
@@ -52,13 +54,16 @@ class PlanChange:
         """A re-plan takes so long."""
         self._took_s = [took_s]
 
-    def ask(self, order: PlanOrder, by: str, now_s: float) -> Planning:
-        """Begin an order. Raises FlightError while another one is being planned."""
+    def ask(self, order: PlanOrder, by: str, now_s: float, plan: Plan) -> Planning:
+        """Begin an order to a formation that flies `plan`. Raises FlightError while another one is being planned."""
         if self.pending is not None:
             raise FlightError(
                 f"the formation would not {order}: it is still being asked to {self.pending.order}.",
                 hint="wait for its answer in the events",
             )
+        if isinstance(order, Avoid):
+            self._not_avoided += (order,)
+            self._watch(plan, now_s)
         self.pending = Planning(order, by, now_s, now_s, self._begin_s(now_s))
         return self.pending
 
@@ -70,6 +75,11 @@ class PlanChange:
                 hint="wait for its answer in the events",
             )
         return self._begin_s(now_s)
+
+    def begin(self, now_s: float) -> None:
+        """Planning begins now: an order may have waited for what the planner did before."""
+        if self.pending is not None:
+            self.pending = replace(self.pending, tried_s=now_s, begin_s=self._begin_s(now_s))
 
     def in_time(self, now_s: float) -> bool:
         """Take in that the plan was made now. Without time to send it, `pending` begins again later, or it is too late.
@@ -94,12 +104,11 @@ class PlanChange:
         self.pending = None
         if not isinstance(order, Avoid):
             return "the old plan is flown on"
-        enters_s = enters_at_s(plan, order, now_s)
-        if math.isinf(enters_s):
+        if self.blocked and math.isinf(self.brakes_at_s):
+            return f"all have braked: {self.blocked}"
+        if math.isinf(enters_at_s(plan, order, now_s)):
             return "the old plan is flown on, it does not enter the zone"
-        speed_mps = float(np.linalg.norm(plan.states(np.array([enters_s]))[:, 0, VELOCITY], axis=1).max())
-        self.brakes_at_s = min(self.brakes_at_s, max(enters_s - speed_mps / _BRAKE_MPS2 - _CALM_S, now_s))
-        self.blocked = f"the plan enters the new no-fly zone at t = {enters_s:.1f} s"
+        self._watch(plan, now_s)
         return f"all brake at t = {self.brakes_at_s:.1f} s: {self.blocked}"
 
     def brakes(self, now_s: float) -> bool:
@@ -109,13 +118,24 @@ class PlanChange:
             self.brakes_at_s = math.inf
         return due
 
-    def changed(self, plan: Plan) -> None:
-        """The formation flies another plan, which may lead round what blocked the old one."""
-        del plan
+    def changed(self, order: PlanOrder, plan: Plan, now_s: float) -> None:
+        """The formation flies the plan that answers an order; it may lead round what blocked the old one."""
+        self._not_avoided = tuple(zone for zone in self._not_avoided if zone != order)
+        self._watch(plan, now_s)
+
+    def _watch(self, plan: Plan, now_s: float) -> None:
+        """Brake before the first zone that this plan enters."""
         self.brakes_at_s, self.blocked = math.inf, ""
+        enters_s = min((enters_at_s(plan, zone, now_s) for zone in self._not_avoided), default=math.inf)
+        if math.isinf(enters_s):
+            return
+        speed_mps = float(np.linalg.norm(plan.states(np.array([enters_s]))[:, 0, VELOCITY], axis=1).max())
+        self.brakes_at_s = max(enters_s - speed_mps / _BRAKE_MPS2 - _CALM_S, now_s)
+        self.blocked = f"the plan enters the new no-fly zone at t = {enters_s:.1f} s"
 
     def _begin_s(self, now_s: float) -> float:
-        ahead_s = SLOWER * max(self._took_s) + self._lead_s + MARGIN_S
+        least_s = self._lead_s + MARGIN_S
+        ahead_s = max(min(SLOWER * max(self._took_s) + least_s, self.brakes_at_s - now_s), least_s)
         return math.ceil((now_s + ahead_s) * self._rate_hz) / self._rate_hz
 
 

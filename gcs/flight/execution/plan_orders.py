@@ -7,7 +7,6 @@ import asyncio
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +53,8 @@ class PlanOrders:
         self._change = PlanChange(scenario.mission.setpoint_rate_hz, fleet.options.lead_s)
         self._rest = fleet.plan.sysids  # the vehicles that the plan is for
         self._gone: set[int] = set()  # those that the others were asked to fly on without
-        self._streams, real = fleet.options.mode is FlightMode.STREAM, fleet.options.lead_s == 0.0
-        self._worker = PlannerProcess(partial(PlanWorker, fenced=real), fleet.plan, folder)
+        self._streams = fleet.options.mode is FlightMode.STREAM
+        self._worker = PlannerProcess(PlanWorker, fleet.plan, folder)
         self._count = 1 if folder is None else 1 + len(later_plans(folder))  # of a flight that is taken up again
         self._asked: asyncio.Queue[Planning] = asyncio.Queue()
         self._answer: asyncio.Future[str] | None = None
@@ -70,7 +69,7 @@ class PlanOrders:
         try:
             if why := self._why_not(order):
                 raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
-            planning = self._change.ask(order, by, now_s)
+            planning = self._change.ask(order, by, now_s, self._fleet.plan)
         except FlightError as refusal:
             self._tell("keep their plan", f"refused: {refusal.message}")
             raise
@@ -116,6 +115,7 @@ class PlanOrders:
     async def _carry_out(self, planning: Planning) -> None:
         """Plan until a plan is in time, and fly it; or refuse."""
         order, began_s = planning.order, time.perf_counter()  # emulated time stands
+        self._change.begin(self._now_s())
         try:
             while (now := self._change.pending) is not None:
                 made: Replacement = await self._worker.call("change", order, now.begin_s, f"plan-{self._count + 1}")
@@ -151,8 +151,8 @@ class PlanOrders:
                 made.file.replace(file)
         fleet.streamer.follow_plan(flown, made.stream)
         self._follow(flown)
-        self._change.changed(flown)
-        self._contingency.operator.blocked = ""
+        self._change.changed(planning.order, flown, self._now_s())
+        self._contingency.operator.blocked = self._change.blocked
         words = f"{planning.order}, asked by {planning.by}; planned and verified in {took_s:.2f} s"
         data = {"order": str(planning.order), "asked_t_s": planning.asked_s, "begins_t_s": new.t_start_s}
         data |= {"planned_s": took_s, "file": None if file is None else file.name}
@@ -177,6 +177,7 @@ class PlanOrders:
             await self._fleet.time.comes_to(self._fleet.time.sure_s() + 0.1)
             self._close_ranks()
             if self._change.brakes(self._now_s()):
+                self._contingency.operator.blocked = self._change.blocked
                 with suppress(FlightError):
                     self._contingency.ask(AskedOrder.HOLD, (), f"this program: {self._change.blocked}")
 

@@ -17,7 +17,7 @@ from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
-from gcs.mission.returns.fence_rally import build_safety
+from gcs.mission.returns.fence_rally import build_safety, with_room
 from gcs.mission.returns.rtl_altitudes import return_warnings
 from gcs.mission.waypoints.mission_items import empty_missions
 from gcs.plan.trajectory.plan import Plan
@@ -44,7 +44,8 @@ def build_loads(
     have the plan's own speeds, which autopilots do not keep. What `exported` has for these autopilots is not built
     again. With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings
     about returns; it is told too by how much arrival times may spread. Vehicles that follow a setpoint `stream` need no
-    mission: where none can be on board they get an empty one, and `warn` is told why. Raises `PeerError` as
+    mission: where none can be on board they get an empty one, and `warn` is told why. Their plan may change in flight,
+    so their fence leaves room for it. Raises `PeerError` as
     `fleet_autopilots`, and `NotWritten` for missions that failed verification, or that an autopilot does not store.
     """
     each = fleet_autopilots(plan, autopilots)
@@ -64,6 +65,7 @@ def build_loads(
         return missions_only(missions)
     for text in return_warnings(plan, safe.returns, each):
         warn(text)
+    safe = with_room(plan, safe, each) if stream else safe
     fence = fence_items(safe.fence.geofence)
     return tuple(
         VehicleLoad(mission, fence, rally_items(rally), parameters)

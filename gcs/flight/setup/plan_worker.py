@@ -4,19 +4,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import PlanningError
 from gcs.flight.monitoring.progress import PlanForecast
 from gcs.flight.setup.plan_forecast import forecast_of
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
-from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.plan_changer import PlanChanger, PlanOrder
 from gcs.plan.plan_file import save_plan
 from gcs.plan.replanning.formation_rest import with_empty_places
 from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.values.navigation_error import navigation_error
 
 
 @dataclass(frozen=True)
@@ -30,14 +27,10 @@ class Replacement:
 
 
 class PlanWorker:
-    """Changes the plan of one flight. `folder`: where new plans are kept, as `NAME.made` until they are flown.
+    """Changes the plan of one flight. `folder`: where new plans are kept, as `NAME.made` until they are flown."""
 
-    `fenced`: the vehicles have the fence of the plan on board, and return by themselves outside of it.
-    """
-
-    def __init__(self, plan: Plan, folder: Path | None, *, fenced: bool = False) -> None:
+    def __init__(self, plan: Plan, folder: Path | None) -> None:
         self._changer, self._flown = PlanChanger(plan), plan  # the flown one keeps the places of vehicles that left
-        self._fence_corners_m = inclusion_corners(planned_places_m(plan)) if fenced else None
         self._folder = folder
         self._made: Replacement | None = None
 
@@ -48,7 +41,6 @@ class PlanWorker:
     def change(self, order: PlanOrder, begin_s: float, name: str) -> Replacement:
         """The plan that carries out an order from `begin_s` on. Raises as `PlanChanger.change`."""
         found = self._changer.change(order, begin_s)
-        self._refuse_near_fence(found.plan)
         stream = build_stream(with_empty_places(self._flown, found.plan), found.plan.scenario.mission.setpoint_rate_hz)
         file = None if self._folder is None else self._folder / f"{name}.made"
         if file is not None:
@@ -59,20 +51,7 @@ class PlanWorker:
     def propose(self, order: PlanOrder, begin_s: float) -> PlanForecast:
         """What an order would lead to, planned and verified as if it were given. Raises as `PlanChanger.change`."""
         found = self._changer.change(order, begin_s)
-        self._refuse_near_fence(found.plan)
         return forecast_of(self._changer.flown, found)
-
-    def _refuse_near_fence(self, plan: Plan) -> None:
-        if self._fence_corners_m is None:
-            return
-        inside = float(inside_m(self._fence_corners_m, planned_places_m(plan)).min())
-        least_m = navigation_error(plan.scenario).horizontal_m
-        if inside < least_m:
-            where = f"{inside:.1f} m inside" if inside >= 0.0 else f"{-inside:.1f} m outside"
-            raise PlanningError(
-                f"the new plan comes {where} the fence that the vehicles have on board; they need {least_m:.1f} m",
-                hint="the old plan is flown on; order hold, return or land",
-            )
 
     def adopt(self, autopilots: tuple[Autopilot, ...]) -> ReturnPlan:
         """The vehicles fly the last plan: go on from it, and return the returns from the flown plan."""

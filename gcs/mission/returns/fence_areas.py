@@ -13,7 +13,7 @@ import shapely
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import Zone, displacement_m, nearest_zone_m, outline
-from gcs.scenario.schema.scenario import KeepIn
+from gcs.scenario.schema.scenario import KeepIn, Scenario
 from gcs.types import Array
 
 INCLUSION_MARGIN_M = 10.0
@@ -59,15 +59,23 @@ def inclusion_corners(places_m: Array) -> Array:
         slack_m *= 2.0
 
 
-def inclusion_area(places_m: Array, keep_in: Sequence[KeepIn]) -> shapely.Polygon:
+def reachable_m(scenario: Scenario) -> Array:
+    """The corners (4, 2) of the limits of a scenario, north and east: no plan of it leaves them."""
+    north_m, east_m = scenario.limits.north_m, scenario.limits.east_m
+    return np.array([(north, east) for north in north_m for east in east_m])
+
+
+def inclusion_area(places_m: Array, keep_in: Sequence[KeepIn], later_m: Array | None = None) -> shapely.Polygon:
     """The fence's inclusion around all places (N, 2): their hull with the margin, and its part in all keep-in areas.
 
     An area grows where places are nearer to its edge than `EXCLUSION_SLACK_M`, and where it has too many corners.
+    `later_m` (M, 2) are places that other plans may reach: they are in the hull too, and may touch every area's edge.
     """
-    hull = shapely.Polygon(inclusion_corners(places_m))
+    hull = shapely.Polygon(inclusion_corners(places_m if later_m is None else np.concatenate([places_m, later_m])))
     inside, points = hull, shapely.points(places_m)
     for area in keep_in:
         nearest_m = float(nearest_zone_m([area], np.zeros(1), places_m[:, 0], places_m[:, 1]).min())
+        nearest_m = nearest_m if later_m is None else min(nearest_m, 0.0)
         grown = area.area.buffer(max(EXCLUSION_SLACK_M - nearest_m, 0.0), join_style="mitre", mitre_limit=2.0)
         inside = inside.intersection(grown)
     rough_m, rough = 0.5 * _LEAST_SLACK_M, inside

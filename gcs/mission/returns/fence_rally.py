@@ -6,7 +6,8 @@ Keep-in areas cut the hull; straight return tracks may leave a concave one.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -15,7 +16,7 @@ from gcs.autopilots.columns import ReturnParameters, ReturnSettings
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
-from gcs.mission.returns.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m
+from gcs.mission.returns.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m, reachable_m
 from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import outline
@@ -63,21 +64,25 @@ def build_safety(plan: Plan, firmware: FleetFirmware) -> Safety:
     """The fence, the rally points and the returns of a plan, for the autopilot of all vehicles or that of each."""
     autopilots = one_each(firmware, len(plan.sysids))
     returns = plan_returns(plan, autopilots)
-    hover_m = -plan.states(np.array([plan.airborne_s]))[:, 0, 2]
-    homes_m = -plan.pads_ned_m[:, 2]
-    parameters = tuple(
-        return_parameters(known, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
-        for row, known in enumerate(autopilots)
-    )
     rally = build_rally(plan, autopilots, returns) if returns.separated else ((),) * len(autopilots)
-    return Safety(build_fence(plan), rally, returns, parameters)
+    return Safety(build_fence(plan), rally, returns, _parameters(plan, autopilots, returns))
 
 
-def build_fence(plan: Plan) -> Fence:
-    """The fence: a hull around all tracks, with a margin, in all keep-in areas, less no-fly zones that do not move."""
+def with_room(plan: Plan, safety: Safety, firmware: FleetFirmware) -> Safety:
+    """The same for a flight whose plan may change: its fence holds every plan within the limits of the scenario."""
+    top_m = max(safety.returns.top_m, plan.scenario.limits.height_m[1])
+    parameters = _parameters(plan, one_each(firmware, len(plan.sysids)), replace(safety.returns, top_m=top_m))
+    return replace(safety, fence=build_fence(plan, may_change=True), parameters=parameters)
+
+
+def build_fence(plan: Plan, *, may_change: bool = False) -> Fence:
+    """The fence: a hull around all tracks, with a margin, in all keep-in areas, less no-fly zones that do not move.
+
+    Where the plan `may_change`, the hull is around all of the scenario's limits, and another plan may touch an edge.
+    """
     places = planned_places_m(plan)
     origin = local_origin(plan.scenario)
-    allowed = inclusion_area(places, plan.scenario.keep_in)
+    allowed = inclusion_area(places, plan.scenario.keep_in, reachable_m(plan.scenario) if may_change else None)
     rings = [np.array(ring.coords)[:-1] for ring in (allowed.exterior, *allowed.interiors)]
     zones: list[Zone] = []
     polygons = [FencePolygon(_places(ring, origin), inclusion=not n) for n, ring in enumerate(rings)]
@@ -89,12 +94,13 @@ def build_fence(plan: Plan) -> Fence:
         elif zone.radius_m is not None:
             center = np.array([zone.north_m, zone.east_m])
             nearest_m = float(np.linalg.norm(places - center, axis=1).min())
+            nearest_m = min(nearest_m, zone.radius_m) if may_change else nearest_m
             radius_m = round(min(zone.radius_m, nearest_m - EXCLUSION_SLACK_M), _RADIUS_DECIMALS)
             if radius_m >= _LEAST_RADIUS_M:
                 circles.append(FenceCircle(_places(center[None], origin)[0], radius_m, inclusion=False))
                 kept = np.pi * radius_m**2
         else:
-            for part in _shrunk(outline(zone), places):
+            for part in _shrunk(outline(zone), places, touched=may_change):
                 corners = np.array(part.exterior.coords)[:-1]
                 polygons.append(FencePolygon(_places(corners, origin), inclusion=False))
                 kept += part.area
@@ -103,9 +109,18 @@ def build_fence(plan: Plan) -> Fence:
     return Fence(Geofence(tuple(polygons), tuple(circles)), tuple(zones))
 
 
-def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
-    """The parts of a no-fly zone that stay `EXCLUSION_SLACK_M` away from the plan's places (N, 2)."""
-    nearest_m = float(shapely.distance(area, shapely.points(places)).min())
+def _parameters(plan: Plan, autopilots: Sequence[Autopilot], returns: ReturnPlan) -> tuple[ReturnParameters, ...]:
+    hover_m = -plan.states(np.array([plan.airborne_s]))[:, 0, 2]
+    homes_m = -plan.pads_ned_m[:, 2]
+    return tuple(
+        return_parameters(known, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
+        for row, known in enumerate(autopilots)
+    )
+
+
+def _shrunk(area: shapely.Polygon, places: Array, *, touched: bool) -> list[shapely.Polygon]:
+    """The parts of a no-fly zone that stay `EXCLUSION_SLACK_M` away from places (N, 2), and from its `touched` edge."""
+    nearest_m = 0.0 if touched else float(shapely.distance(area, shapely.points(places)).min())
     smaller = area.buffer(-max(EXCLUSION_SLACK_M - nearest_m, 0.0), join_style="mitre")
     parts = [smaller] if smaller.geom_type == "Polygon" else list(smaller.geoms)
     return [part for part in parts if part.area >= np.pi * _LEAST_RADIUS_M**2]

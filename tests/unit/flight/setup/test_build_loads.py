@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from gcs.autopilots.traits import TRAITS, Autopilot
 from gcs.errors import NotWritten
 from gcs.flight.contingency.choices import FlightMode, TimeKeeping
 from gcs.flight.setup.build_loads import build_loads, export_for_flight
+from gcs.mission.geofence import fence_items
+from gcs.mission.returns.fence_rally import build_fence
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
@@ -43,3 +46,13 @@ def test_a_stream_is_flown_without_missions_that_are_too_long(
     assert (tmp_path / "export" / "index.json").exists()
     given = build_loads(plan, autopilots, timed=False, stream=True, exported=index)
     assert [load.mission for load in given] == list(index.missions)
+
+
+@pytest.mark.slow
+def test_only_a_stream_has_a_fence_with_room_for_other_plans(plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("field/scenario.toml")
+    autopilots = dict.fromkeys(plan.sysids, int(Autopilot.ARDUPILOT))
+    usual, roomy = (fence_items(build_fence(plan, may_change=stream).geofence) for stream in (False, True))
+    assert usual != roomy
+    for stream, fence in ((False, usual), (True, roomy)):
+        assert {load.fence for load in build_loads(plan, autopilots, timed=False, stream=stream)} == {fence}

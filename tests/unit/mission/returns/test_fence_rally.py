@@ -13,7 +13,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import geodetic_to_ned
 from gcs.mission.geofence import GeoPoint
 from gcs.mission.returns.fence_areas import INCLUSION_MARGIN_M, inclusion_corners
-from gcs.mission.returns.fence_rally import EXCLUSION_SLACK_M, build_fence, build_rally
+from gcs.mission.returns.fence_rally import EXCLUSION_SLACK_M, build_fence, build_rally, build_safety, with_room
 from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -61,6 +61,39 @@ def test_closed_areas_are_fenced_where_the_plan_leaves_room(plan_of: Callable[[s
         nearest_m = np.linalg.norm(tracks - center, axis=1).min()
         assert circle.radius_m <= disk.radius_m
         assert circle.radius_m == pytest.approx(min(disk.radius_m, nearest_m - EXCLUSION_SLACK_M), abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["field/scenario.toml", pytest.param("circuit/scenario.toml", marks=pytest.mark.slow)])
+def test_a_flight_whose_plan_may_change_has_a_fence_around_all_that_its_limits_allow(
+    plan_of: Callable[[str], Plan], name: str
+) -> None:
+    plan = plan_of(name)
+    limits, keep_in = plan.scenario.limits, [one.area for one in plan.scenario.keep_in]
+    fence = build_fence(plan, may_change=True)
+    area = shapely.Polygon(flat(next(one.points for one in fence.geofence.polygons if one.inclusion), plan))
+    box = shapely.box(limits.north_m[0], limits.east_m[0], limits.north_m[1], limits.east_m[1])
+    allowed = shapely.intersection_all([box, *keep_in])
+    assert shapely.distance(area.exterior, allowed.exterior) >= EXCLUSION_SLACK_M - 0.02
+    assert area.contains(allowed)
+    assert area.contains(shapely.Polygon(flat(build_fence(plan).geofence.polygons[0].points, plan)).buffer(-0.02))
+    for circle, disk in zip(fence.geofence.circles, plan.scenario.no_fly, strict=True):
+        assert circle.radius_m <= disk.radius_m - EXCLUSION_SLACK_M + 0.01
+
+
+def test_the_top_of_that_fence_is_above_the_ceiling_of_the_limits(plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("field/scenario.toml")
+    scenario = plan.scenario.model_copy(
+        update={"limits": plan.scenario.limits.model_copy(update={"height_m": (0.0, 95.0)})}
+    )
+    high = replace(plan, scenario=scenario)
+    firmware = (Autopilot.ARDUPILOT, Autopilot.PX4) * 3
+    usual = build_safety(plan, firmware)
+    roomy = with_room(high, usual, firmware)
+    for names, rows in zip(roomy.parameters, usual.parameters, strict=True):
+        now, before = dict(names), dict(rows)
+        top = next(name for name in ("FENCE_ALT_MAX", "GF_MAX_VER_DIST") if name in now)
+        assert now.pop(top) > 95.0 > before.pop(top)
+        assert now == before
 
 
 def test_a_fence_with_many_corners_is_made_simpler_and_keeps_the_margin() -> None:
