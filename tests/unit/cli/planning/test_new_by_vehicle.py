@@ -60,7 +60,8 @@ def test_six_small_vehicles_over_a_stage_stand_as_near_as_they_are_small(
         rows = [f"{n + 1},{0.6 * n - 1.5:.1f},{height_m},{height_m}" for n in range(6)]
         Path(name).write_text("\n".join(["number,x,y,z", *rows]) + "\n", encoding="utf-8")
     new = "new stage --at 47.4,8.55,488 --positions pads.csv --shapes row.csv"
-    assert main.run("new-vehicle lab.toml --mass 0.035 --propeller 1.8 --battery 1S250mAh".split()) == 0
+    made = "new-vehicle lab.toml --mass 0.035 --propeller 1.8 --battery 1S250mAh"
+    assert main.run(made.split()) == 0
     assert main.run([*new.split(), "--spacing", "0.4"]) == 2
     assert "vehicles of 0.75 m would be 0.6 m apart" in capsys.readouterr().err
     assert main.run([*new.split(), "--spacing", "0.4", "--vehicle", "lab.toml"]) == 0
