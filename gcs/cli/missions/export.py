@@ -166,8 +166,8 @@ def export(
     _say_separations(screen, ready.separations)
     index = ready.write(to)
     watch.lap("export")
-    for name in index.sha256:
-        screen.say(f"  {to / name}")
+    for line in listed_files(list(index.sha256)):
+        screen.say(f"  {to}/{line}")
     if index.report is not None:
         screen.say(
             f"{index.waypoints} waypoints per vehicle; the polyline is at most {index.deviation.path_m:.3f} m from the "
@@ -204,6 +204,21 @@ def export(
         }
     )
     return screen.ended(_not_written(index, plan, to) if index.refused else None)
+
+
+def listed_files(names: list[str]) -> list[str]:
+    """A line for each file; many of one kind, which differ in their number, have one line together."""
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        kinds.setdefault(re.sub(r"\d+", "#", name), []).append(name)
+    lines: list[str] = []
+    for files in kinds.values():
+        if len(files) <= _SHOWN:
+            lines += files
+            continue
+        ends = sorted(files, key=lambda file: [int(number) for number in re.findall(r"\d+", file)])
+        lines.append(f"{ends[0]} to {ends[-1]}, {len(files)} files")
+    return lines
 
 
 def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:

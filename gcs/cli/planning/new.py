@@ -238,7 +238,7 @@ def new(
     if positions is not None:
         from gcs.cli.planning.new_flights import flight_of_sheets
 
-        flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, limits, screen)
+        flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, vehicle, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
     drawing = DrawingOptions(None if at is None else parse_place(at), terrain, vehicle)
     if survey is not None:

@@ -27,7 +27,6 @@ from gcs.scenario.sources.template import FirstFlight, Flight, ImpossibleFlight,
 from gcs.scenario.values.navigation_error import vehicle_size_m
 
 if TYPE_CHECKING:
-    from gcs.scenario.schema.scenario import Performance
     from gcs.scenario.sources.survey_flight import SurveyFlight
     from gcs.types import JsonObject
 
@@ -66,16 +65,20 @@ def flight_of_sheets(
     shapes: list[Path],
     wanted: JsonObject,
     at: tuple[float, float, float] | None,
-    limits: Performance,
+    vehicle: str | None,
     screen: Screen,
 ) -> tuple[SheetFlight, tuple[float, float, None] | None]:
     """The flight; and its origin where that is the place of the first vehicle. Raises UsageError for a wrong sheet."""
+    from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
+
+    kind = vehicle or VEHICLE_TYPE
     read = read_flight_sheets(
         positions,
         shapes,
         None if at is None else Origin(*at),
         count=wanted.get("count"),
         least_m=wanted.get("spacing_m"),
+        vehicle=kind,
     )
     plain = FirstFlight()
     flight = SheetFlight(
@@ -85,7 +88,7 @@ def flight_of_sheets(
         wanted.get("distance_m", 0.0 if shapes and "course_deg" not in wanted else plain.distance_m),
         wanted.get("height_m", read.height_m or plain.height_m),
         wanted.get("end_deg"),
-        limits=limits,
+        limits=type_limits(kind),
     )
     for sheet in (read.positions, *read.shapes):
         screen.say(f"{sheet.file}: {counted(len(sheet.sysids), 'vehicle')}, {sheet.least_distance()}")
@@ -93,9 +96,11 @@ def flight_of_sheets(
         set(range(min(flight.positions.sysids), max(flight.positions.sysids))) - set(flight.positions.sysids)
     ):
         screen.say(f"WARNING: {positions} has no vehicle {', '.join(map(str, holes))}; --count N makes that a mistake")
-    flight = with_its_changes(flight, wanted.get("spacing_m"), screen)
+    flight = with_its_changes(flight, wanted.get("spacing_m"), vehicle, screen)
     if flight.is_show:
         screen.say("figures stand where their sheets put them; --distance takes them along a way instead")
+        if flight.lift_m:
+            screen.say(f"heights in the figures count from the flight's {flight.lift_m:g} m: some are on the ground")
     elif shapes:
         screen.say("shapes are taken along the way, without their places; --distance 0 puts them where the sheets do")
     if flight.is_close:
@@ -106,7 +111,7 @@ def flight_of_sheets(
     return flight, (read.origin.lat_deg, read.origin.lon_deg, None)
 
 
-def with_its_changes(flight: SheetFlight, asked_m: float | None, screen: Screen) -> SheetFlight:
+def with_its_changes(flight: SheetFlight, asked_m: float | None, vehicle: str | None, screen: Screen) -> SheetFlight:
     """The flight with the times that its changes of shape take, and with the separation that they keep.
 
     That is the one asked for, else the usual one; where no paths keep it, the largest one that some do, and it is said.
@@ -117,7 +122,7 @@ def with_its_changes(flight: SheetFlight, asked_m: float | None, screen: Screen)
     wanted_m, why = asked_m or flight.usual_separation_m, ""
     for share in _SHARES:
         tried = replace(flight, separation_m=share * wanted_m)
-        scenario = draft(tried)
+        scenario = draft(tried, vehicle)
         kept_m = scenario.limits.separation_min_m
         if why and kept_m < vehicle_size_m(scenario.vehicle):
             break

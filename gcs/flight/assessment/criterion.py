@@ -51,7 +51,7 @@ class CriterionName(StrEnum):
     ARRIVAL_TIME = (
         "arrival time",
         "when the vehicle comes into the circle of `judge.arrival_position_m` around its goal to stay, against the "
-        "plan's own entry; early or late",
+        "plan's own entry; early or late. The circle is smaller where the plan waits at its edge",
     )
     SEPARATION = "separation", "distance of the centres of two vehicles, from T0 to the order to land"
     GROUND_SEPARATION = "separation near ground", "the same before T0 and after the order to land"

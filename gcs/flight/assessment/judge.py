@@ -261,9 +261,11 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     when_s, limit_m = np.array([plan.flight_s]), limits.arrival_position_m
     figures = _Figures(plan.sysids, when_s, missed[:, end], within[:, end])
     there = figures.at_most(CriterionName.ARRIVAL_POSITION, limit_m)
+    away = np.linalg.norm(planned - goal, axis=-1)
+    edges_m = [_edge_m(plan, t_s, distance_m) for distance_m in away]
     due, entered, first, last = (
-        np.array([_last_entry(t_s, d, limit_m) for d in distances])
-        for distances in (np.linalg.norm(planned - goal, axis=-1), missed, missed - within, missed + within)
+        np.array([_last_entry(t_s, d, edge_m) for d, edge_m in zip(distances, edges_m, strict=True)])
+        for distances in (away, missed, missed - within, missed + within)
     )
     late = np.abs(entered - due)
     latest = int(np.argmax(late))
@@ -273,6 +275,24 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     low_s, high_s = float(least.max()), float(np.maximum(*bounds).max())
     sysid = plan.sysids[latest]
     return [there, Criterion(name, "s", value_s, limit_s, False, sysid, lowest=low_s, highest=high_s)]
+
+
+def _edge_m(plan: Plan, t_s: Array, away_m: Array) -> float:
+    """The radius of the circle that a vehicle arrives in, m: a smaller one where the plan waits at its edge.
+
+    `away_m` (N,) is the planned distance from the goal. A figure of a show may stand at the edge of the circle: then
+    centimetres would decide whether the vehicle came in with the figure, or on its way home.
+    """
+    judged = plan.scenario.judge
+    radius_m = judged.arrival_position_m
+    error_m = min(navigation_error(plan.scenario).horizontal_m, radius_m / 4)
+
+    def entry_lasts_s(edge_m: float) -> float:
+        return _last_entry(t_s, away_m, edge_m - error_m) - _last_entry(t_s, away_m, edge_m + error_m)
+
+    if entry_lasts_s(radius_m) <= judged.arrival_time_s:
+        return radius_m
+    return min(radius_m, radius_m - 2 * error_m, key=entry_lasts_s)
 
 
 def _last_entry(t_s: Array, distance_m: Array, radius_m: float) -> float:

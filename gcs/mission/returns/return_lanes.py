@@ -46,8 +46,9 @@ def assigned_levels(cases: Sequence[Returning], altitudes_m: Array, required_m: 
     """
     for levels in _LEVELS:
         search = _Search(cases, altitudes_m[:levels], required_m)
-        for _ in range(_ROUNDS_MAX):
-            report("looking for return altitudes that keep every vehicle apart")
+        for number in range(_ROUNDS_MAX):
+            tried = f"{levels} levels, round {number + 1} of {_ROUNDS_MAX}"
+            report(f"looking for return altitudes that keep every vehicle apart: {tried}")
             if not search.settled():
                 break
             if not search.added():

@@ -159,7 +159,7 @@ def _searched(plan: Plan, firmware: FleetFirmware, *, lanes: bool = False) -> Re
     rally = rtl_cases.rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
     ground_m = 0.0
     for share in _CRUISE_SHARES:
-        report("planning the returns of every vehicle")
+        report(f"planning the returns of every vehicle at {share:.0%} of its speed")
         speeds = _speeds(plan, firmware, share)
         coarse = rtl_cases.return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
         if best is None:

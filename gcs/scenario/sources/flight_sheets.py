@@ -40,6 +40,7 @@ _ROWS_MAX, _LISTED_MAX = 254, 12
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _BOUNDS = {LATITUDE: 85.0, LONGITUDE: 180.0, NUMBER: 254.0}
 _FARTHEST_M = 20_000.0
+AIR_M = 0.1  # lower places of figures are on the ground: their sheets have heights above the flight's, not the origin's
 _EXAMPLE = "begin with a row of names, for example number,x,y,z or number,latitude,longitude,height"
 
 
@@ -201,7 +202,7 @@ class FlightSheets:
     def height_m(self) -> float | None:
         """The leader's height in the first shape, else on its pad; None where that is on the ground."""
         first = (*self.shapes, self.positions)[0].places_m[0, 2]
-        return float(first) if first >= 1.0 else None
+        return float(first) if first >= AIR_M else None
 
 
 def read_flight_sheets(
@@ -211,14 +212,15 @@ def read_flight_sheets(
     *,
     count: int | None = None,
     least_m: float | None = None,
+    vehicle: str = VEHICLE_TYPE,
 ) -> FlightSheets:
     """The sheets of a flight. Without an origin it is the place of the first vehicle, if that is in degrees.
 
     Raises UsageError for sheets with mistakes: vehicles that are missing, there twice, or nearer than `least_m`; left
-    out, that is twice the size of a vehicle.
+    out, that is twice the size of a `vehicle`, a preset or a vehicle file.
     """
     if least_m is None:
-        least_m = math.floor(20.0 * vehicle_size_m(vehicle_type(VEHICLE_TYPE).vehicle)) / 10.0
+        least_m = math.floor(20.0 * vehicle_size_m(vehicle_type(vehicle).vehicle)) / 10.0
     rows = read_sheet(positions)
     if origin is None and LATITUDE in rows[0].cells:
         origin = Origin(*_place(rows[0]), 0.0)

@@ -16,7 +16,7 @@ from gcs.errors import counted
 from gcs.scenario.schema.formation_table import START_SHAPE
 from gcs.scenario.schema.scenario import Performance
 from gcs.scenario.sources.flight_margins import ground_phases_s, type_limits
-from gcs.scenario.sources.flight_sheets import Sheet
+from gcs.scenario.sources.flight_sheets import AIR_M, Sheet
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.validation.spacing import nearest_pair
 from gcs.types import Array
@@ -28,7 +28,6 @@ _SEPARATION_M, _CROSSING = 5.0, 0.6  # unless asked for; vehicles that cross pas
 _GNSS_APART_M = 5.0  # nearer vehicles need better sensors
 _ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
 _SHORTEST_LEG_M = 0.15  # of a route; 0.1 m are allowed
-_AIR_M = 1.0  # a sheet with lower places has its heights above the flight's, not above the origin
 _LEADER_SHARE, _LEADER_ENDS_S = 0.5, 6.0  # of its limits of speed, to the next figure; for both ends at rest
 
 
@@ -75,6 +74,12 @@ class SheetFlight:
         """Whether each shape stands in the places of its sheet: there is no way along which it could be taken."""
         return bool(self.shapes) and self.distance_m == 0.0 and self.end_deg is None
 
+    @property
+    def lift_m(self) -> float:
+        """What is added to the heights of the figures: the flight's height, where a sheet has places on the ground."""
+        lowest_m = min((float(sheet.places_m[:, 2].min()) for sheet in self.shapes), default=0.0)
+        return self.height_m if lowest_m < AIR_M else 0.0
+
     @cached_property
     def figures_m(self) -> tuple[Array, ...]:
         """The places (V, 3) of each figure, north, east and up from the origin, in the order of the vehicles.
@@ -83,8 +88,7 @@ class SheetFlight:
         apart, no two vehicles come nearer than that distance then, and the leader can only have such a place here: the
         planner assigns the places of all others, and by their ways as seen from the leader that is the same choice.
         """
-        lowest_m = min((float(sheet.places_m[:, 2].min()) for sheet in self.shapes), default=0.0)
-        lift_m = np.array([0.0, 0.0, self.height_m if lowest_m < _AIR_M else 0.0])
+        lift_m = np.array([0.0, 0.0, self.lift_m])
         before_m, figures_m = self._start_m, []
         for sheet in self.shapes:
             places_m = (sheet.places_m + lift_m).round(3) + 0.0

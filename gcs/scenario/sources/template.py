@@ -239,7 +239,7 @@ def scenario_text(
     kind = VEHICLE_TYPE if vehicle is None else vehicle
 
     def judged(written: str) -> BatteryEstimate:
-        return battery_estimate(possible_scenario(written if vehicle is None else _of_type(written, _found(vehicle))))
+        return battery_estimate(_flown(written, vehicle))
 
     made = _written(text, filled | flight.keys())
     need = judged(made)
@@ -253,10 +253,14 @@ def scenario_text(
     return made
 
 
-def draft(flight: Flight) -> Scenario:
+def draft(flight: Flight, vehicle: str | None = None) -> Scenario:
     """The scenario of a flight at no particular place, whatever battery it needs. Raises UsageError as above."""
     filled = {"NAME": "draft", "FOLDER": "draft", "LAT": "0.0", "LON": "0.0", "ALT": "0.0"}
-    return possible_scenario(_written(_template("template.toml"), filled | flight.keys()))
+    return _flown(_written(_template("template.toml"), filled | flight.keys()), vehicle)
+
+
+def _flown(text: str, vehicle: str | None) -> Scenario:
+    return possible_scenario(text if vehicle is None else _of_type(text, _found(vehicle)))
 
 
 def _template(file: str) -> str:

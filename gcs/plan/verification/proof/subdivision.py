@@ -191,7 +191,7 @@ def refined(
     level, unsettled = cells, np.ones((len(constraints), len(cells)), dtype=bool)
     left = [(cells[:0], np.zeros((len(constraints), 0)))]
     while len(level):
-        report("proving every limit at every instant")
+        report(f"proving every limit at every instant: {len(level)} intervals")
         last = looks.last(len(level))
         parts: list[tuple[Cells, Mask]] = []
         for first in range(0, len(level), _BATCH):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gcs.cli import main
+from gcs.cli.missions.export import listed_files
 from gcs.errors import NotWritten
 
 
@@ -116,3 +117,9 @@ def test_what_cannot_work_is_refused_before_anything_is_planned(
     assert "solve 1" not in out
     assert told in err
     assert [path.name for path in px4_field.parent.iterdir()] == ["field"]
+
+
+def test_the_files_of_forty_vehicles_are_one_line_each_kind() -> None:
+    setpoints = sorted(f"uav{n}.setpoints" for n in range(1, 41))
+    assert listed_files(["map.kml", *setpoints]) == ["map.kml", "uav1.setpoints to uav40.setpoints, 40 files"]
+    assert listed_files(setpoints[:20]) == setpoints[:20]

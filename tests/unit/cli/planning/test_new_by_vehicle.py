@@ -50,3 +50,22 @@ def test_a_flight_takes_the_time_that_its_vehicles_need(
     assert all(speed <= 0.8 * speeds[0] + 1e-9 for speed in drawn)
     if "--route" in line:
         assert scenario.time.flight_s == {1.5: 190.0, 5.0: 65.0, 12.0: 40.0}[speeds[0]]
+
+
+def test_six_small_vehicles_over_a_stage_stand_as_near_as_they_are_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, height_m in (("pads.csv", 0.0), ("row.csv", 0.9)):
+        rows = [f"{n + 1},{0.6 * n - 1.5:.1f},{height_m},{height_m}" for n in range(6)]
+        Path(name).write_text("\n".join(["number,x,y,z", *rows]) + "\n", encoding="utf-8")
+    new = "new stage --at 47.4,8.55,488 --positions pads.csv --shapes row.csv"
+    made = "new-vehicle lab.toml --mass 0.035 --propeller 1.8 --battery 1S250mAh"
+    assert main.run(made.split()) == 0
+    assert main.run([*new.split(), "--spacing", "0.4"]) == 2
+    assert "vehicles of 0.75 m would be 0.6 m apart" in capsys.readouterr().err
+    assert main.run([*new.split(), "--spacing", "0.4", "--vehicle", "lab.toml"]) == 0
+    assert load_scenario("stage").limits.separation_min_m == 0.4
+    assert load_scenario("stage").route[0].position_m[2] == 0.9  # as in the sheet, though it is low
+    assert main.run([*new.replace("stage", "usual").split(), "--vehicle", "lab.toml"]) == 0
+    assert load_scenario("usual").limits.separation_min_m == pytest.approx(0.36)

@@ -113,10 +113,11 @@ def test_a_figure_stands_where_its_sheet_puts_it_and_holds() -> None:
     assert begins_s[-1] + changes_s[-1] < scenario.time.flight_s
 
 
-def test_figures_drawn_at_height_0_stand_at_the_height_of_the_flight() -> None:
+def test_figures_drawn_at_height_0_stand_at_the_height_of_the_flight(capsys: pytest.CaptureFixture[str]) -> None:
     sheet("flat.csv", [(n, x, y, 0.0) for n, x, y, _ in RING])
     assert gcs("new show --positions grid.csv --shapes flat.csv --height 30") == 0
     assert load_scenario("show").route[0].position_m[2] == 30.0
+    assert "heights in the figures count from the flight's 30 m: some are on the ground" in capsys.readouterr().out
 
 
 def test_pads_of_2_m_are_enough_for_figures_of_less(capsys: pytest.CaptureFixture[str]) -> None:

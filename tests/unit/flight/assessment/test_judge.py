@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import PPoly
 from scipy.spatial.distance import pdist
 
 from gcs.flight.assessment.criterion import Criterion, CriterionName
@@ -13,6 +15,7 @@ from gcs.flight.assessment.judge import Truth, Verdict, judge
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.types import Array
 
@@ -116,3 +119,28 @@ def test_clearance_is_the_distance_to_the_ground_in_any_direction(simulation1_pl
     clearance = named(judged(plan, change), "clearance above ground")
     assert clearance.value == pytest.approx(nearest_m, abs=5e-3)
     assert (clearance.sysid, clearance.t_s) == (plan.sysids[2], pytest.approx(100.0, abs=0.31))
+
+
+@pytest.mark.parametrize("aside_m", [-0.04, 0.0, 0.04])
+@pytest.mark.parametrize(("late_s", "ok"), [(0.0, True), (6.0, False)])
+def test_a_figure_at_the_edge_of_the_arrival_circle_makes_no_vehicle_late(
+    simulation1_plan: Plan, aside_m: float, late_s: float, *, ok: bool
+) -> None:
+    """Forty vehicles in a show: one waits for a minute as far from its goal as the circle is wide, 2 cm inside."""
+    plan = simulation1_plan
+    end_s, radius_m = plan.flight_s, plan.scenario.judge.arrival_position_m
+    joints = np.array([plan.t_start_s, end_s - 90.0, end_s - 80.0, end_s - 20.0, end_s - 10.0, plan.t_end_s + 10.0])
+    state = np.zeros((2, 5, 12))
+    state[1, :, 0] = (-100.0, -100.0, 0.02 - radius_m, 0.02 - radius_m, 0.0)  # north of the goal, m
+    state[0, :, 0] = np.append(np.diff(state[1, :, 0]), 0.0) / np.diff(joints)
+    state[1, :, 1], state[1, :, 2] = state[1, :, 0] / 1e3, -60.0  # not quite along one axis: the course has a direction
+    waiting = replace(plan, leader_trajectory=Trajectory(PPoly(state, joints), PPoly(np.zeros((1, 5, 4)), joints)))
+
+    def change(times_s: Array, states: Array) -> None:
+        states[:] = waiting.states(times_s - late_s * (times_s > 0.0))
+        waits = (times_s > end_s - 79.0) & (times_s < end_s - 21.0)
+        states[:, waits, 0] += aside_m
+
+    arrival = named(judged(waiting, change), CriterionName.ARRIVAL_TIME)
+    assert arrival.ok is ok
+    assert arrival.value < 0.2 or not ok
