@@ -133,6 +133,7 @@ BENCHMARKS: dict[str, tuple[str, str, tuple[Callable[[Any], Rows], ...]]] = {
     "legs": ("[a drawn route beside other solvers](planner.md)", "--repetitions 3", ()),
     "upload": ("[uploads over bad links](links.md), beside MAVSDK", "--uploads 20", ()),
     "bridge": ("[emulated vehicles](sim_bridge.md)", "--seconds 3", ()),
+    "graph": ("[who listens to whom](flying.md#who-listens-to-whom)", "", ()),
     "flights": ("flights in wind", f"--seeds 20 --mode {' '.join(MODES)}", (_flights,)),
 }
 

@@ -80,7 +80,7 @@ def test_a_new_scenario_is_short_and_full_has_every_table(tmp_path: Path, capsys
     assert gcs("new", tmp_path / "full" / "first", "--full") == 0
     full = tomllib.loads((tmp_path / "full" / "first" / "scenario.toml").read_text())
     drawn = {"route", "legs", "loops", "keep_in", "survey", "on"}  # by a person: no flight has them by default
-    written = {"terrain", "wind", "vehicle", "geozones"}  # elsewhere, or by the program
+    written = {"terrain", "wind", "vehicle", "geozones", "no_fly_beyond"}  # elsewhere, or by the program
     assert set(full) >= set(Scenario.model_fields) - written - drawn
     shown = []
     for folder in ("first", "full/first"):

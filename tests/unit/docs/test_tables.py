@@ -47,6 +47,12 @@ POLICY_PROOFS = {
     "It is told; the vehicle keeps its order, and its autopilot its failsafes": [
         ("tests/unit/flight/contingency/test_alarm_watch.py", "test_the_others_follow_on_loss_when_one_falls")
     ],
+    "It is told, so that the operator tells the service supplier; the vehicle keeps its order": [
+        (
+            "tests/bridge/test_volumes.py",
+            "test_the_one_that_is_pushed_out_of_its_volume_is_told_and_the_others_are_not",
+        )
+    ],
     "A vehicle off its setpoints brakes and holds": [(OFF_SETPOINTS, HOLDS_AND_LANDS)],
     "A vehicle that does not follow setpoints lands by its autopilot": [(OFF_SETPOINTS, HOLDS_AND_LANDS)],
     "A vehicle is off its predicted track: all vehicles brake and hold": [
