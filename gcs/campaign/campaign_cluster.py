@@ -5,11 +5,9 @@ Every worker gets the plan once, and must have the same code of Skein.
 
 from __future__ import annotations
 
-import atexit
 import logging
 import os
 import signal
-import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -36,7 +34,6 @@ _CONFIG = {
 }
 _KEY = "skein_campaign"
 _PACKAGE = "skein-gcs"
-_INTERRUPTED = 130  # exit code
 
 
 @contextmanager
@@ -94,17 +91,7 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
                 _kill_workers(local)
                 local.shutdown_on_close = False  # else Dask waits for them when Python ends
             stack.pop_all()
-            atexit.register(_end_at_once)
             raise
-
-
-def _end_at_once() -> None:
-    """End this process after Ctrl-C: on a busy machine Python takes seconds to take itself and Dask apart."""
-    atexit.unregister(_end_at_once)
-    atexit._run_exitfuncs()  # they remove semaphores
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(_INTERRUPTED)
 
 
 def _refuse_workers(problems: Mapping[str, str]) -> None:

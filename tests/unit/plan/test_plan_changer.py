@@ -16,6 +16,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.no_fly import nearest_zone_m
+from gcs.scenario.schema.formation_table import ShapeTable
 
 
 def ahead(plan: Plan, t_s: float, radius_m: float = 3.0) -> Avoid:
@@ -137,6 +138,19 @@ def test_the_rest_flies_round_where_a_lost_vehicle_may_be(hop: Plan, gone: int) 
     np.testing.assert_allclose(flown.landing_points_ned_m[rows], hop.landing_points_ned_m[rows], atol=1e-3)
     ours.adopt(made.plan)
     assert ours.change(Scale(1.3), 14.0).plan.sysids == rest
+
+
+@pytest.mark.parametrize("rest", [(1, 3), (2, 3)])
+def test_a_named_shape_closes_the_gap(hop: Plan, rest: tuple[int, ...]) -> None:
+    line = ShapeTable(name="line", generator="line", spacing_m=4.0)
+    formation = hop.scenario.formation.model_copy(update={"shape": (line,)})
+    ours = PlanChanger(replace(hop, scenario=hop.scenario.model_copy(update={"formation": formation})))
+    ours.adopt(ours.change(CloseRanks(rest, ()), 8.0).plan)
+    made = ours.change(Reshape("line"), 11.0)
+    assert made.report.ok
+    assert made.plan.sysids == rest
+    first, second = made.plan.states(np.array([28.0]))[:, 0, POSITION]
+    np.testing.assert_allclose(second - first, [0.0, 4.0, 0.0], atol=1e-6)
 
 
 def test_those_that_remain_keep_their_track_if_the_lost_one_is_behind(hop: Plan) -> None:
