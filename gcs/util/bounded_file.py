@@ -130,6 +130,10 @@ def as_utf8(data: bytes) -> bytes:
         raise ValueError("begins as UTF-16, and is none; save it as UTF-8") from error
 
 
+class AtLine(ValueError):
+    """An error whose sentence begins with its line or column."""
+
+
 def read_json(data: bytes | str, *, not_finite: bool = False) -> Any:
     """The value of a JSON text. Raises ValueError, also for too many values, deep nesting and numbers without end.
 

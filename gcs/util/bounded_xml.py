@@ -6,6 +6,8 @@ from typing import NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from gcs.util.bounded_file import AtLine
+
 _LINE = ""  # the attribute with an element's line: no attribute of a document has an empty name
 XML_ELEMENTS_MAX = 500_000  # each takes some hundred bytes of memory
 _DEPTH_MAX = 64
@@ -44,7 +46,7 @@ def read_xml(data: bytes) -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise ValueError(f"line {error.lineno}: not XML: {expat.ErrorString(error.code)}") from None
+        raise AtLine(f"line {error.lineno}: not XML: {expat.ErrorString(error.code)}") from None
     except LookupError as error:  # an encoding that Python does not know
         raise ValueError(f"not XML: {error}") from None
     return tree.close()

@@ -1,4 +1,4 @@
-"""`gcs vehicles`: list the vehicles on a link with their state. and command those in flight."""
+"""`gcs vehicles`: list the vehicles on a link with their state."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def text_of_survey(
         ground = ground_of(terrain, [(float(a), float(b)) for a, b in zip(lat, lon, strict=True)])
         order = replace(order, ground=SurveyGround(terrain, partial(ground.under_m, origin=drawn.origin)))
         flight = replace(flight, order=order)
-    areas = drawn.tables([("the start", flight.start_m), *flight.points()])
+    areas = drawn.tables([("the start", flight.start_m), *((point.name, point.place_m) for point in flight.points())])
     flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
     for sentence in [*_sentences(flight, areas), *_fewer(flight, count)]:
         screen.say(sentence)

@@ -16,6 +16,7 @@ from gcs.flight.plots.flight_map import vehicle_entries
 from gcs.flight.scene.ground_area import area_of
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.mission.proving.track_report import TrackCheck, TrackReport
+from gcs.plan.trajectory.constraint_id import Kind
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import Array
@@ -24,7 +25,6 @@ _INSTANTS = 1200
 _CURVES_IN, _LEAST_IN = 5.4, 6.0
 _CALL = "#c00000"
 _MANY: str = "0.45"  # the colour of tracks too many for a legend
-_SEPARATION = "separation"
 
 
 def save_proof(tracks: Sequence[PolynomialTrack], report: TrackReport, scenario: Scenario | None, path: Path) -> None:
@@ -45,10 +45,10 @@ def draw_proof(tracks: Sequence[PolynomialTrack], report: TrackReport, scenario:
     several = len(tracks) > 1
     panels: Any = grid[1].subgridspec(2 + several, 1).subplots(sharex=True)
     _draw_map(chart, tracks, t_s, places, scenario)
-    calls = [check for check in report.checks if check.name == _SEPARATION or not check.ok]
+    calls = [check for check in report.checks if check.kind is Kind.SEPARATION or not check.ok]
     panel = iter(panels)
     if several:
-        limit = next((check.limit for check in report.checks if check.name == _SEPARATION), None)
+        limit = next((check.limit for check in report.checks if check.kind is Kind.SEPARATION), None)
         _draw_near(next(panel), t_s, places, limit, calls)
     _draw_heights(next(panel), t_s, places, scenario)
     axes = next(panel)
@@ -104,7 +104,7 @@ def _draw_map(
 def _draw_near(axes: Axes, t_s: Array, places: Array, limit_m: float | None, calls: Sequence[TrackCheck]) -> None:
     draw_separation(axes, t_s, places, None, limit_m)
     for check in calls:
-        if check.name == _SEPARATION:
+        if check.kind is Kind.SEPARATION:
             axes.plot(check.t_s, check.seen, "o", ms=4, color=_CALL)
 
 

@@ -10,6 +10,7 @@ from enum import StrEnum
 from gcs.errors import FileFormatError
 from gcs.frames import wrapped_deg
 from gcs.mission.model import Home
+from gcs.util.bounded_file import AtLine
 
 NAME_MAX = 100
 AREA_HEIGHTS = "not carried over: an area has none"
@@ -138,13 +139,13 @@ def on_line(line: int, unit: str = "line") -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"{unit} {line}: {error}") from error
+        raise AtLine(f"{unit} {line}: {error}") from error
 
 
 def refusal(source: str, error: Exception, kind: str) -> FileFormatError:
     """The error for a file of this kind, "KML", whose reader has raised another one."""
     reason = str(error)[:_REASON_MAX]
-    at = ", " if reason.startswith(("line ", "column ")) else ": "
+    at = ", " if isinstance(error, AtLine) else ": "
     return FileFormatError(f"{source}{at}{reason}.", hint=f"correct it there, or save the drawing again as {kind}")
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from gcs.mission.proving.track import FleetMotion
 from gcs.physics.quadrotor import Quadrotor
+from gcs.plan.trajectory.constraint_id import Kind
 from gcs.plan.verification.constraints.position_limits import RESOLUTION_M, outside_zone
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
@@ -29,6 +30,7 @@ class TrackCriterion:
     unit: str
     limit: float
     most: bool = False
+    kind: Kind | None = None  # where code must know it
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ class TrackSeparation:
     @property
     def criteria(self) -> tuple[TrackCriterion, ...]:
         """The one criterion."""
-        return (TrackCriterion("separation", "m", self.limit_m),)
+        return (TrackCriterion("separation", "m", self.limit_m, kind=Kind.SEPARATION),)
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gcs.errors import VerificationError, counted
 from gcs.mission.proving.track_criteria import TrackCriterion
+from gcs.plan.trajectory.constraint_id import Kind
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Family, Looks, Proof, settle
 from gcs.plan.verification.proof.verdict import OK, Verdict, verdict_of
 
@@ -31,6 +32,7 @@ class TrackCheck:
     tolerance: float
     vehicles: tuple[str, ...]
     t_s: float
+    kind: Kind | None = None  # where code must know it; `name` is for people
 
     @property
     def verdict(self) -> Verdict:
@@ -141,6 +143,7 @@ def settled_checks(
                 family.constraints[number].tolerance,
                 tuple(names[row] for row in proof.who[number, phase]),
                 float(proof.t_s[number, phase]),
+                criterion.kind,
             )
         )
     return found

@@ -1,5 +1,7 @@
-"""The rest of a plan: parts of its polynomials, a plan that begins in the air and ends as the old one does, and the
-flight from any state through the points of the route that are still ahead, solved on a mesh of its own.
+"""The rest of a plan, cut out of its polynomials or planned anew from any state.
+
+The first begins in the air and ends as the old plan does. The second is solved on a mesh of its own, through the
+points of the route that are still ahead.
 """
 
 from collections.abc import Callable, Iterator

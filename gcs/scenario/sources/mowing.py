@@ -61,6 +61,15 @@ class Strip:
 
 
 @dataclass(frozen=True)
+class MownPoint:
+    """A point of the route of a survey (north, east), m."""
+
+    name: str
+    place_m: Place
+    ends_pass: bool = False
+
+
+@dataclass(frozen=True)
 class Mowing:
     """A line abreast of `count` vehicles, `spacing_m` apart, whose front is at `course_deg`, and its passes in order.
 
@@ -82,18 +91,18 @@ class Mowing:
         away = (np.arange(self.count) - (self.count - 1) / 2.0) * self.spacing_m
         return shapely.MultiLineString([np.array(leg) + one * across for leg in self.passes for one in away])
 
-    def places(self) -> list[tuple[str, Place]]:
-        """The places of the middle of the line in order, with their names."""
-        found: list[tuple[str, Place]] = []
+    def places(self) -> list[MownPoint]:
+        """The places of the middle of the line in order."""
+        found: list[MownPoint] = []
         for number, ((begin, end), (before_m, after_m)) in enumerate(
             zip(self.passes, self.leads_m, strict=True), start=1
         ):
             ahead = np.subtract(end, begin) / math.dist(begin, end)
             if before_m:
-                found.append((f"before pass {number}", _moved(begin, -before_m * ahead)))
-            found += [(f"pass {number} begins", begin), (f"pass {number} ends", end)]
+                found.append(MownPoint(f"before pass {number}", _moved(begin, -before_m * ahead)))
+            found += [MownPoint(f"pass {number} begins", begin), MownPoint(f"pass {number} ends", end, ends_pass=True)]
             if after_m:
-                found.append((f"after pass {number}", _moved(end, after_m * ahead)))
+                found.append(MownPoint(f"after pass {number}", _moved(end, after_m * ahead)))
         return found
 
 
@@ -179,7 +188,7 @@ def _orders(
             leads_m[0] = (0.0, leads_m[0][1])
         front_deg = (course_deg + 180.0 * goes_back) % 360.0
         mown = Mowing(front_deg, count, spacing_m, tuple(passes), tuple(leads_m))
-        flown = [place for _, place in mown.places()]
+        flown = [point.place_m for point in mown.places()]
         if len(flown) <= ROUTE_MAX:
             home = [start_m or flown[0]]
             time_s = times.time_s([*home, *flown, *home], len(passes))

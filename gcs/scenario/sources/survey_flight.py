@@ -16,7 +16,7 @@ from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.places import ROUTE_MAX
 from gcs.scenario.schema.scenario import Performance
 from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
-from gcs.scenario.sources.mowing import BOW_M, Mowing, PassTimes, mowing
+from gcs.scenario.sources.mowing import BOW_M, Mowing, MownPoint, PassTimes, mowing
 from gcs.scenario.sources.template import FORMATION, FirstFlight
 from gcs.types import Array
 
@@ -99,7 +99,7 @@ class SurveyFlight:
         ground, found_s = self.order.ground, 0.0
         if ground is None:
             return found_s
-        places_m = np.array([self.start_m, *(place for _, place in self.points()), self.start_m])
+        places_m = np.array([self.start_m, *(point.place_m for point in self.points()), self.start_m])
         for first_m, last_m in itertools.pairwise(places_m):
             length_m = float(np.linalg.norm(last_m - first_m))
             share = np.linspace(0.0, 1.0, 2 + int(length_m / _STEP_M))[:, None]
@@ -124,10 +124,10 @@ class SurveyFlight:
                 return f"give --count {count}, a wider --swath or less --overlap"
         return "give a part of the area, a wider --swath, less --overlap or a lower --height"
 
-    def points(self) -> list[tuple[str, tuple[float, float]]]:
-        """The leader's points after the start, with their names."""
-        named = [(name, self._leader(place)) for name, place in self.mowing.places()]
-        return named if self.order.starts_at_origin else named[1:]
+    def points(self) -> list[MownPoint]:
+        """The leader's points after the start."""
+        own = [replace(point, place_m=self._leader(point.place_m)) for point in self.mowing.places()]
+        return own if self.order.starts_at_origin else own[1:]
 
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION is the table [formation] and [survey]."""
@@ -189,9 +189,9 @@ class SurveyFlight:
         yaw = f", heading_deg = {yaw_deg}"
         straight = f", corridor_m = {BOW_M}"  # of a pass, which ends here
         rows = [
-            f'  {{ name = "{name}", position_m = {_numbers(self._position(place))}{yaw}'
-            f"{straight * name.endswith(' ends')} }},"
-            for name, place in self.points()
+            f'  {{ name = "{point.name}", position_m = {_numbers(self._position(point.place_m))}{yaw}'
+            f"{straight * point.ends_pass} }},"
+            for point in self.points()
         ]
         return ["route = [                     # places of the leader, in order", *rows, "]"]
 

@@ -30,12 +30,17 @@ def test_a_rectangle_is_mown_along_its_long_side_in_passes_that_divide_it() -> N
 
 def test_passes_go_there_and_back_and_turn_outside() -> None:
     mown = mowing(RECTANGLE, WIDEST_M, [4], times=PassTimes(4.0, 3.0))
-    places = [place for _, place in mown.places()]
+    places = [point.place_m for point in mown.places()]
     lengths_m = [math.dist(a, b) for a, b in itertools.pairwise(places)]
     across_m, lead_m = MOWN_M / 3.0, PassTimes(4.0, 3.0).lead_m
     turn = [lead_m, across_m, lead_m]
     assert lengths_m == pytest.approx([200.0, *turn, 200.0, *turn, 200.0, lead_m])
-    assert [name for name, _ in mown.places()][:4] == ["pass 1 begins", "pass 1 ends", "after pass 1", "before pass 2"]
+    assert [point.name for point in mown.places()][:4] == [
+        "pass 1 begins",
+        "pass 1 ends",
+        "after pass 1",
+        "before pass 2",
+    ]
     assert {round(abs(places[number][1] - 100.0), 6) for number in (2, 3, 6, 7)} == {round(100.0 + lead_m, 6)}
     home_m = math.dist(places[-1], places[0])
     assert mown.time_s == pytest.approx((sum(lengths_m) + home_m) / 4.0 + 6 * 3.0)
@@ -66,7 +71,7 @@ def test_passes_stop_at_what_is_avoided_and_cross_what_is_not() -> None:
     beside = mowing(field, WIDEST_M, [4], course_deg=90.0, avoided=pond.buffer(3.0))
     assert len(beside.passes) == len(crossed.passes) + 1
     assert beside.lines.distance(pond) == pytest.approx(3.0, abs=0.01)
-    way = shapely.LineString([place for _, place in beside.places()])
+    way = shapely.LineString([point.place_m for point in beside.places()])
     assert shapely.hausdorff_distance(way, crossed.lines) < 25.0  # it turns outside only, not before the pond
     assert len(beside.places()) == len(crossed.places()) + 2
 
