@@ -82,7 +82,7 @@ class CloseRanks:
     zones: tuple[NoFlyZone, ...]
 
     def __str__(self) -> str:
-        return f"close its ranks and fly on with {len(self.sysids)} vehicle{'s' if len(self.sysids) > 1 else ''}"
+        return f"close ranks and fly on with {len(self.sysids)} vehicle{'s' if len(self.sysids) > 1 else ''}"
 
 
 PlanOrder = Avoid | Scale | Reshape | FlyHome | CloseRanks
