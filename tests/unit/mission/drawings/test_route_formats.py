@@ -148,7 +148,7 @@ PLAN = (
         ("a letter", "is no drawing"),
         ("{", "line 1: not JSON"),
         ("{}", "is neither a .plan nor GeoJSON"),
-        ("<kml", "line 1: not XML"),
+        ("<kml", ", line 1: not XML"),
         ("<svg/>", "its root is <svg>"),
         ('<!DOCTYPE k [<!ENTITY a "ha">]><kml>&a;</kml>', "document type or entities"),
         ("<kml>" + "<a>" * 100 + "</a>" * 100 + "</kml>", "nested too deeply"),

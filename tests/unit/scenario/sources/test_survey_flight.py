@@ -39,6 +39,9 @@ def test_the_line_flown_from_the_points_is_the_one_that_was_laid(tmp_path: Path,
     flown = [offset + leg for leg in np.array(leader).reshape(-1, 2, 2) for offset in offsets[:, None]]
     assert shapely.hausdorff_distance(shapely.MultiLineString(flown), laid.lines) < 0.03  # written to a centimetre
     assert [point.name for point in scenario.route][:3] == ["pass 1 ends", "after pass 1", "before pass 2"]
+    assert {point.name for point in scenario.route if isinstance(point.corridor_m, float)} == {
+        f"pass {number} ends" for number in range(1, len(laid.passes) + 1)
+    }
     assert scenario.end.position_m == scenario.start.position_m
     assert {point.heading_deg for point in scenario.route} == {scenario.start.roll_pitch_yaw_deg[2]}
 
