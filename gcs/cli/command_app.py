@@ -21,7 +21,7 @@ class CommandGroup(typer.core.TyperGroup):
     """`gcs` itself: its help is the text that is printed without loading any command."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help, whichever other options stand beside --help."""
+        """Write the help, whatever other options are given with --help."""
         print(help_text())
 
 

@@ -57,7 +57,7 @@ class Modes:
 
 
 class Milestone(Enum):
-    """What a vehicle can do from a certain stage on."""
+    """What a vehicle can do once it has reached a stage of its start-up or flight."""
 
     RUNNING = auto()  # set up, as HEARTBEAT shows
     SPEAKING = auto()  # sends STATUSTEXTs; until then they are queued

@@ -134,7 +134,7 @@ class FleetReport:
 
     @property
     def spread_s(self) -> float:
-        """By so much may a vehicle be early or late by what its autopilot may do."""
+        """How early or late a vehicle may be, by what its autopilot may do, s."""
         return max((spread.widest_s for spread in self.spreads), default=0.0)
 
     @property

@@ -39,7 +39,7 @@ class Between:
 
 
 def least_level_m(pairs: Between) -> Array:
-    """A level distance (M,) that no pair comes below which returns at one altitude, by what differs within it alone.
+    """A lower bound (M,) of the level distance of pairs that return at one altitude, by their differences alone, m.
 
     At equal shares of their ways, the vector between two vehicles is on the segment from that between their starts to
     that between their ends. The one with the longer way has done a smaller share: it is behind by the difference of the

@@ -252,7 +252,7 @@ class Problem:
 
     @cached_property
     def centre_travel_m(self) -> float:
-        """The most that the shape can move the vehicles' centre, seen from the leader; inf where it is not limited."""
+        """The greatest way of the vehicles' centre from the leader as the shape changes, m; inf if not limited."""
         if self.coordinates:
             return np.inf
         # A smooth function rises and falls between its values at many instants: a little more than those add up to.
