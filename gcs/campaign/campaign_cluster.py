@@ -40,8 +40,7 @@ _PACKAGE = "skein-gcs"
 def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator[Client]:
     """Yield a client whose workers have the plan. Raises LinkError without them, UsageError for another version.
 
-    `scratch` is where workers on this machine write. All processes that were started end with the block. After Ctrl-C
-    they are killed and nothing is closed: a scheduler forgets the flights of a client that is gone.
+    `scratch` is where workers on this machine write. All processes that were started end with the block.
     """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with ExitStack() as stack:
@@ -84,14 +83,7 @@ def connected(cluster: Cluster, shared: CampaignPlan, scratch: Path) -> Iterator
         _refuse_workers({where: version_problem(found) for where, found in versions.items()})
         client.register_plugin(PlanForWorkers(shared, local=local is not None))
         _refuse_workers(client.run(worker_problem))
-        try:
-            yield client
-        except KeyboardInterrupt:
-            if local is not None:
-                _kill_workers(local)
-                local.shutdown_on_close = False  # else Dask waits for them when Python ends
-            stack.pop_all()
-            raise
+        yield client
 
 
 def _refuse_workers(problems: Mapping[str, str]) -> None:
