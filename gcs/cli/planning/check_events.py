@@ -8,6 +8,7 @@ from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, PlanArgument, option
 
 if TYPE_CHECKING:
+    from gcs.scenario.schema.scenario import Scenario
     from gcs.types import JsonObject
 
 _EVERY_S = 10.0
@@ -32,23 +33,21 @@ def check_events(
     screen = Screen(json=json)
     from rich.table import Table
 
-    from gcs.cli.shared.plan_argument import Stopwatch
+    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
     from gcs.errors import PlanningError, UsageError
     from gcs.plan.event_plans import plan_events
-    from gcs.plan.plan_file import load_plan
-    from gcs.plan.verification.verify import refusal
     from gcs.util.long_work import shown
 
-    watch = Stopwatch(BEGAN_S)
-    with shown(screen.say):
-        loaded, report = load_plan(plan, screen.warn)
-        watch.lap("load and verify")
-        if not report.ok:
-            raise refusal(report)
-        if not (events := loaded.scenario.on):
+    def refuse(scenario: Scenario) -> None:
+        if not scenario.on:
             raise UsageError(f"{plan}: its scenario has no events", hint="write [[on]] into it, and plan it again")
+
+    watch = Stopwatch(BEGAN_S)
+    loaded, _ = plan_for(plan, screen, watch, refuse=refuse)
+    with shown(screen.say):
         found = plan_events(loaded, every)
     watch.lap("events")
+    events = loaded.scenario.on
     table = Table("row", "order", "at", "plan", "planned in", title="answers to events")
     rows: list[JsonObject] = []
     for one in found:

@@ -54,3 +54,11 @@ def test_the_command_ends_with_4_where_a_row_has_neither_a_plan_nor_another_orde
     told = capsys.readouterr()
     assert "answers verified" in told.out
     assert ("has no plan at t = 10" in told.err) == bool(code)
+
+
+def test_a_scenario_without_events_is_told_what_to_write(
+    hop: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_plan(hop, verify(hop), tmp_path / "hop.skein")
+    assert run(["check-events", str(tmp_path / "hop.skein")]) == 2
+    assert "write [[on]] into it" in capsys.readouterr().err
