@@ -30,7 +30,7 @@ class GcsError(Exception):
 
 
 def for_people(text: str) -> str:
-    """The text with at most three digits after the point of a quantity, or three digits in all below 0.1."""
+    """The text with at most three digits after the point of a quantity, or three significant digits below 0.1."""
     return _LONG.sub(lambda number: _short(float(number[1])), text)
 
 

@@ -1,4 +1,4 @@
-"""Types that every layer uses."""
+"""Types of arrays and JSON values, which every layer uses."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""pytest fixtures for tests of ground software:
+"""pytest fixtures for tests of ground software.
 
     from sim_bridge.testing import fleet, make_fleet
 

@@ -21,7 +21,10 @@ class FlightWindow:
     """A window that rolls over the design: so many flights are submitted as workers have room for, in order."""
 
     def __init__(self, left: Iterable[Row], results: Iterable[Row] = (), until: float | None = None) -> None:
-        """`left` are the rows of the design to fly, `results` those known; `until` is the width that ends it."""
+        """`left` are the rows of the design to fly, `results` those known.
+
+        The campaign ends when the interval of the pass rate is no wider than `until`.
+        """
         self._queue = deque(left)
         self._attempts: dict[int, int] = {}
         self._out: dict[int, Row] = {}

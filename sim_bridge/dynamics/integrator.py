@@ -34,7 +34,7 @@ class Turn(NamedTuple):
 
     @classmethod
     def of(cls, attitude_rad: Array) -> Turn:
-        """Return them for angles (3, V)."""
+        """Return the sines and cosines of roll, pitch and yaw (3, V)."""
         s, c = np.sin(attitude_rad), np.cos(attitude_rad)
         return cls(s[0], s[1], s[2], c[0], c[1], c[2])
 

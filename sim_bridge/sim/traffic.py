@@ -234,7 +234,7 @@ class GroundEcho:
         return Message("PING", {"time_usec": round(t_s * 1e6), "seq": self._number} | target)
 
     def receive(self, message: Message) -> None:
-        """Take an answer: what was sent before its request was read."""
+        """Take an answer to a PING: the station has read everything that was sent before that PING."""
         number = message.fields["seq"]
         if number in self._sent:
             self._answers = True

@@ -1,4 +1,4 @@
-"""Predict one vehicle's flight of a mission: run the navigator model until the last waypoint is completed."""
+"""The predicted flight of one vehicle's mission: its navigator model, run until the last waypoint is completed."""
 
 from dataclasses import dataclass
 from itertools import takewhile

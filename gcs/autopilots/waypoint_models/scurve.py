@@ -141,8 +141,8 @@ def constant_speed(speed_mps: float) -> Ramp:
 def ramp_up(start_mps: float, wanted_mps: float, room_m: float, limits: RampLimits) -> Ramp:
     """Return the fastest ramp up to `wanted_mps`, or to the speed that can be reached within `room_m`.
 
-    From rest, a small ramp eases for a shorter time. In motion the ease is always complete: a change that is too small
-    for it has less jerk. If even the shortest ramp does not fit into `room_m`, the speed does not change.
+    From rest, a small change has a shorter rise of jerk. In motion the rise keeps its full `ease_s`, and a small change
+    has a lower peak of jerk. If even the shortest ramp does not fit into `room_m`, the speed does not change.
     """
     wanted = wanted_mps - start_mps
 

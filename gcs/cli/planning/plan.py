@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gcs.cli.planning.plan_tables import route_data, route_table, say_lines
+from gcs.cli.planning.plan_tables import route_data, route_table, say_gates, say_lines
 from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.cli.shared.shared_options import DebugOption, JsonOption, MissionArgument, PlanArgument, option, plan_file
 
@@ -140,6 +140,7 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     if made.passages:
         screen.show(route_table(made))
         say_lines(screen, made)
+        say_gates(screen, made)
     _show_changes(screen, made)
     from gcs.plan.trajectory.greatest_motion import greatest_motion
 

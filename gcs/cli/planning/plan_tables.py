@@ -91,6 +91,18 @@ def say_lines(screen: Screen, plan: Plan) -> None:
             )
 
 
+def say_gates(screen: Screen, plan: Plan) -> None:
+    """Print the gates that a route passes on one side, and the key that buys their middle."""
+    from gcs.plan.trajectory.gates import gates_of
+
+    for gate, near_m, far_m in gates_of(plan):
+        screen.say(
+            f"between no-fly zones {gate.zone + 1} and {gate.far_zone + 1} the vehicles pass {near_m:.2f} m from the "
+            f"one and {far_m:.2f} m from the other; [objective] gate_cost_percent is what {gate.aside_m:.1f} m more "
+            "room may cost"
+        )
+
+
 def flown_table(plan: Plan, passed: tuple[PointPassed, ...], source: str) -> Table:
     """The passing of every route point, from true states or from telemetry."""
     from rich.markup import escape

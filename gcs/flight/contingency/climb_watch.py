@@ -1,4 +1,4 @@
-"""Whether a vehicle that was ordered to take off climbs; a dead motor or a loose propeller shows here first.
+"""Watches that a vehicle climbs after its order to take off; a dead motor or a loose propeller shows here first.
 
 In 57 recorded take-offs of ArduCopter 4.5.6 and PX4 1.17 the motors spin up for 3.2 to 4.5 s after the order was
 accepted, and the vehicle is 1 m up after 4.5 to 5.8 s. `CLIMB_S` leaves the slowest of them 2 s more. No estimate sinks

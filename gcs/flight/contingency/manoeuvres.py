@@ -83,7 +83,7 @@ class MotionReference:
         self._yaw_ned_rad = yaw_ned_rad
 
     def delay(self, by_s: float) -> None:
-        """Move it in plan time."""
+        """Let the motion begin `by_s` later in plan time."""
         self.begin_s += by_s
         self.end_s += by_s
 

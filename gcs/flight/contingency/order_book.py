@@ -1,7 +1,7 @@
-"""An order in a crisis is repeated until it is carried out, with growing pauses. Time is an argument.
+"""Orders in a crisis, repeated with growing pauses until they are carried out. Time is an argument.
 
-It ends when the vehicle shows the ordered mode, has landed, or is out of reach. What was refused or not answered stays
-known to the end of the flight. A planned landing is repeated in the same way; it has failed only if nothing came of it.
+An order ends when the vehicle shows the ordered mode, has landed, or is out of reach. What was refused or not answered
+stays known to the end of the flight. A planned landing is repeated too; it failed only if nothing came of it.
 """
 
 from dataclasses import dataclass, field, replace

@@ -43,7 +43,7 @@ class Custody:
         self._stops: list[Callable[[], None]] = []
 
     def take_to_arm(self, sysid: int) -> None:
-        """Take a vehicle before the order to arm leaves: its answer may be lost. Raises `FlightError`."""
+        """Take charge of a vehicle before it is ordered to arm: its answer may be lost. Raises `FlightError`."""
         self.refuse_armed([sysid])
         self._take(sysid)
 

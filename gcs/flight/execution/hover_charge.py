@@ -1,4 +1,4 @@
-"""The charge that a flight needs by the current of the hover before T0. Without the reserve it ends there."""
+"""The charge that a flight needs, by the current of the hover before T0; without a reserve, the flight ends there."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack

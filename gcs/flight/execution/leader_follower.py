@@ -1,4 +1,4 @@
-"""Following setpoints: the plan, moved with the deviation of those a vehicle listens to that it does not make itself.
+"""Setpoints of followers: the plan, moved with the deviation of the vehicles that each listens to.
 
 Whom it listens to is the information graph (Eq. 3): the leader, or its neighbours towards the leader. The planned
 position plus their mean deviation from the plan is its place in their shape (Eq. 22). But all fly the same plan with

@@ -1,4 +1,4 @@
-"""Whether vehicles flew the plan to its end, by their own boot clocks and the places where they came down."""
+"""Finds which vehicles flew the plan to its end, by their own boot clocks and the places where they came down."""
 
 import math
 from collections.abc import Collection, Mapping

@@ -1,4 +1,4 @@
-"""Whether vehicles are inside the volumes of ASTM F3548 that a service supplier has for their flight.
+"""Watches that vehicles stay inside the volumes of ASTM F3548 that a service supplier has for their flight.
 
 A volume holds every vehicle with its navigation error, so one that reports itself outside may truly be there.
 """

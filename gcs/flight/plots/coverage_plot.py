@@ -1,4 +1,4 @@
-"""The picture of a survey: its area, what the vehicles see of it, and what they leave out."""
+"""The picture of a survey: its area, what the vehicles see of it, and what they miss."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The side from which a formation is drawn: from above, or, where it stands upright, from where it is the largest."""
+"""The side from which a formation is drawn: from above, or the side where an upright one looks largest."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Tracks in 3D over the ground in bands of height, with no-fly zones, and close-ups of where something happens."""
+"""Tracks in 3D over the ground in bands of height, with no-fly zones, and close-ups of changes and narrow places."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The flight record: reported beside planned states at the same times, as one table (Parquet).
 
-It is made from the `.tlog`, so that an interrupted flight has a record too. `NamedRecord` gives it arrays with names.
+It is made from the `.tlog`, so that an interrupted flight has a record too. `FlightReports` has its columns as arrays.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ class LockstepEndpoint:
         return False
 
     def close(self) -> None:
-        """Part from the vehicles, whose time ends. A second call has no effect."""
+        """Close the socket: the event loop goes back to real time. A second call has no effect."""
         loop, self._loop = self._loop, None
         if loop is not None:
             loop.remove_reader(self._turns.file)

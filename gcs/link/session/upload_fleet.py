@@ -1,4 +1,4 @@
-"""Upload to all vehicles at once: all of them, or none.
+"""The upload to all vehicles at once: all of them, or none.
 
 First every vehicle reports the parameters that will change. Then all receive their missions, fences and rally points at
 once, which are read back and compared; then the parameters are set. If one vehicle fails, the upload ends for all: sent

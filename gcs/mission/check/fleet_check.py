@@ -58,9 +58,10 @@ def check_pads(
 ) -> Iterator[Finding]:
     """Errors for ground beside the take-off or the landing, and a warning for a home below the ground.
 
-    There a vehicle is near the ground, so it cannot keep the clearance of the flight. As in plans, the distance must be
-    a quarter of the height above the pad, less 0.25 m, and of the clearance at most: slopes are allowed, a wall is not.
-    The way from the take-off to the first waypoint belongs to the flight (`flight_checks.check_ground`).
+    There a vehicle is near the ground, so it cannot keep the clearance of the flight. As in plans, the distance
+    must be a quarter of the height above the pad less 0.25 m, and at most a quarter of the clearance: slopes are
+    allowed, a wall is not. The way from the take-off to the first waypoint belongs to the flight
+    (`flight_checks.check_ground`).
     """
     if around.highest is None:
         return

@@ -222,7 +222,7 @@ class _Reach:
 
     @classmethod
     def of(cls, plan: Plan, edges_s: Array) -> _Reach:
-        """Of all vehicles in the intervals between instants (M + 1,)."""
+        """The reach of all vehicles in each interval between instants (M + 1,)."""
         error = navigation_error(plan.scenario)
         count = len(edges_s) - 1
         out, low, high = np.full((_DIRECTIONS, count), -np.inf), np.full(count, np.inf), np.full(count, -np.inf)

@@ -1,6 +1,6 @@
 """One vehicle's mission as mission files of every format hold it: writers take it, readers return it.
 
-In JSON files it finds the line of a value.
+`lines_of` finds the lines of values in a JSON text.
 """
 
 import re
@@ -77,7 +77,7 @@ def lines_at(text: str, offsets: Mapping[tuple[Key, ...], int]) -> dict[tuple[Ke
 
 
 def offsets_of(text: str, paths: Iterable[tuple[Key, ...]]) -> dict[tuple[Key, ...], int]:
-    """Where the values at `paths` begin in a text, in their order: of those that exist."""
+    """The offset in a JSON text of each value in `paths` that exists, in the order of the text."""
     wanted = set(paths)
     deepest = max(map(len, wanted), default=-1)
     here: list[Key | None] = []  # key or index inside each open bracket; None if an object's key comes next

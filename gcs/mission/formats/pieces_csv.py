@@ -1,4 +1,4 @@
-"""CSV of polynomial pieces, as uav_trajectories and Crazyswarm have them: a duration, then 8 coefficients an axis.
+"""Writes CSV of polynomial pieces for uav_trajectories and Crazyswarm: a duration, then 8 coefficients an axis.
 
 The axes are x east, y north, z up and yaw from east to north; the lowest power stands first.
 """

@@ -1,4 +1,4 @@
-"""Shows of Skybrush (.skyc): an archive of `show.json` and a chain of cubic Bézier curves for each vehicle.
+"""Writes shows of Skybrush (.skyc): an archive of `show.json` and a chain of cubic Bézier curves for each vehicle.
 
 x points north, y west and z up; Skybrush turns and places the show where it is flown. There are no light programs.
 """

@@ -1,4 +1,4 @@
-"""A file with trajectories, and the rows of numbers of one that is a table, with their lines."""
+"""A file of trajectories, and the rows of a CSV file with their line numbers."""
 
 from __future__ import annotations
 

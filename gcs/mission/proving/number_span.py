@@ -1,4 +1,4 @@
-"""Spans of numbers: what a formula gives for every number of the spans that go into it."""
+"""Interval arithmetic: the range of a formula over ranges of its inputs."""
 
 from __future__ import annotations
 

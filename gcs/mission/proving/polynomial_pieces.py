@@ -1,4 +1,4 @@
-"""CSV of polynomial pieces, as uav_trajectories writes and Crazyswarm flies them.
+"""Reads CSV of polynomial pieces, as uav_trajectories writes and Crazyswarm flies them.
 
 A row holds a duration, then 8 coefficients for each of x, y, z and yaw, the lowest power first. Their frame is x east,
 y north, z up, unless the caller states another.

@@ -1,4 +1,4 @@
-"""Shows of Skybrush (.skyc): an archive with `show.json` and a chain of Bézier curves for each vehicle.
+"""Reads shows of Skybrush (.skyc): an archive with `show.json` and a chain of Bézier curves for each vehicle.
 
 A point of a trajectory is [t, [x, y, z], [control points of the curve that ends here]]; times count from the start of
 the show in seconds, places are metres along the show's axis, to its left, and up. Light programs, yaw and cues are left

@@ -71,7 +71,7 @@ class Tubes:
         return np.asarray(np.maximum(np.stack(marks, axis=-1), 0.0))
 
     def climbing(self, t_s: Array) -> Mask:
-        """Whether (..., I) every return still climbs."""
+        """Whether all returns still climb, at each time (..., I)."""
         return np.asarray(t_s <= (self.times_s[..., 1] - self._late_s[0])[..., None])
 
     def level_reach_m(self, t_s: Array) -> Array:

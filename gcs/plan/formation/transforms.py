@@ -79,7 +79,7 @@ def paper_reshape_time_s(offsets_ned_m: Array, targets_ned_m: Array, v_max_mps: 
 
 
 def _parts(offsets_ned_m: Array, axis_ned: Array) -> tuple[Array, Array, Array]:
-    """Each offset along the axis, across it, and a quarter turn ahead of that; (V, 3) each."""
+    """Of each offset the part along the axis, that across, and that one turned by 90° about the axis; (V, 3) each."""
     axis = np.asarray(axis_ned, dtype=float)
     axis = axis / np.linalg.norm(axis)
     along = (offsets_ned_m @ axis)[:, None] * axis

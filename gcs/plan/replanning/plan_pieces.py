@@ -1,4 +1,4 @@
-"""A plan that changed in flight: the pieces in which it was flown, as one plan; and what may not jump between two."""
+"""A plan that changed in flight: the pieces in which it was flown, as one plan; what must be continuous between two."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

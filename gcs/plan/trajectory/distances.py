@@ -1,5 +1,6 @@
-"""Distances of places over time, planned, reported or true: from the formation (Definition 1 and Eq. 4), between
-vehicles, to no-fly zones and to the ground.
+"""Distances over time, planned, reported or true.
+
+From the formation (Definition 1 and Eq. 4), between vehicles, to no-fly zones and to the ground.
 """
 
 import numpy as np

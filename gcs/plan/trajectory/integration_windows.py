@@ -1,4 +1,4 @@
-"""Re-integrate Eq. 1 under the planned control over short windows that start on the plan.
+"""The windows over which Eq. 1 is integrated again under the planned control, and how far the plan is from that.
 
 Open-loop integration over a whole flight says nothing, because Eq. 1 integrates four times. Windows of 5 s do.
 """

@@ -1,4 +1,4 @@
-"""Prove a plan from its polynomials alone: every phase, every vehicle and pair, every instant, over the exact ground.
+"""The proof of a plan from its polynomials alone: every phase, vehicle, pair and instant, over the exact ground.
 
 Each constraint is bounded over intervals of time, which are divided until it is proved, violated at an instant, or
 undecided at the finest resolution (counted as failed). It uses nothing of the transcription, the solver, the mesh or

@@ -1,4 +1,4 @@
-"""Read an elevation model (GeoTIFF, SRTM .hgt, any raster of GDAL) as a relief in the scenario's local frame.
+"""Reads an elevation model (GeoTIFF, SRTM .hgt, any raster of GDAL) as a relief in the scenario's local frame.
 
 Heights are AMSL, as elevation models give them. Every pixel is converted to the local frame with the geodesy of the
 missions: the ground of a lake is level.

@@ -72,6 +72,7 @@ HoverLength = Annotated[Number, Field(ge=0, le=3600)]
 Inertia = Annotated[Number, Field(ge=1e-9, le=10_000)]
 RotorCoefficient = Annotated[Number, Field(ge=1e-15, le=1)]
 Drag = Annotated[Number, Field(ge=0, le=1000)]
+GateCost = Annotated[Number, Field(ge=0, le=1000)] | None
 Velocity = Annotated[Number, Field(ge=-340, le=340)]
 TorquePair = tuple[Torque, Torque]
 ROLL_PITCH_KEYS = ("roll_pitch_force_N", "roll_pitch_moment_Nm", "torque")
@@ -274,6 +275,7 @@ class ObjectiveTable(Part):
         default=60.0, ge=0.001, le=36_000, description="one unit of the heading term, degrees"
     )
     height_scale_m: Length = Field(default=10.0, description="one unit of the height term, m")
+    gate_cost_percent: GateCost = left_out("of a drawn route: what the middle of gates may add, percent; left out: 0.1")
 
 
 class GroundPhases(Part):

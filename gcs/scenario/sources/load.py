@@ -1,4 +1,4 @@
-"""Load a mission folder or file as a `Scenario`, or raise one error that lists all its mistakes by line."""
+"""Loads a mission folder or file as a `Scenario`, or raises one error that lists all its mistakes by line."""
 
 from __future__ import annotations
 

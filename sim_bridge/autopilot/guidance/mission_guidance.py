@@ -1,7 +1,7 @@
 """Turns mission items into a path, section by section, while the mission is flown.
 
-Consecutive waypoints are flown together by the navigator of the path generator. Without a navigator they are flown on
-time, as one smooth curve, and delays between them do not interrupt it.
+Consecutive waypoints are flown together by the navigator of the path generator. Without a navigator (`--nav ideal`)
+they are flown on time, as one smooth curve; a delay between two of them is part of it.
 """
 
 import math

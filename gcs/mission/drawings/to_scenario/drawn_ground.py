@@ -50,7 +50,7 @@ class Ground:
         return self.relief.height_m(north_m, east_m) - origin.alt_amsl_m
 
     def along(self, places: Sequence[Place], origin: Origin) -> list[Array]:
-        """The ground on each line between places: (M, 2), from the line's begin, and above an origin, m."""
+        """For each line between places (M, 2): distance along the line, height of the ground above the origin, m."""
         lat, lon = np.array(places).T
         points_m = place_up_m(lat, lon, 0.0, self.at if self.relief is not None else origin)[:, :2]
         found = []

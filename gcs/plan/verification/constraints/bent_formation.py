@@ -41,7 +41,7 @@ _Factor = TypeVar("_Factor", Taylor, Array)
 
 @dataclass(frozen=True)
 class _Witness:
-    """An allowed shape over each of N intervals."""
+    """The allowed shape found near the flown one in each of N intervals, and how far vehicles are from it."""
 
     turn: Taylor  # (N,)
     off_m: Array  # (N,) no vehicle is farther from it, at any instant

@@ -1,4 +1,4 @@
-"""Check the formation of a plan against its scenario: places of all vehicles, separations, times of changes.
+"""Checks the formation of a plan against its scenario: places of all vehicles, separations, times of changes.
 
 The result of each change is computed anew from the scenario, not taken from the planner.
 """

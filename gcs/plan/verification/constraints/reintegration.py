@@ -1,4 +1,4 @@
-"""Re-integrate Eq. 1 under the planned control over short windows that start on the plan, with a bound on the error.
+"""Eq. 1, integrated again under the planned control over short windows that start on the plan, with an error bound.
 
 Open-loop integration over a whole flight says nothing, because Eq. 1 integrates four times. Windows of 5 s do.
 

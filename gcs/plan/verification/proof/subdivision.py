@@ -1,4 +1,4 @@
-"""Bound constraints over cells (a group of vehicles during an interval of time), subdividing until each is settled.
+"""Bounds of constraints over cells (a group of vehicles during an interval), divided until each is settled.
 
 A cell gives a lower bound of each margin, and the margin of one real vehicle at one instant. While the two differ by
 more than the resolution near the least margin of all, the cell is divided. What is left is the least margin: no

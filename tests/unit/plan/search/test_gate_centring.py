@@ -9,7 +9,8 @@ import pytest
 
 from gcs.plan.planner import make_plan
 from gcs.plan.search import free_final_time
-from gcs.plan.search.gate_centring import COST_SHARE
+from gcs.plan.search.gate_centring import DEFAULT_PERCENT
+from gcs.plan.trajectory.gates import gates_of
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
@@ -62,7 +63,13 @@ def test_a_drawn_leg_passes_the_middle_of_a_gate(
     monkeypatch.setattr(free_final_time, "centred", lambda problem, best, on_round: best)
     shortest = make_plan(scenario)
     assert min(_beside(shortest, width_m)) < 0.5 * width_m - _CENTRED_M
-    assert shortest.objective <= plan.objective <= (1.0 + COST_SHARE) * shortest.objective
+    assert shortest.objective <= plan.objective <= (1.0 + 0.01 * DEFAULT_PERCENT) * shortest.objective
+
+    assert not list(gates_of(plan))
+    ((gate, near_m, far_m),) = gates_of(shortest)
+    assert (gate.zone, gate.far_zone) == (0, 1)
+    assert (near_m, far_m) == pytest.approx(_beside(shortest, width_m), abs=0.1)
+    assert gate.aside_m == pytest.approx(0.5 * (far_m - near_m), abs=0.2)
 
 
 @pytest.mark.slow
@@ -71,9 +78,20 @@ def test_room_that_costs_more_than_a_thousandth_is_left(simulation1: Scenario, m
     plan = make_plan(scenario)
     monkeypatch.setattr(free_final_time, "centred", lambda problem, best, on_round: best)
     shortest = make_plan(scenario)
-    assert shortest.objective <= plan.objective <= (1.0 + COST_SHARE) * shortest.objective
+    assert shortest.objective <= plan.objective <= (1.0 + 0.01 * DEFAULT_PERCENT) * shortest.objective
     wide, near = (min(_beside(each, 10.0)) for each in (plan, shortest))
     assert wide > near + 0.3
+
+
+@pytest.mark.slow
+def test_the_middle_of_a_wide_gate_is_flown_where_the_scenario_pays_for_it(simulation1: Scenario) -> None:
+    scenario = through_gate(simulation1, 10.0)
+    objective = scenario.objective.model_copy(update={"gate_cost_percent": 100.0})
+    plan = make_plan(scenario.model_copy(update={"objective": objective}))
+    assert verify(plan).ok
+    low_m, high_m = _beside(plan, 10.0)
+    assert abs(low_m - high_m) < 2.0 * _CENTRED_M
+    assert not list(gates_of(plan))
 
 
 def _beside(plan: Plan, width_m: float) -> tuple[float, float]:
