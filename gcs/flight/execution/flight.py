@@ -45,6 +45,7 @@ from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import (
     ALL_VEHICLES,
+    Action,
     AskedOrder,
     Event,
     FlightHooks,
@@ -352,20 +353,20 @@ class FlightSequence:
             return
         self._report(order.sysid, f"did not {order.what}", order.reason)
 
-    def _report(self, sysid: int, what: str, rule: str) -> None:
+    def _report(self, sysid: int, what: str, rule: str, action: Action | None = None) -> None:
         try:
             now_s = self.time.now_s() or 0.0
         except Exception:  # the reports of a landing must not need the clocks
             now_s = 0.0
-        t0_s = self.monitor.t0_unix_s
-        self._hooks.on_event(Event(now_s, math.nan if t0_s is None else now_s - t0_s, sysid, what, rule))
+        t_s = now_s - (self.monitor.t0_unix_s or math.nan)
+        self._hooks.on_event(Event(now_s, t_s, sysid, what, rule, action=action))
 
     def _ends_early(self, reason: str) -> None:
         if self._contingency is not None:
             self._contingency.rest()
         self.monitor.watch_formation(())  # nobody flies the plan any more
         self.enter(Step.LAND)
-        self._report(ALL_VEHICLES, "ordered to land where they are", reason)
+        self._report(ALL_VEHICLES, "ordered to land where they are", reason, Action.LAND)
 
     def raise_troubles(self) -> None:
         """Raises FlightError if a vehicle did not fly the plan to its end."""
