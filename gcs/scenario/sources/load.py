@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
 from gcs.scenario.schema.fields import Part
-from gcs.scenario.schema.mistake import Mistake, dotted, nearest, value_at
+from gcs.scenario.schema.mistake import Mistake, Mistaken, dotted, nearest, value_at
 from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
@@ -89,7 +89,7 @@ def load_scenario(path: Path | str) -> Scenario:
     mistakes += [
         in_degree_keys(one, converted)
         for one in found
-        if not meant.follows(one) and all(str(one) in map(str, others) for _, others in judged)
+        if not meant.follows(one) and all(one in others for _, others in judged)
     ]
     if mistakes or elsewhere is not None or scenario is None:
         raise _error_report(file, mistakes, meant, elsewhere)
@@ -348,7 +348,7 @@ def _sound_tables(data: Table) -> Table:
 
 def _error_report(
     file: Path, mistakes: Sequence[Mistake], meant: Meant | None = None, elsewhere: ScenarioError | None = None
-) -> ScenarioError:
+) -> Mistaken:
     """The error that tells every mistake of a file, after those of another file (its vehicle's)."""
     lines = {} if meant is None or file.suffix == ".json" else key_lines(meant.text)
 
@@ -372,11 +372,11 @@ def _error_report(
     if len(listed) > 1:
         listed.insert(0, f"{file} has {len(placed)} mistakes")
     if elsewhere is not None:
-        return ScenarioError("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint)
+        return Mistaken("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint, mistakes=placed)
     steps = [
         one.step or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
         for one in placed
     ]
     number = "both" if len(placed) == 2 else f"all {len(placed)}"
     hint = steps[0] if len({*steps}) == 1 else f"correct {number}; the first: {steps[0]}"
-    return ScenarioError("\n".join(listed), hint=hint, reason="\n".join(map(str, placed)))
+    return Mistaken("\n".join(listed), hint=hint, reason="\n".join(map(str, placed)), mistakes=placed)

@@ -1,6 +1,5 @@
 """The areas of a drawing as [[keep_in]] and [[no_fly]] of a scenario; none of them may make the route impossible."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,12 +9,11 @@ import shapely
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place, tidy
-from gcs.scenario.schema.mistake import degrees
+from gcs.scenario.schema.mistake import Mistake, degrees
 from gcs.scenario.schema.places import CORNERS_MAX
 
 KEEP_IN_MAX, NO_FLY_MAX = 16, 256
 _CIRCLE_CORNERS = 64
-_KEY_OF_AREA = re.compile(r"\b(keep_in|no_fly)\[([0-9]+)\](?:\.\w+)?(?: = .*?)?: ")
 
 
 _COMMENT_AT = 30
@@ -37,14 +35,13 @@ class AreaTables:
         heads = ["[[keep_in]]"] * len(self.keep_in) + ["[[no_fly]]"] * len(self.no_fly)
         return list(map(_table, heads, [*self.keep_in, *self.no_fly]))
 
-    def in_words(self, reason: str, drawing: Drawing) -> str:
-        """A reason of the scenario's rules with the labels of areas, and their lines, in place of their keys."""
-
-        def label(found: re.Match[str]) -> str:
-            areas, number = getattr(self, found[1]), int(found[2])
-            return f"{drawing.named(areas[number].label)}: " if number < len(areas) else found[0]
-
-        return _KEY_OF_AREA.sub(label, reason)
+    def place(self, mistake: Mistake, drawing: Drawing) -> str:
+        """Where a mistake of the scenario is: the label and the line of an area in place of its key."""
+        match mistake.key:
+            case ("keep_in" | "no_fly" as kind, int(number), *_):
+                areas = self.keep_in if kind == "keep_in" else self.no_fly
+                return drawing.named(areas[number].label) if number < len(areas) else mistake.place
+        return mistake.place
 
 
 def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Spot], origin: Origin) -> AreaTables:
