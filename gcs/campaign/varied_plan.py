@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gcs.campaign.design import Value
+from gcs.campaign.records import Row
 from gcs.errors import UsageError
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
@@ -20,7 +21,7 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 
 
-def varied_keys(row: Mapping[str, Any]) -> dict[str, Value]:
+def varied_keys(row: Row) -> dict[str, Value]:
     """Return the values of a row of the design that belong into the scenario, by key."""
     return {name: value for name, value in row.items() if "." in name}
 
