@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -77,9 +78,10 @@ def load_scenario(path: Path | str) -> Scenario:
     converted = in_metres(with_room_for_heights(meant.data))
     data, mistakes, elsewhere = converted.data, [*meant.mistakes], None
     mistakes += [one for one in converted.mistakes if not meant.follows(one)]
-    meant.guessed |= converted.spoilt
+    meant = replace(meant, guessed=meant.guessed | converted.spoilt)
     try:
-        types = _possible_types(data, file.parent, mistakes)
+        types, of_type = _possible_types(data, file.parent)
+        mistakes += of_type
     except ScenarioError as error:
         types, elsewhere = _stand_ins(), error
     certain = converted.certain
@@ -141,16 +143,16 @@ def load_vehicle(file: Path) -> VehicleFile:
     return kind
 
 
-def _possible_types(data: Table, folder: Path, mistakes: list[Mistake]) -> list[VehicleFile | None]:
-    """The type that a scenario names, or None for its own [vehicle]; all presets where its type is a mistake.
+def _possible_types(data: Table, folder: Path) -> tuple[list[VehicleFile | None], list[Mistake]]:
+    """The type that a scenario names, or None for its own [vehicle]; all presets where its type is a mistake, and that.
 
     Raises ScenarioError with the mistakes of the vehicle's file.
     """
     known, wanted = presets(), data.get(KEY)
     if KEY not in data and "vehicle" in data:
-        return [None]
+        return [None], []
     if isinstance(wanted, str) and _is_file(file := vehicle_file(wanted, folder)):
-        return [load_vehicle(file)]
+        return [load_vehicle(file)], []
     if KEY not in data:
         names = ", ".join(f'"{name}"' for name in known)
         text = f"missing, and there is no table [vehicle]; it must be one of {names}, or the path of a vehicle file"
@@ -161,8 +163,7 @@ def _possible_types(data: Table, folder: Path, mistakes: list[Mistake]) -> list[
             text, near = "is neither a vehicle type nor a file", nearest(wanted, known)
         step = f'write {KEY} = "{near}"' if near else f"name a preset ({', '.join(known)}), or a file"
         step += "; a path is relative to the scenario's folder"
-    mistakes.append(Mistake((KEY,), text, wanted, remedy=step))
-    return _stand_ins()
+    return _stand_ins(), [Mistake((KEY,), text, wanted, remedy=step)]
 
 
 def _is_file(file: Path) -> bool:
@@ -235,9 +236,7 @@ def _meant(file: Path, text: str, model: type[Part], also: tuple[str, ...] = ())
     if not isinstance(data, dict):
         raise ScenarioError(f"{file}: holds {type(data).__name__}, not tables", hint="name a scenario")
     meant = as_meant(data, model, also) if file.suffix != ".json" else Meant(data)
-    meant.text = text
-    meant.mistakes[:0] = slips
-    return meant
+    return replace(meant, text=text, mistakes=[*slips, *meant.mistakes])
 
 
 def _read_toml(text: str) -> tuple[Table, str, list[Mistake]]:

@@ -75,7 +75,8 @@ def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Sp
             label = spots[int(inside.argmax())][0]
             message = f"{drawing.where(label)}: {label} lies in {zone.label}, a no-fly zone."
             raise FileFormatError(message, hint="draw the route around it")
-    keep_in = _together(drawing, keep_in, spots, origin, said)
+    keep_in, of_joined = _together(drawing, keep_in, spots, origin)
+    said += of_joined
     for found, most, what in ((keep_in, KEEP_IN_MAX, "areas to stay in"), (no_fly, NO_FLY_MAX, "no-fly zones")):
         if len(found) > most:
             raise FileFormatError(f"{drawing.source}: has {len(found)} {what}; a scenario has at most {most}.")
@@ -104,12 +105,12 @@ def area_in_metres(drawing: Drawing, area: DrawnArea, origin: Origin) -> _Area:
 
 
 def _together(
-    drawing: Drawing, areas: Sequence[_Area], spots: Sequence[Spot], origin: Origin, said: list[LeftOut]
-) -> list[_Area]:
-    """The areas to stay in, each of which holds the route: as they are, or joined to one."""
+    drawing: Drawing, areas: Sequence[_Area], spots: Sequence[Spot], origin: Origin
+) -> tuple[list[_Area], list[LeftOut]]:
+    """The areas to stay in, each of which holds the route: as they are, or joined to one, with a remark."""
     points = shapely.points([place_m for _, place_m in spots])
     if all(shapely.covers(shape, points).all() for _, shape in areas):
-        return list(areas)
+        return list(areas), []
     joined = shapely.union_all([shape for _, shape in areas])
     outside = ~shapely.covers(joined, points)
     if outside.any():
@@ -124,9 +125,9 @@ def _together(
     if joined.geom_type != "Polygon" or joined.interiors:
         text = f"{drawing.where(areas[0][0].label)}: the route leads through {labels}, which are apart."
         raise FileFormatError(text, hint="join them to one area")
-    said.append(LeftOut(labels, "the route is only in both together; one area to stay in"))
     corners = _degrees(np.array(joined.exterior.coords)[:-1], origin)
-    return [(DrawnArea(corners, labels), joined)]
+    remark = LeftOut(labels, "the route is only in both together; one area to stay in")
+    return [(DrawnArea(corners, labels), joined)], [remark]
 
 
 def _degrees(corners_m: np.ndarray, origin: Origin) -> tuple[Place, ...]:
