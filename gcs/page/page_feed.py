@@ -18,7 +18,7 @@ from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Self
 
 from gcs.errors import GcsError, UsageError
 from gcs.page.page_orders import MESSAGE_BYTES, PageAsk
@@ -106,7 +106,7 @@ class PageFeed:
             self._frames.append((PageFrame.EVENT, event))
             self._wake.notify()
 
-    def put(self, name: str, value: Any) -> None:
+    def put(self, name: str, value: object) -> None:
         """Have something plain stand beside the scene, in place of what had this name; None takes it away."""
         with self._wake:
             self._frames.append((PageFrame.BOARD, json.dumps({name: value}).encode()))

@@ -6,10 +6,9 @@ for whatever reason, the vehicles in the air are ordered to land.
 
 import asyncio
 import math
-from collections.abc import Callable, Collection, Coroutine, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
@@ -68,9 +67,9 @@ from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import T, Work
 from gcs.util.aio import alongside, each, ended
 
-T = TypeVar("T")
 _HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
 
 
@@ -144,7 +143,7 @@ class FlightSequence:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
         return await self.guarded(self._run())
 
-    async def guarded(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def guarded(self, flying: Work[T]) -> T:
         """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         try:
@@ -153,7 +152,7 @@ class FlightSequence:
             for stop in stops:
                 stop()
 
-    async def _watched(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def _watched(self, flying: Work[T]) -> T:
         async with alongside(self._telemetry.run()):
             return await flying
 
