@@ -212,7 +212,7 @@ class _Proofs:
     def _unchecked(self, *, has_heights: bool) -> tuple[str, ...]:
         """What has no limit here."""
         found = [name for _, name, _, most in self._rates if not most]
-        found += ["the scenario's speeds"] * (self.scenario is not None and self._is_led)
+        found += ["the scenario's speeds"] * (self.scenario is not None and any(each.off_m for each in self.tracks))
         found += ["thrust", "tilt"] * (self.vehicle is None) + ["height"] * (not has_heights)
         return (*found, *(("ground", "no-fly zones") if self.scenario is None else ("the scenario's least height",)))
 
@@ -225,11 +225,6 @@ class _Proofs:
             (2, "acceleration", "m/s²", limits.acceleration_mps2),
             (3, "jerk", "m/s³", limits.jerk_mps3),
         )
-
-    @property
-    def _is_led(self) -> bool:
-        """Whether a vehicle may be off its own polynomial."""
-        return any(each.off_m for each in self.tracks)
 
     def _broken_off(
         self, how: BreakOff, motion: FleetMotion, separation_m: float | None, places: TrackPlaces
@@ -297,7 +292,7 @@ class _Proofs:
             (order, TrackCriterion(name, unit, most, most=True)) for order, name, unit, most in self._rates if most
         )
         axes: tuple[TrackCriterion, ...] = ()
-        if self.scenario is not None and not self._is_led:
+        if self.scenario is not None and not any(each.off_m for each in self.tracks):
             named = zip(("north", "east", "the vertical"), self.scenario.limits.speed_ned_mps, strict=True)
             axes = tuple(TrackCriterion(f"speed along {axis}", "m/s", most, most=True) for axis, most in named)
         family = TrackMotion(motion, stated, axes)

@@ -126,8 +126,7 @@ class SheetFlight:
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@; FORMATION is the table [formation]."""
         way = self.course_deg, self.distance_m, self.height_m, self.end_deg
-        first = FirstFlight(1, "line", 10.0, *way, limits=self.limits)
-        straight = first.keys()
+        straight = FirstFlight(1, "line", 10.0, *way, limits=self.limits).keys()
         course = math.radians(self.course_deg)
         leader_m = self._start_m[self._lead]
         way_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course), 0.0]), 2)
@@ -143,7 +142,7 @@ class SheetFlight:
         lowest_m = float(flown_m[:, 2].min())
         highest_m = self.height_m + float(self.positions.offsets_m[:, 2].max())
         flight_s, formation = self._formation(leader_m)
-        yaw = f", {first.attitude}" if first.attitude else ""
+        yaw = straight["ATTITUDE"]
         end = [f"position_m = {_numbers(end_m)}"]
         if self.end_deg is not None:
             end = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]

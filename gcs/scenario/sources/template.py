@@ -6,6 +6,7 @@ import os
 import re
 import tempfile
 import tomllib
+from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -50,15 +51,9 @@ radius_m = @RADIUS@               # or polygon_m = [[north, east], ...]
 class ImpossibleFlight(UsageError):
     """A flight that the rules of scenarios refuse, with its mistakes; `reason` names the keys of the scenario."""
 
-    mistakes: tuple[Mistake, ...] = ()
-
-    @classmethod
-    def because(cls, found: Mistaken) -> Self:
-        """The flight whose scenario has these mistakes."""
-        text = f"such a flight is not possible: {found.reason}"
-        flight = cls(text, hint="give other numbers", reason=found.reason)
-        flight.mistakes = found.mistakes
-        return flight
+    def __init__(self, message: str, *, hint: str = "", reason: str = "", mistakes: Sequence[Mistake] = ()) -> None:
+        super().__init__(message, hint=hint, reason=reason)
+        self.mistakes = mistakes
 
 
 class Flight(Protocol):
@@ -106,16 +101,6 @@ class FirstFlight:
         return ground_phases_s(self.limits, self.height_m + highest_m)
 
     @property
-    def yaw_deg(self) -> float:
-        """The yaw along the course, from -180 to 180 degrees."""
-        return round(180.0 - (180.0 - self.course_deg) % 360.0, 6)
-
-    @property
-    def attitude(self) -> str:
-        """The key for a level attitude along the course; empty for one to the north, which is the default."""
-        return f"roll_pitch_yaw_deg = [0.0, 0.0, {self.yaw_deg!r}]" if self.yaw_deg else ""
-
-    @property
     def separation_m(self) -> float:
         """Half the spacing, at most 5 m; less where vehicles above each other have their pads nearer."""
         if self.count == 1:
@@ -149,13 +134,13 @@ class FirstFlight:
         end_ne_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course)]), 2) + 0.0
         places_m = turned(places_up_m(self.shape, self.count, self.spacing_m), self.course_deg)
         top_m = self.height_m + float(places_m[:, 2].max())
-        yaw_deg = self.yaw_deg
+        yaw_deg = round(180.0 - (180.0 - self.course_deg) % 360.0, 6)
         start, end = [0.0, 0.0, self.height_m], [*end_ne_m.tolist(), self.height_m]
         is_default = replace(self, limits=type_limits()) == FirstFlight()
         middle, radius_m = (end_ne_m / 2.0).round(1).tolist(), max(1.0, float(round(self.distance_m / 10.0)))
         no_fly = [*middle, radius_m] if not is_default else [150.0, 60.0, 50.0]
         north_m, east_m = self._box(places_m[:, :2], end_ne_m) if not is_default else ([-60, 360], [-120, 120])
-        attitude = f", {self.attitude}" if self.attitude else ""
+        attitude = f", roll_pitch_yaw_deg = [0.0, 0.0, {yaw_deg!r}]" if yaw_deg else ""
         zone = f"no_fly = [{{ north_m = {no_fly[0]}, east_m = {no_fly[1]}, radius_m = {no_fly[2]!r} }}]"
         start_line = f"start = {{ position_m = {start}{attitude} }}"
         end_keys = [f"position_m = {end}"]
@@ -175,6 +160,7 @@ class FirstFlight:
             "START_PLACE": str(start),
             "END_KEYS": "\n".join(end_keys),
             "YAW": repr(yaw_deg),
+            "ATTITUDE": attitude,
             "HEIGHT": repr(self.height_m),
             "NO_FLY": zone if is_default else f"# {zone}",
             "NO_FLY_TABLE": _table(no_fly, commented=not is_default),
@@ -350,7 +336,9 @@ def possible_scenario(text: str) -> Scenario:
         try:
             scenario = load_scenario(file)
         except Mistaken as found:
-            raise ImpossibleFlight.because(found) from None
+            text = f"such a flight is not possible: {found.reason}"
+            hint = "give other numbers"
+            raise ImpossibleFlight(text, hint=hint, reason=found.reason, mistakes=found.mistakes) from None
     places, size_m = offsets_ned_m(scenario), vehicle_size_m(scenario.vehicle)
     for points, where in ((places, "be"), (places[:, :2], "take off")):
         apart_m = float(KDTree(points).query(points, k=2)[0][:, 1].min())  # infinite for a single vehicle

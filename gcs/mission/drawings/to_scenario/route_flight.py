@@ -106,10 +106,9 @@ class RouteFlight:
         bottom_m, top_m = self._bounds_m
         top_m += float(places_m[:, 2].max())
         flown = self._course_deg, max(1.0, self.length_m), points[0].place_m[2]
-        straight = FirstFlight(self.count, self.shape, self.spacing_m, *flown, limits=self.limits)
-        first = straight.keys()
+        first = FirstFlight(self.count, self.shape, self.spacing_m, *flown, limits=self.limits).keys()
         source = tidy(Path(self.drawing.source).name)
-        yaw = f"{straight.attitude}\n" if straight.attitude else ""
+        yaw = f"{first['ATTITUDE'][2:]}\n" if first["ATTITUDE"] else ""
         begin, end = _with_name(points[0].drawn), _with_name(points[-1].drawn)
         interior = points[1:] if returns else points[1:-1]
         legs = zip(interior, [float(turn) for turn in turns_rad(self._course_m)], strict=False)
@@ -240,8 +239,7 @@ class RouteFlight:
         return [float(low[0]), float(high[0])], [float(low[1]), float(high[1])]
 
     def _route_table(self, point: PlacedPoint, turn_rad: float) -> str:
-        drawn = point.drawn
-        lines = _place_table("[[route]]", point, drawn.label)
+        drawn, lines = point.drawn, _place_table("[[route]]", point, point.drawn.label)
         if drawn.name:
             head, rest = lines.split("\n", 1)
             lines = f"{head}\nname = {_text(drawn.name)}\n{rest}"
