@@ -18,6 +18,7 @@ from gcs.campaign.flight_window import flights_counted
 from gcs.campaign.kept_flights import FLIGHTS
 from gcs.campaign.records import INDEX, INFRASTRUCTURE, MARGIN, OUTCOME, TEXT, CampaignFolder, Row, margins, of_fault
 from gcs.campaign.statistics import CONFIDENCE, Interval, pass_rate, quantile, rank_correlation
+from gcs.flight.recording.flight_folder import finite
 from gcs.physics.wind import GUSTS_MPS
 from gcs.types import Array, JsonObject
 
@@ -96,7 +97,7 @@ class CampaignSummary:
                     "name": f.name,
                     "flights": f.flights,
                     "quantiles": {f"{q:g}": _ends(one) for q, one in zip(QUANTILES, f.quantiles, strict=True)},
-                    "least_margin": _finite(f.least_margin),
+                    "least_margin": finite(f.least_margin),
                     "worst": list(f.worst),
                 }
                 for f in self.figures
@@ -217,11 +218,7 @@ def _words(level: float | str) -> str:
 
 
 def _ends(one: Interval) -> JsonObject:
-    return {"value": _finite(one.value), "low": _finite(one.low), "high": _finite(one.high)}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return {"value": finite(one.value), "low": finite(one.low), "high": finite(one.high)}
 
 
 def flight_folder(campaign: Path, index: int) -> Path:
