@@ -194,7 +194,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         self._standstill.land()
-        self.positions.lands = True
+        self.positions.land()
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 

@@ -222,7 +222,7 @@ class FlightSequence:
         await each(self.vehicles.values(), request_telemetry)
         self.enter(Step.READY)
         await each(self.vehicles.values(), until_ready)
-        self._telemetry.checked = True
+        self._telemetry.refuse_reboots()
         charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)

@@ -8,7 +8,7 @@ halved. What is left at 1 ms or 1 mm is undecided, which counts as a violation.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +125,8 @@ def clearance_along(
         point = begin_m + share * (end_m - begin_m)
         seen.look(-point[:, 2] - highest(point[:, :2], point[:, :2]), slack, cells.piece, 0.0 * cells.share + share)
     # Ground farther away than what was seen straight below does not count.
-    cells.half_m += max(seen.least, 0.0) + float(slack.max(initial=0.0)) + RESOLUTION_M
+    reach_m = max(seen.least, 0.0) + float(slack.max(initial=0.0)) + RESOLUTION_M
+    cells = replace(cells, half_m=cells.half_m + reach_m)
     length_m, looked = np.linalg.norm(end_m - begin_m, axis=1), 0
     while len(cells.piece):
         looked += len(cells.piece)
