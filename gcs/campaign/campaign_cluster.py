@@ -21,8 +21,7 @@ from distributed import Client, LocalCluster, Security, Worker, WorkerPlugin, ge
 
 from gcs.campaign.campaign_flight import CampaignPlan, FlightResult, KeepRule, code_digest, fly_row
 from gcs.campaign.cluster_address import CERTIFICATES, Cluster
-from gcs.campaign.flight_window import Row
-from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, Row
 from gcs.errors import LinkError, UsageError
 
 _CONNECT_S = 10.0

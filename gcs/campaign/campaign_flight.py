@@ -20,10 +20,9 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Timer
-from typing import Any
 
 from gcs.campaign.design import plain
-from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, MARGIN, OUTCOME, TEXT, Row, margins, of_fault
 from gcs.campaign.varied_plan import planned_anew, varied_keys
 from gcs.errors import (
     FlightError,
@@ -45,7 +44,6 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 
 HELD, FAILED, ABORTED, NO_PLAN = "held", "failed", "aborted", "no plan"
-MARGIN = "_margin"
 MACHINE = ("took_s", "attempts")  # columns that another run of the same campaign has otherwise
 FLIGHT_LIMIT_S = 1800.0  # wall time: a flight takes half a minute, much more where many processes share a core
 _NONE = ("none", "0", "0.0")
@@ -67,7 +65,7 @@ class CampaignPlan:
 class FlightResult:
     """The row of results of one flight, and its folder as a ZIP archive if it is kept."""
 
-    row: dict[str, Any]
+    row: Row
     folder_zip: bytes | None = None
 
 
@@ -75,14 +73,13 @@ class FlightResult:
 class KeepRule:
     """Which flights are kept whole: those that did not hold, and those with a margin below the threshold."""
 
-    below: Mapping[str, float] = field(default_factory=dict)  # by column of the margin; without a threshold all are
+    below: Mapping[str, float] = field(default_factory=dict)  # by criterion; without a threshold all are
 
-    def keeps(self, row: Mapping[str, Any]) -> bool:
+    def keeps(self, row: Row) -> bool:
         """Whether a flight with this row is kept whole."""
         if row[OUTCOME] != HELD:
             return bool(row[OUTCOME] != INFRASTRUCTURE)
-        margins = {name: value for name, value in row.items() if name.endswith(MARGIN) and value is not None}
-        return any(value <= self.below.get(name, math.inf) for name, value in margins.items())
+        return any(one is not None and one <= self.below.get(name, math.inf) for name, one in margins(row).items())
 
 
 def prepare(plan: Plan, report: Report, keeping: TimeKeeping, options: FlightOptions, say: Watcher) -> CampaignPlan:
@@ -101,14 +98,14 @@ def code_digest() -> str:
     return digest.hexdigest()[:16]
 
 
-def emulated(row: Mapping[str, Any]) -> Emulated:
+def emulated(row: Row) -> Emulated:
     """Return the conditions of the flight of a row of the design, as `gcs fly` takes them."""
     wind = gusts = None
     if "wind_mps" in row:
         wind = f"{plain(row['wind_mps'])}@{plain(row['wind_from_deg'])}"
     if "gusts" in row and (text := plain(row["gusts"])) not in _NONE:
         gusts = text
-    faults = [row[name] for name in sorted(row) if re.fullmatch(r"fault\d+_text", name) and row[name]]
+    faults = [row[name] for name in sorted(row) if of_fault(name)[1] == TEXT and row[name]]
     if row.get("loss"):
         faults.append(f"all:loss={plain(row['loss'])}")
     return Emulated("max", int(row["seed"]), tuple(faults), wind, gusts)
@@ -116,14 +113,14 @@ def emulated(row: Mapping[str, Any]) -> Emulated:
 
 def fly_row(
     shared: CampaignPlan,
-    row: Mapping[str, Any],
+    row: Row,
     rule: KeepRule,
     scratch: Path | None = None,
     limit_s: float = FLIGHT_LIMIT_S,
 ) -> FlightResult:
     """Fly one row of the design; whatever fails is an outcome, also a flight that takes longer than `limit_s`."""
     began_s = time.monotonic()
-    result: dict[str, Any] = {INDEX: row[INDEX]}
+    result: Row = {INDEX: row[INDEX]}
     with TemporaryDirectory(dir=scratch, prefix="flight-") as name:
         root = Path(name)
         hung = Event()
@@ -161,7 +158,7 @@ def fly_row(
     return FlightResult(result, kept)
 
 
-def _varied(shared: CampaignPlan, row: Mapping[str, Any]) -> CampaignPlan:
+def _varied(shared: CampaignPlan, row: Row) -> CampaignPlan:
     """What flies where the row has values of the scenario. Raises as `planned_anew` and `prepare`."""
     values = varied_keys(row)
     if not values:

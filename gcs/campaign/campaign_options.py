@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
@@ -58,7 +57,7 @@ class CampaignOptions:
     until: str | None = None
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> CampaignOptions:
+    def of(cls, given: Mapping[str, object]) -> CampaignOptions:
         """Return the options of these values by name. Raises UsageError."""
         try:
             found = TypeAdapter(cls).validate_python(dict(given))

@@ -14,14 +14,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.campaign.campaign_cluster import connected, fly_at_worker
 from gcs.campaign.campaign_flight import CampaignPlan, FlightResult
 from gcs.campaign.cluster_address import Cluster
-from gcs.campaign.flight_window import FlightWindow, Row
+from gcs.campaign.flight_window import FlightWindow
 from gcs.campaign.kept_flights import KeptFlights
-from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, CampaignFolder
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, CampaignFolder, Row
 from gcs.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class _Driver:
         self._counts, self._on_progress = counts, on_progress
         self._ended: SimpleQueue[tuple[Row, Future]] = SimpleQueue()
         self._futures: dict[int, Future] = {}
-        self._unwritten: list[dict[str, Any]] = []
+        self._unwritten: list[Row] = []
         self._written_s = self._workers_s = time.monotonic()
 
     def run(self) -> None:

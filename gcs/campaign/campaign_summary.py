@@ -6,20 +6,19 @@ It reads the rows that are there, so that it can be asked while flights are unde
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, MARGIN, NO_PLAN
+from gcs.campaign.campaign_flight import ABORTED, FAILED, HELD, NO_PLAN
 from gcs.campaign.flight_window import flights_counted
 from gcs.campaign.kept_flights import FLIGHTS
-from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, CampaignFolder
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, MARGIN, OUTCOME, TEXT, CampaignFolder, Row, margins, of_fault
 from gcs.campaign.statistics import CONFIDENCE, Interval, pass_rate, quantile, rank_correlation
+from gcs.flight.recording.flight_folder import finite
 from gcs.physics.wind import GUSTS_MPS
 from gcs.types import Array, JsonObject
 
@@ -27,8 +26,6 @@ QUANTILES = (0.05, 0.5, 0.95)
 LEVELS_MAX = 8  # of a factor with a stratum each; more values are divided into quarters
 WORST = 3
 _NOT_FACTORS = (INDEX, "seed")
-
-Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,7 @@ class CampaignSummary:
                     "name": f.name,
                     "flights": f.flights,
                     "quantiles": {f"{q:g}": _ends(one) for q, one in zip(QUANTILES, f.quantiles, strict=True)},
-                    "least_margin": _finite(f.least_margin),
+                    "least_margin": finite(f.least_margin),
                     "worst": list(f.worst),
                 }
                 for f in self.figures
@@ -120,7 +117,7 @@ def summarise(folder: CampaignFolder, until: float | None) -> CampaignSummary:
     judged = [row for row in results if row[OUTCOME] != INFRASTRUCTURE]
     joined = [design[row[INDEX]] | row for row in judged]
     factors = [name for name in (design[0] if design else {}) if _is_factor(name)]
-    names = list(dict.fromkeys(n.removesuffix(MARGIN) for row in judged for n in row if n.endswith(MARGIN)))
+    names = list(dict.fromkeys(name for row in judged for name in margins(row)))
     held = [row for row in joined if row.get(names[0]) is not None] if names else []
     kept = {int(one.name) for one in (folder.path / FLIGHTS).glob("[0-9]*") if one.name.isdigit()}
     reasons = Counter((row[OUTCOME], row.get("reason") or "") for row in results if row[OUTCOME] != HELD)
@@ -139,7 +136,7 @@ def summarise(folder: CampaignFolder, until: float | None) -> CampaignSummary:
 
 
 def _is_factor(name: str) -> bool:
-    return name not in _NOT_FACTORS and not name.endswith("_text")
+    return name not in _NOT_FACTORS and of_fault(name)[1] != TEXT
 
 
 def _strata(rows: Sequence[Row], factors: Iterable[str]) -> Iterable[Stratum]:
@@ -196,8 +193,8 @@ def _effects(
 
 def _flights_of(rows: Sequence[Row], factor: str) -> Sequence[Row]:
     """The flights in which a factor means something: vehicle and time of a fault, where the fault happens."""
-    fault, of_fault, _ = factor.partition("_")
-    return [row for row in rows if row[fault]] if of_fault and re.fullmatch(r"fault\d+", fault) else rows
+    fault, _ = of_fault(factor)
+    return [row for row in rows if row[fault]] if fault else rows
 
 
 def _numbers(rows: Sequence[Row], factor: str) -> Array:
@@ -221,11 +218,7 @@ def _words(level: float | str) -> str:
 
 
 def _ends(one: Interval) -> JsonObject:
-    return {"value": _finite(one.value), "low": _finite(one.low), "high": _finite(one.high)}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return {"value": finite(one.value), "low": finite(one.low), "high": finite(one.high)}
 
 
 def flight_folder(campaign: Path, index: int) -> Path:

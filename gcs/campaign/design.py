@@ -16,6 +16,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from gcs.campaign.records import TEXT
 from gcs.errors import UsageError
 from gcs.types import Array
 
@@ -217,7 +218,7 @@ def draw(
             limit = 0.5 if sampling is Sampling.FULL and 0.0 < factor.high < 1.0 else factor.high
             row[factor.name] = float(share < limit)
         for fault in faults:
-            row[f"{fault.happens.name}_text"] = fault.text(row)
+            row[fault.happens.name + TEXT] = fault.text(row)
         rows.append(row)
     return rows
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
 from gcs.campaign.campaign_flight import HELD
-from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, Row
 from gcs.campaign.statistics import flights_needed
 
 ATTEMPTS = 3  # of a flight that the machine fails; another one is for the next start of the campaign
-
-Row = Mapping[str, Any]
 
 
 class FlightWindow:

@@ -5,17 +5,14 @@ from __future__ import annotations
 import io
 import shutil
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
-from gcs.campaign.campaign_flight import HELD, MARGIN, KeepRule
-from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME
+from gcs.campaign.campaign_flight import HELD, KeepRule
+from gcs.campaign.records import INDEX, INFRASTRUCTURE, OUTCOME, Row, margins
 
 FLIGHTS = "flights"
 _UNDER_WAY = ".part"
-
-Row = Mapping[str, Any]
 
 
 class KeptFlights:
@@ -60,8 +57,8 @@ class KeptFlights:
             return
         if row[OUTCOME] != HELD:
             self._not_held.add(row[INDEX])
-        for name, value in row.items():
-            if name.endswith(MARGIN) and value is not None:
+        for name, value in margins(row).items():
+            if value is not None:
                 # The index decides between equals, so that the order of the results does not.
                 least = sorted({*self._least.get(name, []), (value, row[INDEX])})
                 self._least[name] = least[: self._worst]

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -31,7 +32,21 @@ INDEX, OUTCOME = "index", "outcome"
 INFRASTRUCTURE = "infrastructure"  # outcome of a flight that the machine, not the vehicles, ended: it flies again
 _NEW_FOLDER = "write the campaign to another folder with --to"
 
-Row = Mapping[str, Any]
+MARGIN, TEXT = "_margin", "_text"  # ends of the columns of a criterion's margin, and of a fault as an option
+_OF_FAULT = re.compile(r"(fault\d+)(_\w+)")
+
+Row = dict[str, Any]  # values by column
+
+
+def margins(row: Row) -> dict[str, float | None]:
+    """Return the margin of each criterion; None for a flight that was not judged by it."""
+    return {name.removesuffix(MARGIN): value for name, value in row.items() if name.endswith(MARGIN)}
+
+
+def of_fault(column: str) -> tuple[str, str]:
+    """Return the fault that a column describes, and what the column has of it: `fault1`, `_vehicle`; else empty."""
+    found = _OF_FAULT.fullmatch(column)
+    return (found[1], found[2]) if found else ("", "")
 
 
 class CampaignFolder:
@@ -76,9 +91,9 @@ class CampaignFolder:
             raise FileFormatError(f"{file} does not describe a campaign: {problem}.") from None
         return found
 
-    def design(self) -> list[dict[str, Any]]:
+    def design(self) -> list[Row]:
         """Return the rows of the design, in the order of their index. Raises FileFormatError."""
-        rows: list[dict[str, Any]] = _read(self.path / DESIGN).to_pylist()
+        rows: list[Row] = _read(self.path / DESIGN).to_pylist()
         return rows
 
     def add(self, rows: Iterable[Row]) -> None:
@@ -86,7 +101,7 @@ class CampaignFolder:
         if held := list(rows):
             _write(self.path / PARTS / f"{uuid4().hex}.parquet", held)
 
-    def results(self) -> list[dict[str, Any]]:
+    def results(self) -> list[Row]:
         """Return one row for each flight that ended, in the order of the design. Raises FileFormatError.
 
         A flight that stands in several parts counts once: with its result rather than with a failure of the machine.
@@ -95,12 +110,12 @@ class CampaignFolder:
         if not parts:
             return []
         rows = pa.concat_tables(parts, promote_options="permissive").to_pylist()
-        found: dict[int, dict[str, Any]] = {}
+        found: dict[int, Row] = {}
         for row in sorted(rows, key=lambda row: bool(row[OUTCOME] == INFRASTRUCTURE)):
             found.setdefault(row[INDEX], row)
         return [found[index] for index in sorted(found)]
 
-    def left(self) -> list[dict[str, Any]]:
+    def left(self) -> list[Row]:
         """Return the rows of the design without a result; a failure of the machine is none. Raises FileFormatError."""
         done = {row[INDEX] for row in self.results() if row[OUTCOME] != INFRASTRUCTURE}
         return [row for row in self.design() if row[INDEX] not in done]

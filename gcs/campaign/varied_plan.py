@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gcs.campaign.design import Value
+from gcs.campaign.records import Row
 from gcs.errors import UsageError
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
@@ -20,7 +21,7 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 
 
-def varied_keys(row: Mapping[str, Any]) -> dict[str, Value]:
+def varied_keys(row: Row) -> dict[str, Value]:
     """Return the values of a row of the design that belong into the scenario, by key."""
     return {name: value for name, value in row.items() if "." in name}
 
@@ -53,10 +54,10 @@ def planned_anew(scenario: Scenario, values: Mapping[str, Value]) -> tuple[Plan,
     return plan, report
 
 
-def _place(data: Any, key: str) -> tuple[Any, Any]:
+def _place(data: object, key: str) -> tuple[Any, Any]:
     """The table or list that has the last part of a key, and that part."""
     *path, last = key.split(".")
-    known: Any = data
+    known = data
     for part in path:
         known = known.get(part) if isinstance(known, dict) else _item(known, part)
     if isinstance(known, dict) and last in known:
@@ -70,6 +71,5 @@ def _place(data: Any, key: str) -> tuple[Any, Any]:
     )
 
 
-def _item(known: Any, part: str) -> Any:
-    inside = isinstance(known, list) and part.isdecimal() and int(part) < len(known)
-    return known[int(part)] if inside else None
+def _item(known: object, part: str) -> object:
+    return known[int(part)] if isinstance(known, list) and part.isdecimal() and int(part) < len(known) else None

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -73,6 +72,7 @@ from gcs.plan.verification.verify import Report, verify
 from gcs.plan.verification.wind_envelope import proved_everywhere
 from gcs.scenario.schema.scenario import PreflightTable, Scenario
 from gcs.scenario.values import si
+from gcs.types import JsonObject
 from gcs.util.aio import Stoppable, ended, insisted
 from gcs.util.long_work import shown
 
@@ -112,7 +112,7 @@ class Flown:
     times: FlightTimes
     late_s: dict[int, float]  # delay of each vehicle behind the plan, by its own clock
     verdict: Verdict | None  # from true states, or from reports; None without telemetry
-    data: dict[str, Any]  # report.json
+    data: JsonObject  # report.json
     nearest: tuple[NearestPair, ...] = ()  # as reported: the least separation before T0, on the plan and in the landing
 
 
@@ -215,7 +215,7 @@ def _telemetry_share(order: FlightRun) -> float:
     return telemetry_share(order.link.slowest_baud, len(order.plan.sysids), order.keeping.mode, rate_hz)
 
 
-def _judged_truth(now: _LinkedFlight, plan: Plan, times: FlightTimes) -> tuple[Verdict, Tracks, dict[str, Any]]:
+def _judged_truth(now: _LinkedFlight, plan: Plan, times: FlightTimes) -> tuple[Verdict, Tracks, JsonObject]:
     order = now.order
     truth = load_truth(now.folder / "truth.npz")
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
@@ -228,7 +228,7 @@ def _judged_truth(now: _LinkedFlight, plan: Plan, times: FlightTimes) -> tuple[V
 
 def _judged_reports(
     now: _LinkedFlight, plan: Plan, times: FlightTimes, watcher: Watcher
-) -> tuple[Verdict | None, Tracks | None, dict[str, Any]]:
+) -> tuple[Verdict | None, Tracks | None, JsonObject]:
     link = now.order.link
     record = write_record(now.folder, plan, times.plan_time, link.systems if link is not None else {}, watcher.say)
     tracks = reported_tracks(plan, record, times.plan_time)

@@ -13,11 +13,12 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Iterable
+from concurrent.futures import Future
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Self
 
 from gcs.errors import GcsError, UsageError
 from gcs.page.page_orders import MESSAGE_BYTES, PageAsk
@@ -105,7 +106,7 @@ class PageFeed:
             self._frames.append((PageFrame.EVENT, event))
             self._wake.notify()
 
-    def put(self, name: str, value: Any) -> None:
+    def put(self, name: str, value: object) -> None:
         """Have something plain stand beside the scene, in place of what had this name; None takes it away."""
         with self._wake:
             self._frames.append((PageFrame.BOARD, json.dumps({name: value}).encode()))
@@ -178,29 +179,28 @@ class PageFeed:
             return PageFrame.PICTURE, picture
 
     def _port(self) -> int:
-        found: list[bytes] = []
-        is_there = threading.Event()
-        threading.Thread(target=self._read, args=(found, is_there), daemon=True, name="page orders").start()
-        is_there.wait(_START_S)
-        if found and found[0].strip().isdigit():
-            return int(found[0])
+        first: Future[bytes] = Future()
+        threading.Thread(target=self._read, args=(first,), daemon=True, name="page orders").start()
+        with suppress(TimeoutError):
+            if (port := first.result(_START_S).strip()).isdigit():
+                return int(port)
         said = self._said()
         self.close()
         raise GcsError(f"the page did not start: {said or f'no answer within {_START_S:.0f} s'}")
 
-    def _read(self, found: list[bytes], is_there: threading.Event) -> None:
-        """Read the port, and then what the page asks, until it ends or says anything else."""
+    def _read(self, first: Future[bytes]) -> None:
+        """Read the first line, and then what the page asks, until it ends or says anything else."""
         pipe = self._process.stdout
         assert pipe is not None
         with suppress(OSError, ValueError):
-            found.append(pipe.readline())
-            is_there.set()
+            first.set_result(pipe.readline())
             while (frame := read_frame(pipe, MESSAGE_BYTES)) is not None:  # type: ignore[arg-type]
                 if frame[0] is PageFrame.ASK:
                     self._asks.append(PageAsk.of(frame[1]))
                 elif frame[0] is PageFrame.READERS:
                     self.readers = int(frame[1])
-        is_there.set()
+        if not first.done():
+            first.set_result(b"")
 
     def _said(self) -> str:
         with suppress(OSError, ValueError):

@@ -14,9 +14,10 @@ from typing import Any
 from urllib.parse import parse_qs
 
 Message = MutableMapping[str, Any]
+Scope = Message  # of ASGI too
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
-Application = Callable[[Any, Receive, Send], Awaitable[None]]
+Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 Headers = list[tuple[bytes, bytes]]
 
 _REFUSED = "Open the whole address that gcs printed, with its token.\n"
@@ -47,7 +48,7 @@ class PageGuard:
         self._cookie = f"skein-{port}"  # browsers share cookies between ports
         self._session = secrets.token_urlsafe(32)
 
-    async def __call__(self, scope: Any, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request, one websocket, or the life of the application."""
         if scope["type"] == "lifespan":
             await self._inner(scope, receive, send)
@@ -66,7 +67,7 @@ class PageGuard:
         else:
             await _answer(send, 403, _REFUSED, [])
 
-    def _host(self, scope: Any) -> str | None:
+    def _host(self, scope: Scope) -> str | None:
         """The host that is asked for, if it is this one and the request comes from the page or from no page at all."""
         hosts, origins = (_all(scope["headers"], name) for name in (b"host", b"origin"))
         if len(hosts) != 1 or hosts[0] not in self._hosts:
@@ -75,7 +76,7 @@ class PageGuard:
         needs_none = scope["type"] == "http" and scope["method"] in ("GET", "HEAD") and not origins
         return hosts[0] if from_the_page or needs_none else None
 
-    def _may_change(self, scope: Any) -> bool:
+    def _may_change(self, scope: Scope) -> bool:
         """Whether a request reads only, or comes from this machine, or from where orders are allowed."""
         reads = scope["type"] == "websocket" or scope["method"] in ("GET", "HEAD")
         return reads or self._orders_from_afar or _is_here(scope.get("client"))
@@ -87,7 +88,7 @@ class PageGuard:
             return False
         return any(one is not None and _is_same(one.value, self._session) for one in given)
 
-    def _has_token(self, scope: Any) -> bool:
+    def _has_token(self, scope: Scope) -> bool:
         if scope["method"] != "GET" or scope["path"] != "/":
             return False
         given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])

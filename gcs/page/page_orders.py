@@ -10,7 +10,8 @@ import asyncio
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+
+from gcs.types import JsonObject
 
 MESSAGE_BYTES = 8192
 WORDS = ("hold", "land", "return", "continue")
@@ -81,10 +82,10 @@ class PageOrders:
     def __init__(self, send: Callable[[bytes], None]) -> None:
         self._send = send
         self._count = 0
-        self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._waiting: dict[int, asyncio.Future[JsonObject]] = {}
         self._loop: asyncio.AbstractEventLoop | None = None
 
-    async def ask(self, body: bytes, client: str = "") -> dict[str, Any]:
+    async def ask(self, body: bytes, client: str = "") -> JsonObject:
         """Return the flight's answer to a browser at the address `client`. Raises ValueError for no message."""
         asked = PageAsk.of(body)
         if len(self._waiting) >= _WAITING:
@@ -106,7 +107,7 @@ class PageOrders:
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._answered, json.loads(data))
 
-    def _answered(self, found: dict[str, Any]) -> None:
+    def _answered(self, found: JsonObject) -> None:
         waiting = self._waiting.get(found["number"])
         if waiting is not None and not waiting.done():
             waiting.set_result(found)

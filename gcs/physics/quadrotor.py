@@ -10,12 +10,11 @@ Control `(..., 4)`:  U1 thrust (N); U2, U3 roll and pitch rotor force difference
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from gcs.physics.wind import STILL, SteadyWind
-from gcs.types import Array
+from gcs.types import Array, Maths, Scalar
 
 _HALF_SQRT2 = np.sqrt(0.5)
 # Eq. 2: rows U1/K_T, U2/K_T, U3/K_T, U4/K_M; columns the squared rotor speeds 1..4.
@@ -55,8 +54,8 @@ class Quadrotor:
 
 
 def equations_of_motion(
-    x: Sequence[Any], u: Sequence[Any], q: Quadrotor, wind_ned_mps: Sequence[Any] | None = None, xp: Any = np
-) -> tuple[Any, ...]:
+    x: Sequence[Scalar], u: Sequence[Scalar], q: Quadrotor, wind_ned_mps: Sequence[Scalar] | None = None, xp: Maths = np
+) -> tuple[Scalar, ...]:
     """Return the time derivatives of the twelve state components (Eq. 1). Drag opposes the air-relative velocity.
 
     `wind_ned_mps` None means the planned wind `q.wind`.
@@ -103,7 +102,7 @@ def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
     return np.asarray(np.square(rotor_radps) @ _MIXER.T * k)
 
 
-def squared_rotor_speeds(control: Sequence[Any], q: Quadrotor) -> tuple[Any, ...]:
+def squared_rotor_speeds(control: Sequence[Scalar], q: Quadrotor) -> tuple[Scalar, ...]:
     """Return the four squared rotor speeds, (rad/s)^2, that Eq. 2 requires for control components; no motor limits."""
     k = (q.thrust_coeff_Ns2, q.thrust_coeff_Ns2, q.thrust_coeff_Ns2, q.moment_coeff_Nms2)
     wanted = [u * (1.0 / size) for u, size in zip(control, k, strict=True)]

@@ -4,9 +4,10 @@
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from gcs.types import Maths, Scalar
 
 GUSTS_MPS = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 2.0}  # horizontal standard deviation, by name
 _FLOOR_M = 1.0  # below it the power law is smoothed: its slope at the ground is infinite
@@ -36,13 +37,13 @@ class SteadyWind:
         """The speed at the reference height."""
         return float(np.hypot(self.north_mps, self.east_mps))
 
-    def share(self, height_m: Any, xp: Any = np) -> Any:
+    def share(self, height_m: Scalar, xp: Maths = np) -> Scalar:
         """The speed at a height above height 0, as a share of the speed at the reference height."""
         if not self.has_shear:
             return 1.0
         return (_rounded(height_m, xp) / self.reference_m) ** self.exponent
 
-    def shares(self, height_m: Any, xp: Any = np) -> tuple[Any, Any, Any]:
+    def shares(self, height_m: Scalar, xp: Maths = np) -> tuple[Scalar, Scalar, Scalar]:
         """The share and its first two derivatives with respect to height, 1/m and 1/m^2."""
         if not self.has_shear:
             return 1.0, 0.0, 0.0
@@ -52,13 +53,13 @@ class SteadyWind:
         steep = slope / s
         return value, k * value * steep, k * value * ((k - 1.0) * (steep * steep) + bend / s)
 
-    def at(self, height_m: Any, xp: Any = np) -> tuple[Any, Any, Any]:
+    def at(self, height_m: Scalar, xp: Maths = np) -> tuple[Scalar, Scalar, Scalar]:
         """The air velocity (north, east, down) at a height above height 0, m/s."""
         share = self.share(height_m, xp)
         return share * self.north_mps, share * self.east_mps, 0.0
 
 
-def _rounded(height_m: Any, xp: Any) -> Any:
+def _rounded(height_m: Scalar, xp: Maths) -> Scalar:
     """The height, smoothed so that it stays above 0 at the ground."""
     return 0.5 * (height_m + xp.sqrt(height_m * height_m + _FLOOR_M**2))
 

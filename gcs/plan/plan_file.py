@@ -15,7 +15,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +33,7 @@ from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import OK, Check, Report, verdict_of, verify
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import AnyArray, JsonObject
 from gcs.util.archives import ArrayKind, BadArchive, read_arrays
 from gcs.util.atomic_write import atomic_write
 from gcs.util.bounded_file import MIB, PLAN_FILE, SHEETS, open_regular, read_json, refuse_size
@@ -108,7 +108,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str, returns: PreparedRet
 
 def _content(plan: Plan, report: Report, returns: PreparedReturns | None = None) -> bytes:
     """The bytes of a plan file."""
-    meta: dict[str, Any] = {
+    meta: JsonObject = {
         "format": _FORMAT,
         "scenario": plan.scenario.model_dump(mode="json"),
         "phases": [asdict(p) for p in plan.phases],
@@ -204,7 +204,7 @@ def load_returns(path: Path | str) -> PreparedReturns:
         raise FileFormatError(f"{path}: its returns are damaged ({type(problem).__name__})", hint=_HINT) from problem
 
 
-def _loaded(path: Path | str, plan: Plan, row: dict[str, Any]) -> PreparedReturn:
+def _loaded(path: Path | str, plan: Plan, row: JsonObject) -> PreparedReturn:
     """One return, verified."""
     begins_s, cpu_s = float(row["begins_s"]), float(row["cpu_s"])
     if "plan" not in row:
@@ -234,7 +234,7 @@ def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
     return _read(path, _arrays(Path(path)))
 
 
-def _read(path: Path | str, arrays: dict[str, NDArray[Any]]) -> tuple[Plan, StoredVerdict]:
+def _read(path: Path | str, arrays: dict[str, AnyArray]) -> tuple[Plan, StoredVerdict]:
     """The plan in the arrays of a file."""
     try:
         meta = read_json(arrays["meta"].tobytes(), not_finite=True)
@@ -278,7 +278,7 @@ def _read(path: Path | str, arrays: dict[str, NDArray[Any]]) -> tuple[Plan, Stor
     return plan, stored
 
 
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+def _arrays(path: Path) -> dict[str, AnyArray]:
     """The arrays of a file, finite, and no larger than those of a plan. Raises FileFormatError."""
     try:
         if not path.exists():
@@ -293,7 +293,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     return _finite(path, arrays)
 
 
-def _finite(path: Path | str, arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _finite(path: Path | str, arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
     """The arrays. Raises FileFormatError for a number that is not finite."""
     for name, values in arrays.items():
         if not np.isfinite(values).all():
@@ -343,7 +343,7 @@ def _contradiction(plan: Plan) -> str:
     return ""
 
 
-def _checksum(arrays: dict[str, NDArray[Any]]) -> NDArray[np.uint8]:
+def _checksum(arrays: dict[str, AnyArray]) -> NDArray[np.uint8]:
     """SHA-256 over everything in the file, against damage. It proves nothing about the writer."""
     digest = hashlib.sha256()
     for name in sorted(arrays):

@@ -3,15 +3,15 @@
 import asyncio
 import signal
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager, suppress
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any
 
 from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.types import T, Work
 from gcs.util.steady_loop import SteadyLoop
 
-T = TypeVar("T")
 LOOK_S = 0.05
 _STOPS = tuple(n for name in ("SIGINT", "SIGTERM", "SIGHUP") if (n := getattr(signal, name, None)) is not None)
 _COARSE_S = 1e-3  # the event loop's timers are late by up to this
@@ -40,7 +40,7 @@ async def ended(*tasks: asyncio.Future[Any]) -> None:
             task.exception()
 
 
-async def insisted(work: Coroutine[Any, Any, None]) -> None:
+async def insisted(work: Work[None]) -> None:
     """Run `work` to its end even if the caller is cancelled or fails, once or often. It must end by itself."""
     task = asyncio.ensure_future(work)
     while not task.done():
@@ -111,7 +111,7 @@ class Stoppable:
         """Have every further signal call this."""
         self._on_again = call
 
-    def run(self, work: Coroutine[Any, Any, T]) -> T:
+    def run(self, work: Work[T]) -> T:
         """Run `work` in an event loop of its own. Raises `Stopped` if it was stopped.
 
         A program that handles or ignores one of the signals itself keeps doing so.
@@ -132,7 +132,7 @@ class Stoppable:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, T]) -> T:
+    def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Work[T]) -> T:
         """Run the loop on after a task ended it by KeyboardInterrupt or SystemExit, which stops the work only."""
         task: asyncio.Task[T] = loop.create_task(main)
         while True:
@@ -143,7 +143,7 @@ class Stoppable:
                     raise
                 self._stop(self._work, signal.SIGINT)
 
-    async def _main(self, work: Coroutine[Any, Any, T], numbers: Iterable[int]) -> T:
+    async def _main(self, work: Work[T], numbers: Iterable[int]) -> T:
         task = asyncio.ensure_future(work)
         self._work = task
         loop = asyncio.get_running_loop()
@@ -170,7 +170,7 @@ def _is_default(number: int, handler: object) -> bool:
 
 
 @asynccontextmanager
-async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+async def alongside(work: Work[None]) -> AsyncIterator[None]:
     """Run endless work in the background of the block. If the work ends by itself, the block ends with its failure."""
     block = asyncio.current_task()
     task = asyncio.ensure_future(work)

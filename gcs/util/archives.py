@@ -10,12 +10,12 @@ import struct
 import zipfile
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
 
+from gcs.types import AnyArray
 from gcs.util.bounded_file import MIB, in_mib
 
 _END = struct.Struct("<4s4H2IH")  # the record at the end of an archive
@@ -73,7 +73,7 @@ def member_names(file: IO[bytes]) -> list[str]:
 
 def read_arrays(
     file: IO[bytes], known: Mapping[str, ArrayKind], *, wanted: Collection[str] = (), stored: bool = False
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, AnyArray]:
     """The `wanted` arrays (none: all) of a NumPy archive (.npz) that holds exactly those of `known`.
 
     `stored`: its writer packs nothing, so nothing packed is read. Raises `BadArchive`.
@@ -126,7 +126,7 @@ def _check(info: zipfile.ZipInfo, largest_bytes: int) -> None:
         raise BadArchive(f"{info.filename} is encrypted, or packed by an unknown method")
 
 
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kind: ArrayKind) -> NDArray[Any]:
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kind: ArrayKind) -> AnyArray:
     _check(info, kind.largest_bytes + _HEADER_MAX_BYTES)
     try:
         with archive.open(info) as member:

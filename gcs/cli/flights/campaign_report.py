@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from rich.table import Table
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import Screen
+
+if TYPE_CHECKING:
+    from gcs.campaign.statistics import Interval
 
 EFFECTS = "effects.png"
 _REASONS = 6
@@ -32,11 +35,10 @@ def campaign_report(
 
 def show_report(screen: Screen, path: Path) -> None:
     """Print the report of a campaign's folder, and draw its picture. Raises FileFormatError."""
-    from gcs.campaign.campaign_flight import MARGIN
     from gcs.campaign.campaign_options import CampaignOptions
     from gcs.campaign.campaign_summary import flight_folder, summarise
     from gcs.campaign.effects_plot import draw_effects
-    from gcs.campaign.records import CampaignFolder
+    from gcs.campaign.records import MARGIN, CampaignFolder
 
     folder = CampaignFolder(path)
     width = CampaignOptions.recorded(folder.asked()).width
@@ -81,13 +83,13 @@ def _table(title: str, *headings: str) -> Table:
     return table
 
 
-def _percent(one: Any) -> str:
+def _percent(one: Interval) -> str:
     if math.isnan(one.value):
         return "–"
     return f"{100 * one.value:.1f} % ({100 * one.low:.1f} to {100 * one.high:.1f})"
 
 
-def _interval(one: Any) -> str:
+def _interval(one: Interval) -> str:
     return f"{_number(one.value)} ({_number(one.low)} to {_number(one.high)})"
 
 
@@ -97,7 +99,7 @@ def _number(value: float) -> str:
     return f"{value:.3f}" if math.isfinite(value) else ("∞" if value > 0 else "-∞")
 
 
-def _effect(one: Any) -> str:
+def _effect(one: Interval) -> str:
     if math.isnan(one.value):
         return "–"
     return f"{one.value:+.2f}{' *' if one.low > 0.0 or one.high < 0.0 else ''}"

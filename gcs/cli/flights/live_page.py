@@ -6,10 +6,10 @@ The flight never waits for it. After the flight it stays as long as a browser sh
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gcs.errors import GcsError, UsageError
 from gcs.flight.assessment.criterion import FlightOutcome
@@ -30,6 +30,7 @@ from gcs.page.page_feed import PageFeed
 from gcs.page.page_orders import PageAsk
 from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import Work
 from gcs.util.aio import ended
 
 _STEP_S = 0.1  # between pictures at least
@@ -38,7 +39,7 @@ _LEFT_S = 10.0  # without a browser, after which a page of a flight that is over
 _LOOK_S = 0.2
 _SHARE = 0.05  # of the time at most goes into pictures: of a large fleet there are fewer
 
-_Band = Callable[[PredictedPlaces], Any]
+_Band = Callable[[PredictedPlaces], object]
 
 
 class _Said(NamedTuple):
@@ -197,7 +198,7 @@ class LivePage:
         if plan is self._plan:
             self._feed.replace(scene, same_flight=True)
 
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+    def _start(self, work: Work[None]) -> None:
         task = asyncio.ensure_future(work)
         self._beside.add(task)
         task.add_done_callback(self._beside.discard)

@@ -70,7 +70,8 @@ async def play(
                     shown = _say_events(screen, happened, shown, t_s)
                 if t_s >= window[1]:
                     break
-                await asyncio.sleep(_TICK_S if endpoint is None else _SENDING_S)
+                due_s = math.inf if endpoint is None else (frames.next_s - t_s) / rate
+                await asyncio.sleep(min(max(due_s, _SENDING_S), _TICK_S))
         if live is not None:
             _say_events(screen, happened, 0, window[1])
             screen.say(_line(recording, window[1]))
@@ -93,6 +94,11 @@ class _Frames:
     def __init__(self, loaded: LoadedRecording, window: tuple[float, float]) -> None:
         self._t_s, self._frames = loaded.t_s, loaded.frames
         self._next = int(np.searchsorted(self._t_s, window[0]))
+
+    @property
+    def next_s(self) -> float:
+        """When the next frame is due; infinite after the last."""
+        return float(self._t_s[self._next]) if self._next < len(self._t_s) else math.inf
 
     async def send(self, endpoint: Endpoint, t_s: float) -> int:
         """The number of frames sent: all that were due at `t_s`, in order."""

@@ -14,7 +14,7 @@ from gcs.autopilots.traits import Autopilot, titles
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
 from gcs.errors import NotWritten, UsageError
-from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
+from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, Content, select_formats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -155,7 +155,8 @@ def export(
         options.order(options.firmware or autopilots(scenario))
         refuse_foreign(to.resolve())
         options.refuse_unordered()
-        if (takeoff is not None or geoid is not None) and all(row.name != "f3548" for row in options.wanted):
+        has_volumes = any(row.content is Content.VOLUMES for row in options.wanted)
+        if (takeoff is not None or geoid is not None) and not has_volumes:
             raise UsageError("--takeoff and --geoid are for the format f3548", hint="add --format f3548")
 
     watch = Stopwatch(BEGAN_S)
@@ -232,14 +233,15 @@ def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:
 
 def _say_separations(screen: Screen, rows: Sequence[Separation]) -> None:
     """One table, and the least of what the export has: nothing else that an export says is about separations."""
-    from gcs.mission.export.separations import GROUND_RETURNS, least
+    from gcs.mission.export.separations import GroundReturns, least
 
     if not rows:
         return
     table = Table("separation", "least", "", "required", "vehicles", "when", "")
     for row in rows:
         first, second = row.sysids
-        verdict = "left out" if not row.given and row.what != GROUND_RETURNS else "ok" if row.kept else "too near"
+        held = row.given or isinstance(row, GroundReturns)
+        verdict = "left out" if not held else "ok" if row.kept else "too near"
         sure, required = "proved" if row.proved else "seen", f"{row.required_m:g} m"
         table.add_row(row.what, row.figure, sure, required, f"{first}, {second}", f"{row.t_s:.1f} s", verdict)
     screen.show(table)
@@ -283,7 +285,7 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
 
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    from gcs.mission.export.separations import GROUND_RETURNS
+    from gcs.mission.export.separations import GroundReturns
     from gcs.mission.returns.rtl_altitudes import LAND_INSTEAD, NO_RETURNS, place_warnings
 
     returns = index.safety.returns
@@ -292,7 +294,7 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
         screen.say(f"return altitudes: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
     else:
         screen.warn(NO_RETURNS)
-    if any(row.what == GROUND_RETURNS and not row.given for row in index.separations):
+    if any(isinstance(row, GroundReturns) and not row.given for row in index.separations):
         screen.warn(LAND_INSTEAD)
     for text in place_warnings(plan, returns, index.autopilots):
         screen.warn(text)

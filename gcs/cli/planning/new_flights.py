@@ -209,7 +209,8 @@ def text_of_survey(
     try:
         return scenario_text(folder, place, flight=flight, vehicle=vehicle), left_out, flight
     except ImpossibleFlight as error:
-        text = f"{file}: such a survey is not possible: {areas.in_words(error.reason, drawn.drawing)}"
+        reason = "\n".join(f"{areas.place(one, drawn.drawing)}: {one.whole}" for one in error.mistakes)
+        text = f"{file}: such a survey is not possible: {reason}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None
 
 

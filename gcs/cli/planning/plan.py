@@ -271,7 +271,7 @@ def verify(
 
     from gcs.cli.planning.wind_table import say_winds
     from gcs.plan.plan_file import load_plan
-    from gcs.plan.verification.verify import refusal
+    from gcs.plan.verification.verify import ProofVerdict, refusal
 
     loaded, report = load_plan(plan, screen.warn)
     shown: set[ConstraintId] = set()
@@ -283,7 +283,7 @@ def verify(
         when = "" if check.t_s is None else f" {check.t_s:.2f} s"
         vehicle = "" if check.sysid is None else f", {check.sysid}"
         # Where the limit is violated, the violation that was found says more than the bound.
-        proved = check.proved is not None and check.verdict != "violated"
+        proved = check.proved is not None and check.verdict is not ProofVerdict.VIOLATED
         bound = check.proved if proved and check.proved is not None else check.worst
         margin = f"{'≥ ' if proved else ''}{(bound if abs(bound) > 1e-9 else 0.0):.3g} {check.unit}"
         limit = f"≥ {-check.tolerance:g}" if check.tolerance else "≥ 0"

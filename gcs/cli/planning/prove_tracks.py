@@ -175,6 +175,7 @@ def prove(
     from gcs.mission.proving.prove import TrackLimits
     from gcs.mission.proving.prove import prove as proved
     from gcs.plan.plan_file import is_plan_file, read_plan
+    from gcs.plan.verification.proof.verdict import ProofVerdict
     from gcs.scenario.sources.load import load_scenario
 
     if picture is not None:
@@ -199,7 +200,7 @@ def prove(
     table = Table("criterion", "value", "limit", "verdict", "nearest at")
     for check in report.checks:
         sign = "≤" if check.most else "≥"
-        value = f"{sign} {check.proved:.4g}" if check.verdict == "proved" else f"{check.seen:.4g}"
+        value = f"{sign} {check.proved:.4g}" if check.verdict is ProofVerdict.PROVED else f"{check.seen:.4g}"
         where = f"{check.t_s:.3f} s, {escape(' and '.join(check.vehicles))}"
         verdict = check.verdict if check.ok else check.verdict.upper()
         table.add_row(check.name, f"{value} {check.unit}", f"{sign} {check.limit:.4g} {check.unit}", verdict, where)

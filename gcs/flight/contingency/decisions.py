@@ -15,7 +15,6 @@ from gcs.flight.contingency.policy import (
     SPREAD_AGAIN_S,
     TAKE_OVERS_MAX,
     YIELDED,
-    Action,
     Order,
     Row,
     Situation,
@@ -23,7 +22,7 @@ from gcs.flight.contingency.policy import (
     Trigger,
 )
 from gcs.flight.contingency.policy_rows import POLICY
-from gcs.flight.monitoring.progress import AskedOrder
+from gcs.flight.monitoring.progress import Action, AskedOrder
 
 
 def applying_row(trigger: IncidentKind | Trigger, now: Situation) -> tuple[Row | None, tuple[int, ...]]:

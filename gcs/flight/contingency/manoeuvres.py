@@ -14,8 +14,9 @@ from typing import Protocol
 import numpy as np
 
 from gcs.flight.contingency.energy_choice import EnergyChoice
-from gcs.flight.contingency.policy import SPREAD_M, Action, Order
+from gcs.flight.contingency.policy import SPREAD_M, Order
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.flight.monitoring.progress import Action
 from gcs.mission.model import SetpointStream
 from gcs.mission.returns.return_routes import ReturnRoutes
 from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_motion, stops

@@ -11,7 +11,7 @@ from enum import StrEnum
 from gcs.flight.contingency.choices import Choices, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import IncidentKind
 from gcs.flight.contingency.energy_choice import Outcome
-from gcs.flight.monitoring.progress import AskedOrder
+from gcs.flight.monitoring.progress import Action, AskedOrder
 
 
 class State(StrEnum):
@@ -41,20 +41,6 @@ MEANING = {
     State.LOST: "was silent for too long; gets no order",
     State.WAITING: "holds as the operator ordered, until it is ordered to continue, to return or to land",
 }
-
-
-class Action(StrEnum):
-    """What a vehicle is ordered to do."""
-
-    HOLD = "hold"
-    SPREAD = "climb"
-    RETURN = "return"
-    DIVERT = "land at the nearest safe point"
-    LAND = "land"
-    LEAVE = "release"
-    PROMOTE = "lead"
-    REJOIN = "rejoin"
-    OBEY = "follow setpoints again"
 
 
 _AFTER: dict[Action | None, State] = {

@@ -8,9 +8,10 @@ low battery.
 from gcs.flight.contingency import policy as p
 from gcs.flight.contingency.detection import IncidentKind
 from gcs.flight.contingency.policy import Row
+from gcs.flight.monitoring.progress import Action
 
 KEEPS = "The vehicle keeps its order"
-_K, _S, _A, _T = IncidentKind, p.State, p.Action, p.Trigger
+_K, _S, _A, _T = IncidentKind, p.State, Action, p.Trigger
 POLICY = (
     Row(
         _K.FAILSAFE,

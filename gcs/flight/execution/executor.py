@@ -17,13 +17,13 @@ from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatc
 from gcs.flight.contingency.energy_choice import ChargeWatch, EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
 from gcs.flight.contingency.order_book import StandingOrder
-from gcs.flight.contingency.policy import AIRBORNE, IN_FORMATION, NOT_OBEYED_AFTER, Action, Order, State
+from gcs.flight.contingency.policy import AIRBORNE, IN_FORMATION, NOT_OBEYED_AFTER, Order, State
 from gcs.flight.execution.operator_orders import OperatorOrders
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.position_checks import PositionChecks
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import AskedOrder, Event, OrderForecast
+from gcs.flight.monitoring.progress import Action, AskedOrder, Event, OrderForecast
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
@@ -194,7 +194,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         self._standstill.land()
-        self.positions.lands = True
+        self.positions.land()
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
@@ -338,7 +338,7 @@ class ContingencyExecutor:
 
     def _carry_out(self, order: Order, t_s: float) -> None:
         what = "released" if order.action is Action.LEAVE else f"ordered to {order.action.value}"
-        self._on_event(Event(self._time.sure_s(), t_s, order.sysid, what, order.rule))
+        self._on_event(Event(self._time.sure_s(), t_s, order.sysid, what, order.rule, action=order.action))
         vehicle = self._vehicles[order.sysid]
         watch, m = self._watches[order.sysid], vehicle.behaviour
         self._returning.pop(order.sysid, None)

@@ -6,10 +6,9 @@ for whatever reason, the vehicles in the air are ordered to land.
 
 import asyncio
 import math
-from collections.abc import Callable, Collection, Coroutine, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
@@ -45,6 +44,7 @@ from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.preflight_check import CheckName
 from gcs.flight.monitoring.progress import (
     ALL_VEHICLES,
+    Action,
     AskedOrder,
     Event,
     FlightHooks,
@@ -67,9 +67,9 @@ from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
+from gcs.types import T, Work
 from gcs.util.aio import alongside, each, ended
 
-T = TypeVar("T")
 _HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
 
 
@@ -143,7 +143,7 @@ class FlightSequence:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
         return await self.guarded(self._run())
 
-    async def guarded(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def guarded(self, flying: Work[T]) -> T:
         """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         try:
@@ -152,7 +152,7 @@ class FlightSequence:
             for stop in stops:
                 stop()
 
-    async def _watched(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def _watched(self, flying: Work[T]) -> T:
         async with alongside(self._telemetry.run()):
             return await flying
 
@@ -222,7 +222,7 @@ class FlightSequence:
         await each(self.vehicles.values(), request_telemetry)
         self.enter(Step.READY)
         await each(self.vehicles.values(), until_ready)
-        self._telemetry.checked = True
+        self._telemetry.refuse_reboots()
         charge = None if self._hooks.on_ready is None else await self._hooks.on_ready()
         self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
@@ -352,20 +352,20 @@ class FlightSequence:
             return
         self._report(order.sysid, f"did not {order.what}", order.reason)
 
-    def _report(self, sysid: int, what: str, rule: str) -> None:
+    def _report(self, sysid: int, what: str, rule: str, action: Action | None = None) -> None:
         try:
             now_s = self.time.now_s() or 0.0
         except Exception:  # the reports of a landing must not need the clocks
             now_s = 0.0
-        t0_s = self.monitor.t0_unix_s
-        self._hooks.on_event(Event(now_s, math.nan if t0_s is None else now_s - t0_s, sysid, what, rule))
+        t_s = now_s - (self.monitor.t0_unix_s or math.nan)
+        self._hooks.on_event(Event(now_s, t_s, sysid, what, rule, action=action))
 
     def _ends_early(self, reason: str) -> None:
         if self._contingency is not None:
             self._contingency.rest()
         self.monitor.watch_formation(())  # nobody flies the plan any more
         self.enter(Step.LAND)
-        self._report(ALL_VEHICLES, "ordered to land where they are", reason)
+        self._report(ALL_VEHICLES, "ordered to land where they are", reason, Action.LAND)
 
     def raise_troubles(self) -> None:
         """Raises FlightError if a vehicle did not fly the plan to its end."""

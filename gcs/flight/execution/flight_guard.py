@@ -4,18 +4,17 @@ It watches the links beside the flight, which ends when vehicles are silent for 
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, TypeVar
 
 from gcs.errors import FlightError, GcsError, ProtocolMisuse
 from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.monitoring.progress import OURSELVES, Step
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.types import T, Work
 from gcs.util.aio import LOOK_S, ended, insisted
 from gcs.util.steady_loop import stalls_of
 
-T = TypeVar("T")
 _ATTEMPTS = 5  # to land, each interrupted by a failure of its own
 _PAUSE_S = 1.0
 STOOD_RULE = "It was stopped, suspended or too busy; nothing counts as silence of vehicles for it"
@@ -41,7 +40,7 @@ class FlightGuard:
         self._lost_after_s = lost_after_s
         self._report = report
 
-    async def run(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def run(self, flying: Work[T]) -> T:
         """Return what `flying` returns. However it fails, and if the links fail, the vehicles land first.
 
         What ended the flight is raised afterwards. A vehicle that is not known to have landed is handed over by name.
@@ -68,7 +67,7 @@ class FlightGuard:
             await self._landing.orders.close()
         return result
 
-    async def _bring_down(self, watch: asyncio.Future[Any], work: asyncio.Future[Any], stopped: BaseException) -> None:
+    async def _bring_down(self, watch: asyncio.Future[None], work: asyncio.Future[T], stopped: BaseException) -> None:
         """Land the vehicles of this flight. Nothing that happens meanwhile ends this, but the landing itself."""
         work.cancel()
         self._landing.send_once()  # before a second Ctrl-C can come in between
@@ -85,7 +84,7 @@ class FlightGuard:
                 break
         self._landing.hand_over()
 
-    async def _end_and_land(self, watch: asyncio.Future[Any], work: asyncio.Future[Any], pause_s: float) -> None:
+    async def _end_and_land(self, watch: asyncio.Future[None], work: asyncio.Future[T], pause_s: float) -> None:
         await asyncio.sleep(pause_s)
         await ended(watch, work)
         await self._landing.land_all()

@@ -22,11 +22,11 @@ _FALL_S = 5.0  # others keep clear of a vehicle that falls for so long
 
 
 class PositionChecks:
-    """What the last reports of a fleet mean for its policy. `lands`: the plan is over."""
+    """What the last reports of a fleet mean for its policy."""
 
     def __init__(self, fleet: FlyingFleet, policy: ContingencyPolicy) -> None:
         plan = fleet.plan
-        self.lands = False
+        self._lands = False
         self._vehicles, self._monitor = fleet.vehicles, fleet.monitor
         self._policy = policy
         streamed = fleet.options.mode is FlightMode.STREAM
@@ -47,6 +47,10 @@ class PositionChecks:
         """The vehicles fly another plan."""
         self._separation.follow(plan)
 
+    def land(self) -> None:
+        """The plan is over."""
+        self._lands = True
+
     def falls(self, sysid: int, now_s: float) -> None:
         """The motors of a vehicle have stopped in the air."""
         self._fell_s[sysid] = now_s
@@ -56,7 +60,7 @@ class PositionChecks:
         scenario = self._plan.scenario
         north_m, east_m, down_m = self._monitor.views[sysid].position_ned_m
         above_m = float(-down_m - ground_height_m(scenario.terrain, north_m, east_m))
-        flies = self._policy.states[sysid] in IN_FORMATION | HOLDS and not self.lands
+        flies = self._policy.states[sysid] in IN_FORMATION | HOLDS and not self._lands
         return Place(above_m, flies, _IN_AIR_M + navigation_error(scenario).vertical_m)
 
     def _is_low(self, sysid: int) -> bool:
@@ -108,7 +112,7 @@ class PositionChecks:
         for sysid, state in self._policy.states.items():
             view, vehicle = self._monitor.views[sysid], self._vehicles[sysid]
             follows = state in self._following and vehicle.session.custom_mode == vehicle.behaviour.guided
-            sent = self._streamed[sysid].sent.at(view.unix_s) if follows and not self.lands else None
+            sent = self._streamed[sysid].sent.at(view.unix_s) if follows and not self._lands else None
             off_m = 0.0 if sent is None else float(np.linalg.norm(view.position_ned_m - sent[0]))
             if off_m <= OBEYS_M or self._is_low(sysid):
                 self._off_s.pop(sysid, None)

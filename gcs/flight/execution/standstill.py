@@ -16,10 +16,10 @@ from gcs.flight.contingency.common_rejoin import Rejoin, Stranded, common_rejoin
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind
 from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, hold_reference, predicted_start
-from gcs.flight.contingency.policy import Action, Order, State
+from gcs.flight.contingency.policy import Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet, OrderCarrier, hurried
 from gcs.flight.execution.takeoff_landing import FlightVehicle
-from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN, Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, OFF_PLAN, Action, Event
 from gcs.util.steady_loop import host_s, stalls_of
 
 READ_S, UNREAD_S = 0.2, 1.4  # local time at least, and at most, until what waited has been read

@@ -25,12 +25,12 @@ _STAMPED = ("LOCAL_POSITION_NED", "SYSTEM_TIME")  # asked of every vehicle
 
 
 class TelemetryWatch:
-    """The telemetry of all vehicles of a flight. Once `checked`, a reboot before arming ends the flight."""
+    """The telemetry of all vehicles of a flight."""
 
     def __init__(
         self, vehicles: Mapping[int, FlightVehicle], custody: Custody, report: Callable[[int, str, str], None]
     ) -> None:
-        self.checked = False
+        self._checked = False
         self._vehicles = vehicles
         self._custody = custody
         self._report = report
@@ -38,6 +38,10 @@ class TelemetryWatch:
         self._asking: dict[int, asyncio.Future[None]] = {}
         self._asked = dict.fromkeys(vehicles, 0)  # attempts in this silence
         self._loop = asyncio.get_running_loop()
+
+    def refuse_reboots(self) -> None:
+        """The vehicles are checked: from now on a reboot before arming ends the flight."""
+        self._checked = True
 
     async def run(self) -> None:
         """Look until cancelled. Raises `FlightError` for a reboot before arming, or a silence longer than `LIMIT_S`."""
@@ -80,7 +84,7 @@ class TelemetryWatch:
         self._restarts[sysid] = session.clock.restarts
         newest = max((name for name in _STAMPED if name in session.latest), key=session.latest_s.__getitem__)
         what = f"rebooted {(float(session.latest[newest].fields['time_boot_ms']) / 1e3):.0f} s ago"
-        if self.checked and not self._any_armed():
+        if self._checked and not self._any_armed():
             raise FlightError(
                 f"vehicle {sysid} {what}: what was checked and read back may be gone.",
                 hint="fly again: all is repeated",

@@ -97,6 +97,20 @@ class AskedOrder(StrEnum):
     CONTINUE = "continue"
 
 
+class Action(StrEnum):
+    """What a vehicle is ordered to do."""
+
+    HOLD = "hold"
+    SPREAD = "climb"
+    RETURN = "return"
+    DIVERT = "land at the nearest safe point"
+    LAND = "land"
+    LEAVE = "release"
+    PROMOTE = "lead"
+    REJOIN = "rejoin"
+    OBEY = "follow setpoints again"
+
+
 class FlightPart(StrEnum):
     """The parts of a flight, each with its own least separation: near the ground, and on the plan."""
 
@@ -204,6 +218,7 @@ class Event:
     rule: str = ""
     data: Mapping[str, Any] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
     alarm: bool = False  # a vehicle says that something fails: shown as a warning
+    action: Action | None = None  # of an order to it
 
     def __str__(self) -> str:
         when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"

@@ -21,7 +21,7 @@ class ShapeView:
     @property
     def is_side(self) -> bool:
         """Whether height is up."""
-        return self.labels[1] == "up"
+        return bool(self.up_ned[2])
 
     @property
     def words(self) -> str:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gcs.autopilots.traits import mode_name
-from gcs.flight.monitoring.progress import ALL_VEHICLES, Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Action, Event
 from gcs.flight.recording.recording import Recording
 from gcs.flight.scene import scene_curves
 from gcs.flight.scene.plan_scene import (
@@ -28,7 +28,6 @@ from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
-_LAND, _RETURN = "ordered to land", "ordered to return"  # as events say it
 _LOW = 0.8  # of the hover before T0: a vehicle that returns is lower only to land
 
 
@@ -138,9 +137,9 @@ def _lands_s(recording: Recording, t_s: Array, flown: Motion) -> float:
         for row, sysid in enumerate(plan.sysids):
             if event.sysid not in (sysid, ALL_VEHICLES):
                 continue
-            if event.what.startswith(_LAND):
+            if event.action is Action.LAND:
                 begins_s[sysid] = min(begins_s[sysid], event.t_s)
-            elif event.what.startswith(_RETURN):  # the way back is flown, until it comes down for the last time
+            elif event.action in (Action.RETURN, Action.DIVERT):  # flown, until it comes down for the last time
                 high = np.flatnonzero((t_s >= event.t_s) & (flown.above_ground_m[row] > hover_m))
                 begins_s[sysid] = float(t_s[high[-1]]) if len(high) else event.t_s
     return max(begins_s.values())

@@ -23,13 +23,13 @@ _LENGTH = struct.Struct("<Q")
 class PlannerProcess:
     """A process of its own that holds `make(*args)`. Calls are answered in turn."""
 
-    def __init__(self, make: Callable[..., Any], *args: Any) -> None:
+    def __init__(self, make: Callable[..., object], *args: object) -> None:
         """The function must be importable, and it, its arguments and all answers picklable."""
         self._first = (list(sys.path), pickle.dumps((make, args)))
         self._process: asyncio.subprocess.Process | None = None
         self._turn = asyncio.Lock()
 
-    async def call(self, method: str, *args: Any) -> Any:
+    async def call(self, method: str, *args: object) -> Any:
         """Return what the method of the kept object returns; raise what it raises, or `OwnProcessEnded`.
 
         A caller that is cancelled ends the process: an answer that nobody awaits would be taken for the next one.
@@ -49,7 +49,7 @@ class PlannerProcess:
             raise value
         return value
 
-    async def _answer(self, order: tuple[str, tuple[Any, ...]]) -> bytes:
+    async def _answer(self, order: tuple[str, tuple[object, ...]]) -> bytes:
         if self._process is None:
             self._process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", __name__),

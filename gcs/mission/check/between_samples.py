@@ -8,12 +8,12 @@ halved. What is left at 1 ms or 1 mm is undecided, which counts as a violation.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.plan.verification.proof.verdict import ProofVerdict
 from gcs.scenario.environment.ground_bounds import Highest
 from gcs.scenario.environment.no_fly import Zone, displacement_m, signed_distance_m
 from gcs.types import Array
@@ -25,14 +25,13 @@ _CELLS_MAX = 1_000_000  # that one proof looks at; what is left then is undecide
 
 Rows = NDArray[np.intp]
 Value = Callable[[Rows, Array], Array]  # values (M,) on pieces (M,) at shares (M,) of them
-Judgement = Literal["proved", "violated", "undecided"]
 
 
 @dataclass(frozen=True)
 class Bound:
     """The bound of a value on a whole flight: nowhere below `proved`; `least` was seen at `share` of `piece`."""
 
-    verdict: Judgement
+    verdict: ProofVerdict  # never only sampled
     proved: float
     least: float
     piece: int
@@ -126,7 +125,8 @@ def clearance_along(
         point = begin_m + share * (end_m - begin_m)
         seen.look(-point[:, 2] - highest(point[:, :2], point[:, :2]), slack, cells.piece, 0.0 * cells.share + share)
     # Ground farther away than what was seen straight below does not count.
-    cells.half_m += max(seen.least, 0.0) + float(slack.max(initial=0.0)) + RESOLUTION_M
+    reach_m = max(seen.least, 0.0) + float(slack.max(initial=0.0)) + RESOLUTION_M
+    cells = replace(cells, half_m=cells.half_m + reach_m)
     length_m, looked = np.linalg.norm(end_m - begin_m, axis=1), 0
     while len(cells.piece):
         looked += len(cells.piece)
@@ -214,7 +214,7 @@ class _Least:
 
     def bound(self) -> Bound:
         proved = min(self._proved, self._surely)
-        verdict: Judgement = "proved" if proved >= self._required else "undecided"
+        verdict = ProofVerdict.PROVED if proved >= self._required else ProofVerdict.UNDECIDED
         if self.least + self._slack < self._required:
-            verdict = "violated"
+            verdict = ProofVerdict.VIOLATED
         return Bound(verdict, proved, self.least, *self._place)

@@ -28,6 +28,7 @@ from gcs.mission.predicted.closest_approach import Closest
 from gcs.mission.predicted.planned_flight import PredictedFlight, fly, together
 from gcs.mission.predicted.timing import GRID_S, nearest_apart
 from gcs.plan.verification.constraints.ground_clearance import PAD_FREE_M, PAD_SHARE
+from gcs.plan.verification.proof.verdict import ProofVerdict
 from gcs.scenario.environment.ground_bounds import Highest
 from gcs.types import Array
 
@@ -106,7 +107,7 @@ def _beside(mission: MissionFile, column: _Column, highest: Highest, limits: Fli
             np.array([[*column.north_east_m, -(column.foot_m + float(height_m[part]))]]) for height_m in (low_m, high_m)
         )
         bound = clearance_along(highest, begin, end, float(asked_m[part]), slack=np.zeros(1), duration_s=np.ones(1))
-        if bound.verdict != "proved":
+        if bound.verdict is not ProofVerdict.PROVED:
             above_m, required_m = float(low_m[part]), float(asked_m[part]) + LENGTH_TOLERANCE_M
             message = (
                 f"{max(bound.least, 0.0):.2f} m from the ground beside the {column.what}, {above_m:.1f} m above it; "

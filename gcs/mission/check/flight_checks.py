@@ -19,6 +19,7 @@ from gcs.mission.flight_limits import FlightLimits, Surroundings
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight
+from gcs.plan.verification.proof.verdict import ProofVerdict
 from gcs.scenario.environment.no_fly import ZoneName, zone_names, zones
 from gcs.types import Array
 
@@ -119,11 +120,11 @@ def check_ground(
     )
     item, t_s = track.when(bound.piece, bound.share)
     lowest = Lowest(bound.least, t_s, item, bound.proved)
-    if bound.verdict == "proved":
+    if bound.verdict is ProofVerdict.PROVED:
         return lowest, []
     if lowest.clearance_m < 0:
         message = f"flies into the ground, {-lowest.clearance_m:.2f} m below its surface"
-    elif bound.verdict == "violated":
+    elif bound.verdict is ProofVerdict.VIOLATED:
         message = f"{lowest.clearance_m:.2f} m above the ground; at least {limits.clearance_m:g} m required"
     else:
         message = f"proved only {bound.proved:.3f} m above the ground; at least {limits.clearance_m:g} m required"
@@ -180,13 +181,13 @@ def check_zones(
         item, t_s = track.when(piece, share)
         if nearest is None or bound.least < nearest.distance_m:
             nearest = ZoneDistance(name, bound.least, bound.proved, t_s)
-        if bound.verdict == "proved":
+        if bound.verdict is ProofVerdict.PROVED:
             continue
-        least_m = bound.proved if bound.verdict == "undecided" else bound.least
+        least_m = bound.proved if bound.verdict is ProofVerdict.UNDECIDED else bound.least
         allowed, forbidden = ("inside", "outside") if name.keep_in else ("outside", "inside")
         if least_m >= 0.0:
             message = f"{least_m:.2f} m from {name.edge}; at least {required_m:g} m required"
-        elif bound.verdict == "undecided":
+        elif bound.verdict is ProofVerdict.UNDECIDED:
             message = f"not proved {allowed} {name}: perhaps {-least_m:.3f} m {forbidden}"
         else:
             message = f"{-least_m:.2f} m {forbidden} {name}"

@@ -27,6 +27,7 @@ from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.taylor import Taylor, stacked
+from gcs.plan.verification.proof.verdict import ProofVerdict
 from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.no_fly import zone_names, zones
 from gcs.types import Array
@@ -70,12 +71,12 @@ def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBoun
     for name, zone in zip(zone_names(plan.scenario), zones(plan.scenario), strict=True):
         parts = parts_beside(zone, begin_m, end_m, begins_s, ends_s)
         outside = outside_along(zone, parts, margin_m - LENGTH_TOLERANCE_M, slack=slack[parts.piece])
-        if outside.verdict != "proved":
+        if outside.verdict is not ProofVerdict.PROVED:
             violated.append(f"{name} violated by {margin_m - outside.proved:.3g} m")
     required_m = plan.scenario.limits.clearance_min_m
     highest = highest_ground(plan.scenario.terrain)
     above = clearance_along(highest, begin_m, end_m, required_m - LENGTH_TOLERANCE_M, slack=slack, duration_s=lasts_s)
-    if above.verdict != "proved":
+    if above.verdict is not ProofVerdict.PROVED:
         violated.append(f"clearance above ground violated by {required_m - above.proved:.3g} m")
     return PathBounds(tuple(violated), above.proved)
 

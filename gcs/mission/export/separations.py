@@ -19,7 +19,6 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import LENGTH_TOLERANCE_M, Report
 from gcs.scenario.values.navigation_error import judged_separation_m
 
-GROUND_RETURNS = "returns by the ground station"
 PROVED_DECIMALS, SEEN_DECIMALS = 3, 2
 
 
@@ -53,6 +52,10 @@ class Separation:
     def data(self) -> dict[str, object]:
         """One row for index.json and `--json`."""
         return asdict(self) | {"kept": self.kept}
+
+
+class GroundReturns(Separation):
+    """The separation of returns by the ground station: they are in no file that could be left out."""
 
 
 def least(rows: Sequence[Separation]) -> Separation | None:
@@ -104,13 +107,13 @@ def _of_missions(plan: Plan, autopilots: Sequence[Autopilot], made: MadeMissions
 def _of_returns(plan: Plan, returns: ReturnPlan) -> Iterator[Separation]:
     required_m = judged_separation_m(plan.scenario)
 
-    def row(what: str, worst: WorstReturn, *, given: bool) -> Separation:
+    def row(what: str, worst: WorstReturn, *, given: bool, part: type[Separation] = Separation) -> Separation:
         proved = worst.proved_m is not None
         distance_m = worst.distance_m if worst.proved_m is None else worst.proved_m
-        return Separation(what, distance_m, proved, required_m, worst.sysids, worst.t_s, given)
+        return part(what, distance_m, proved, required_m, worst.sysids, worst.t_s, given)
 
     if returns.worst is not None:
         yield row("RTL of all at once", returns.worst, given=returns.separated)
     if returns.routed is not None:
         kept = returns.routed.distance_m >= required_m
-        yield row(GROUND_RETURNS, returns.routed, given=kept)
+        yield row("returns by the ground station", returns.routed, given=kept, part=GroundReturns)

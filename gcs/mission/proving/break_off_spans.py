@@ -9,6 +9,7 @@ import numpy as np
 from gcs.mission.proving.track_criteria import TrackCriterion
 from gcs.mission.proving.track_report import CELLS_MAX, TrackCheck, UnsafeSpan, settled_checks
 from gcs.plan.verification.proof.subdivision import Cells, Family, Looks, Mask, Rows, joined
+from gcs.plan.verification.proof.verdict import ProofVerdict
 from gcs.types import Array
 from gcs.util.long_work import report
 
@@ -103,7 +104,7 @@ def unsafe_spans(
                 float(spans.starts_s[span]),
                 float(spans.ends_s[span]),
                 criterion.name,
-                "violated" if margin[at] < -tolerance[which[at], 0] else "undecided",
+                ProofVerdict.VIOLATED if margin[at] < -tolerance[which[at], 0] else ProofVerdict.UNDECIDED,
                 criterion.limit + sign * float(margin[at]),
                 criterion.unit,
                 tuple(names[row] for row in who[at]),

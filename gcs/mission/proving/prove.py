@@ -186,12 +186,11 @@ class _Proofs:
             # Its lower height holds in the air alone, where the clearance says more.
             height_m = height_m or (-np.inf, own.height_m[1])
         checks = self._continuity()
-        unchecked: list[str] = []
         if separation_m and len(self.tracks) > 1:
             family = TrackSeparation(motion, separation_m, self.limits.vertical_scale)
             checks += settled_checks(self._names, family, family.criteria, family.cells())
-        checks += self._motion(motion, unchecked)
-        checks += self._effort(motion, unchecked)
+        checks += self._motion(motion)
+        checks += self._effort(motion)
         places = TrackPlaces(
             motion,
             (("northing", None), ("easting", None), ("height", height_m)) if own is None else self._box(own, height_m),
@@ -200,18 +199,32 @@ class _Proofs:
         )
         if places.criteria:
             checks += settled_checks(self._names, places, places.criteria, _every(motion))
-        unchecked += [] if height_m else ["height"]
-        if self.scenario is None:
-            unchecked += ["ground", "no-fly zones"]
-        else:
-            unchecked += ["the scenario's least height"]
+        if self.scenario is not None:
             checks += self._ground(self.scenario, motion)
         unsafe: list[UnsafeSpan] = []
         if self.abort is not None:
             more, unsafe = self._broken_off(self.abort, motion, separation_m, places)
             checks += more
         ends_s = float(motion.edges_s[0]), float(motion.edges_s[-1])
-        return TrackReport(tuple(checks), tuple(unchecked), self._names, *ends_s, tuple(unsafe))
+        unchecked = self._unchecked(has_heights=bool(height_m))
+        return TrackReport(tuple(checks), unchecked, self._names, *ends_s, tuple(unsafe))
+
+    def _unchecked(self, *, has_heights: bool) -> tuple[str, ...]:
+        """What has no limit here."""
+        found = [name for _, name, _, most in self._rates if not most]
+        found += ["the scenario's speeds"] * (self.scenario is not None and any(each.off_m for each in self.tracks))
+        found += ["thrust", "tilt"] * (self.vehicle is None) + ["height"] * (not has_heights)
+        return (*found, *(("ground", "no-fly zones") if self.scenario is None else ("the scenario's least height",)))
+
+    @property
+    def _rates(self) -> tuple[tuple[int, str, str, float | None], ...]:
+        """Derivatives of the place, with the limits asked for."""
+        limits = self.limits
+        return (
+            (1, "speed", "m/s", limits.speed_mps),
+            (2, "acceleration", "m/s²", limits.acceleration_mps2),
+            (3, "jerk", "m/s³", limits.jerk_mps3),
+        )
 
     def _broken_off(
         self, how: BreakOff, motion: FleetMotion, separation_m: float | None, places: TrackPlaces
@@ -273,34 +286,23 @@ class _Proofs:
             found.append(TrackCheck(name, unit, allowed, True, most, most, 0.0, (who,), t_s))
         return found
 
-    def _motion(self, motion: FleetMotion, unchecked: list[str]) -> list[TrackCheck]:
+    def _motion(self, motion: FleetMotion) -> list[TrackCheck]:
         """Speed, acceleration and jerk, while a vehicle's own polynomial says where it is."""
-        limits = self.limits
-        asked = (
-            (1, "speed", "m/s", limits.speed_mps),
-            (2, "acceleration", "m/s²", limits.acceleration_mps2),
-            (3, "jerk", "m/s³", limits.jerk_mps3),
-        )
         stated = tuple(
-            (order, TrackCriterion(name, unit, most, most=True)) for order, name, unit, most in asked if most
+            (order, TrackCriterion(name, unit, most, most=True)) for order, name, unit, most in self._rates if most
         )
-        unchecked += [name for _, name, _, most in asked if not most]
         axes: tuple[TrackCriterion, ...] = ()
-        if self.scenario is not None:
-            if any(each.off_m for each in self.tracks):
-                unchecked.append("the scenario's speeds")
-            else:
-                named = zip(("north", "east", "the vertical"), self.scenario.limits.speed_ned_mps, strict=True)
-                axes = tuple(TrackCriterion(f"speed along {axis}", "m/s", most, most=True) for axis, most in named)
+        if self.scenario is not None and not any(each.off_m for each in self.tracks):
+            named = zip(("north", "east", "the vertical"), self.scenario.limits.speed_ned_mps, strict=True)
+            axes = tuple(TrackCriterion(f"speed along {axis}", "m/s", most, most=True) for axis, most in named)
         family = TrackMotion(motion, stated, axes)
         return (
             settled_checks(self._names, family, family.criteria, _every(motion, moving=True)) if family.criteria else []
         )
 
-    def _effort(self, motion: FleetMotion, unchecked: list[str]) -> list[TrackCheck]:
+    def _effort(self, motion: FleetMotion) -> list[TrackCheck]:
         """Thrust and tilt, in the scenario's wind."""
         if self.vehicle is None:
-            unchecked += ["thrust", "tilt"]
             return []
         body, own = self.vehicle.vehicle, self.vehicle.limits
         wind = STILL if self.scenario is None else steady_wind(self.scenario)

@@ -10,7 +10,7 @@ from gcs.errors import VerificationError, counted
 from gcs.mission.proving.track_criteria import TrackCriterion
 from gcs.plan.trajectory.constraint_id import Kind
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Family, Looks, Proof, settle
-from gcs.plan.verification.proof.verdict import OK, Verdict, verdict_of
+from gcs.plan.verification.proof.verdict import OK, ProofVerdict, verdict_of
 
 CELLS_MAX = 20_000_000
 _LISTED = 5
@@ -35,7 +35,7 @@ class TrackCheck:
     kind: Kind | None = None  # where code must know it; `name` is for people
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ProofVerdict:
         """Proved, violated at `t_s`, or undecided at the finest resolution."""
         sign = -1.0 if self.most else 1.0
         return verdict_of(sign * (self.seen - self.limit), self.tolerance, sign * (self.proved - self.limit))
@@ -48,10 +48,10 @@ class TrackCheck:
     def __str__(self) -> str:
         who = f"vehicle{'s' if len(self.vehicles) > 1 else ''} {' and '.join(self.vehicles)}"
         against = f"{'at most' if self.most else 'at least'} {self.limit:.4g} {self.unit}"
-        if self.verdict == "proved":
+        if self.verdict is ProofVerdict.PROVED:
             return f"{self.name}: {'≤' if self.most else '≥'} {self.proved:.4g} {self.unit} proved, {against} required"
         where = f"at t = {self.t_s:.3f} s ({who}), {against} required"
-        if self.verdict == "undecided":
+        if self.verdict is ProofVerdict.UNDECIDED:
             between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit}"
             finest = f"intervals of {SHORTEST_S * 1e6:g} µs, {CELLS_MAX:,} of them, or the time limit decide no more"
             return f"{self.name}: undecided, {between} {where}; {finest}"
@@ -69,7 +69,7 @@ class UnsafeSpan:
     start_s: float
     end_s: float
     name: str
-    verdict: Verdict
+    verdict: ProofVerdict
     seen: float
     unit: str
     vehicles: tuple[str, ...]
@@ -77,7 +77,7 @@ class UnsafeSpan:
 
     def __str__(self) -> str:
         from_to = f"{self.start_s:.2f} s to {self.end_s:.2f} s: {self.name}"
-        verdict = "" if self.verdict == "violated" else f" {self.verdict},"
+        verdict = "" if self.verdict is ProofVerdict.VIOLATED else f" {self.verdict},"
         return (
             f"{from_to}{verdict} {self.seen:.4g} {self.unit} from t = {self.t_s:.3f} s ({' and '.join(self.vehicles)})"
         )

@@ -4,18 +4,19 @@
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, equations_of_motion
+from gcs.types import Maths, Scalar
 
-Jet = tuple[Any, Any, Any]  # a value and its first two derivatives
+Parts = Sequence[Scalar]  # components
+Jet = tuple[Scalar, Scalar, Scalar]  # a value and its first two derivatives
 
 
 def follower_state_and_control(
-    x: Sequence[Any], u: Sequence[Any], thrust: Jet, offsets: Sequence[Sequence[Any]], q: Quadrotor, xp: Any = np
-) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    x: Parts, u: Parts, thrust: Jet, offsets: Sequence[Parts], q: Quadrotor, xp: Maths = np
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
     """Return the 12 state and 4 control components of a vehicle at an offset from the leader.
 
     `x` (12) and `u` (4) are the leader's, `thrust` is the thrust by which followers tilt, `offsets` (5 of 3) are the
@@ -67,7 +68,7 @@ def follower_state_and_control(
     return state, control
 
 
-def jerk(x: Sequence[Any], u: Sequence[Any], thrust_rate: Any, q: Quadrotor, xp: Any = np) -> tuple[Any, Any, Any]:
+def jerk(x: Parts, u: Parts, thrust_rate: Scalar, q: Quadrotor, xp: Maths = np) -> tuple[Scalar, Scalar, Scalar]:
     """The derivative of the acceleration of Eq. 1 (NED), at a state `x` (12), a control `u` (4) and the rate of U1."""
     moved = equations_of_motion(x, u, q, xp=xp)[3:6]
     force = _thrust_vector(x, (0.0, 0.0, 0.0), (u[0], thrust_rate, 0.0), xp)
@@ -77,13 +78,13 @@ def jerk(x: Sequence[Any], u: Sequence[Any], thrust_rate: Any, q: Quadrotor, xp:
     return north, east, down
 
 
-def _wind_share(height: Any, climb: Any, climb_rate: Any, q: Quadrotor, xp: Any) -> Jet:
+def _wind_share(height: Scalar, climb: Scalar, climb_rate: Scalar, q: Quadrotor, xp: Maths) -> Jet:
     """The share of the wind at a height, with two derivatives."""
     share, slope, bend = q.wind.shares(height, xp)
     return share, slope * climb, bend * (climb * climb) + slope * climb_rate
 
 
-def _thrust_vector(x: Sequence[Any], angular: Sequence[Any], thrust: Jet, xp: Any) -> tuple[Jet, Jet, Jet]:
+def _thrust_vector(x: Parts, angular: Parts, thrust: Jet, xp: Maths) -> tuple[Jet, Jet, Jet]:
     """U1 * e with its first two derivatives, for each axis.
 
     e = Rz(yaw) (sin pitch cos roll, -sin roll, cos pitch cos roll).
@@ -108,7 +109,7 @@ def _thrust_vector(x: Sequence[Any], angular: Sequence[Any], thrust: Jet, xp: An
     b2t = b2 + 2.0 * (r * a1) + rr * a0 - r * r * b0
     u0, u1, u2 = thrust
 
-    def along(e0: Any, e1: Any, e2: Any) -> Jet:
+    def along(e0: Scalar, e1: Scalar, e2: Scalar) -> Jet:
         return u0 * e0, u1 * e0 + u0 * e1, u2 * e0 + 2.0 * (u1 * e1) + u0 * e2
 
     north = along(a0 * cy - b0 * sy, a1t * cy - b1t * sy, a2t * cy - b2t * sy)
@@ -116,7 +117,7 @@ def _thrust_vector(x: Sequence[Any], angular: Sequence[Any], thrust: Jet, xp: An
     return north, east, along(c0, c1, c2)
 
 
-def _turned(north: Jet, east: Jet, yaw: Any, rate: Any, acceleration: Any, xp: Any) -> tuple[Jet, Jet]:
+def _turned(north: Jet, east: Jet, yaw: Scalar, rate: Scalar, acceleration: Scalar, xp: Maths) -> tuple[Jet, Jet]:
     """The force seen along the heading: ahead, and to the left; (n + i e) exp(-i yaw) = ahead - i left."""
     c, s = xp.cos(yaw), xp.sin(yaw)
     n0, n1, n2 = north
@@ -129,7 +130,7 @@ def _turned(north: Jet, east: Jet, yaw: Any, rate: Any, acceleration: Any, xp: A
     return ahead, left
 
 
-def _length(a: Jet, c: Jet, xp: Any) -> Jet:
+def _length(a: Jet, c: Jet, xp: Maths) -> Jet:
     """sqrt(a^2 + c^2)."""
     h0 = xp.sqrt(a[0] * a[0] + c[0] * c[0])
     h1 = (a[0] * a[1] + c[0] * c[1]) / h0
@@ -137,7 +138,7 @@ def _length(a: Jet, c: Jet, xp: Any) -> Jet:
     return h0, h1, h2
 
 
-def _angle(y: Jet, x: Jet, xp: Any) -> Jet:
+def _angle(y: Jet, x: Jet, xp: Maths) -> Jet:
     """atan2(y, x)."""
     square = y[0] * y[0] + x[0] * x[0]
     cross = y[1] * x[0] - y[0] * x[1]

@@ -79,7 +79,7 @@ def _line_checks(plan: Plan, sysid: int) -> list[Check]:
                 seen, bound, t_s = _farthest_from_ground_line(plan, line, (start_s, end_s))
             else:
                 seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), rows)
-            margin, proved = (float(m) if unit == "m" else float(np.degrees(m)) for m in (most - seen, most - bound))
+            margin, proved = (float(np.degrees(m) if kind is Kind.LEG_YAW else m) for m in (most - seen, most - bound))
             if kind not in worst or proved < worst[kind][0]:
                 name = ConstraintId(kind, of=line.number)
                 worst[kind] = proved, Check(name, PhaseKind.MISSION, unit, margin, tolerance, sysid, t_s, proved)

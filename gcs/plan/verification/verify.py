@@ -39,8 +39,8 @@ from gcs.plan.verification.proof.verdict import (
     Check,
     NamedConstraint,
     NearestZone,
+    ProofVerdict,
     Report,
-    Verdict,
     refusal,
     verdict_of,
 )
@@ -48,7 +48,7 @@ from gcs.scenario.environment.no_fly import ZoneName, zone_changes_s, zones
 from gcs.types import Array
 from gcs.util.cache import once
 
-__all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "OK", "Check", "Report", "Verdict", "refusal", "verdict_of", "verify"]
+__all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "OK", "Check", "ProofVerdict", "Report", "refusal", "verdict_of", "verify"]
 
 AIRBORNE = (PhaseKind.HOVER, PhaseKind.RUN_UP, PhaseKind.MISSION, PhaseKind.ARRIVAL_HOVER)
 _LONGEST_S = 4.0  # of the first intervals

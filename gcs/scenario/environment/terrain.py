@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
-from gcs.types import Array
+from gcs.types import Array, Scalar
 
 # Half width of the rounded corner where the envelope passes from ripple to mountain.
 ENVELOPE_ROUNDING_M = 0.25
@@ -43,15 +43,15 @@ def ripple_peak_m(ripple: Ripple) -> float:
     return float(east + abs(ripple.b) + abs(ripple.c) + abs(ripple.f))
 
 
-def mountain_height_m(mountains: Mountains, north_m: Any, east_m: Any, xp: Any = np) -> Any:
+def mountain_height_m(mountains: Mountains, north_m: Scalar, east_m: Scalar, xp: Any = np) -> Scalar:
     """Eq. 53, on arrays or on symbols."""
-    total: Any = 0.0 * north_m  # of the caller's shape, mountains or none
+    total: Scalar = 0.0 * north_m  # of the caller's shape, mountains or none
     for height, north, east, spread_n, spread_e in mountains.rows:
         total = total + height * xp.exp(-(((north_m - north) / spread_n) ** 2) - ((east_m - east) / spread_e) ** 2)
     return total
 
 
-def ground_envelope_m(terrain: Terrain, north_m: Any, east_m: Any, xp: Any = np) -> Any:
+def ground_envelope_m(terrain: Terrain, north_m: Scalar, east_m: Scalar, xp: Any = np) -> Scalar:
     """A twice differentiable height that is nowhere below the ground.
 
     Nodes stand metres apart and cannot see a ripple of 6 m wavelength, so the ripple counts with its peak

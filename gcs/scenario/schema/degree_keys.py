@@ -55,8 +55,8 @@ class DegreeKeys:
     """
 
     metres: tuple[str, ...]
-    degrees: Mapping[str, Any]  # key: its type, with a description
-    heights: Mapping[str, Any] = field(default_factory=dict)  # for a position: one of these stands beside it
+    degrees: Mapping[str, object]  # key: its type, with a description
+    heights: Mapping[str, object] = field(default_factory=dict)  # for a position: one of these stands beside it
 
     def _rows(self, given: Sequence[object]) -> Iterable[object]:
         """The places in the values of the keys of one form, whatever stands there."""
@@ -213,7 +213,7 @@ def _rounded(metres: Array) -> Any:
     return (np.round(metres, _DIGITS) + 0.0).tolist()
 
 
-def _keys(form: type[DegreeKeys], metres: str, **degrees: tuple[Any, str]) -> DegreeKeys:
+def _keys(form: type[DegreeKeys], metres: str, **degrees: tuple[object, str]) -> DegreeKeys:
     """The keys in degrees that may replace those in metres, each with its type and description."""
     names = tuple(metres.split())
     rows = zip(names, degrees.items(), strict=True)
@@ -221,7 +221,7 @@ def _keys(form: type[DegreeKeys], metres: str, **degrees: tuple[Any, str]) -> De
     return form(names, types)
 
 
-def _described(kind: Any, text: str) -> Any:
+def _described(kind: object, text: str) -> object:
     return Annotated[kind, Field(description=text)]
 
 

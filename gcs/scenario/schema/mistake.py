@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gcs.errors import ScenarioError
 from gcs.scenario.schema.toml_lines import Key
 
 _NO_WORD = re.compile(r"[-+]?\d[\d.]*(?:[,:]\d+|\s*[A-Za-z/²^°]{1,7}2?)")  # 5 m: perhaps without quotes in the file
@@ -58,6 +59,14 @@ class Mistake:
 
     def __str__(self) -> str:
         return f"{self.place}: {self.whole}"
+
+
+class Mistaken(ScenarioError):
+    """A file with these mistakes, which its message lists."""
+
+    def __init__(self, message: str, *, hint: str = "", reason: str = "", mistakes: Sequence[Mistake] = ()) -> None:
+        super().__init__(message, hint=hint, reason=reason)
+        self.mistakes = tuple(mistakes)
 
 
 def sentence(text: str, step: str) -> str:

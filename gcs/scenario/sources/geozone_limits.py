@@ -13,6 +13,7 @@ from gcs.scenario.values.navigation_error import navigation_error
 
 GEOID_M = (-110.0, 90.0)  # of mean sea level above the ellipsoid, anywhere (EGM2008: -107 m to 86 m)
 _FARTHEST_M, _FARTHEST_S = 10_000.0, 20_000.0  # what a no-fly zone can have
+_REFERENCES = ("AMSL", "WGS84", "AGL")
 _WAIT_S = 600.0  # before and after the planned flight, for waits and slow landings
 
 Range = tuple[float, float]
@@ -40,20 +41,23 @@ class Reach:
             return "not in force during the flight"
         return ""
 
-    def heights_m(self, volume: ZoneVolume, why: set[str]) -> Range | None:
-        """The heights of a volume above height 0, None without limits; `why` learns the doubts."""
+    def heights_m(self, volume: ZoneVolume) -> tuple[Range | None, set[str]]:
+        """The heights of a volume above height 0, None without limits, and the doubts about them."""
+        ends = (("lower", volume.lower), ("upper", volume.upper))
+        unknown = [which for which, end in ends if end is not None and end.reference not in _REFERENCES]
+        why = {f"its {which} limit has no known reference, and does not count" for which in unknown}
         if volume.unit_m is None and not volume.lower is volume.upper is None:
             why.add("its limits have no known unit: the lower one is taken in feet, the upper one in metres")
-        low_m = self._end_m(volume.lower, volume.unit_m, why, upper=False)
-        high_m = self._end_m(volume.upper, volume.unit_m, why, upper=True)
+        low_m = self._end_m(volume.lower, volume.unit_m, upper=False)
+        high_m = self._end_m(volume.upper, volume.unit_m, upper=True)
         if high_m <= low_m:
             why.add("its upper limit is not above the lower one: neither counts")
-            return None
+            return None, why
         low_m, high_m = max(low_m, -_FARTHEST_M), min(high_m, _FARTHEST_M)
         if low_m >= _FARTHEST_M or high_m <= -_FARTHEST_M:
             why.add("its limits are at no height of a flight: they do not count")
-            return None
-        return None if (low_m, high_m) == (-_FARTHEST_M, _FARTHEST_M) else (low_m, high_m)
+            return None, why
+        return None if (low_m, high_m) == (-_FARTHEST_M, _FARTHEST_M) else (low_m, high_m), why
 
     def in_force_s(self, periods: Sequence[ZonePeriod]) -> Range | None:
         """From when until when, in plan time, one of these periods may hold; None for all of the flight.
@@ -80,7 +84,7 @@ class Reach:
         flight_s = max(time.flight_s, time.latest_s or 0.0)
         return -before_s, flight_s + ground.hover_s + (ground.landing_s or 0.0)
 
-    def _end_m(self, limit: ZoneLimit | None, unit_m: float | None, why: set[str], *, upper: bool) -> float:
+    def _end_m(self, limit: ZoneLimit | None, unit_m: float | None, *, upper: bool) -> float:
         """One limit above height 0: the lower end at the lowest that it may mean, the upper end at the highest."""
         unknown_m = _FARTHEST_M if upper else -_FARTHEST_M
         if limit is None:
@@ -95,7 +99,6 @@ class Reach:
         if limit.reference == "AGL":
             # Nobody flies below the ground.
             return value_m + self._ground_m[1] if upper else value_m + self._ground_m[0] if value_m > 0.0 else unknown_m
-        why.add(f"its {'upper' if upper else 'lower'} limit has no known reference, and does not count")
         return unknown_m
 
     @cached_property

@@ -141,11 +141,13 @@ def _zones_of(
         heights: list[Range | None] = []
         in_force_s = _in_force_s(geozone, asked)
         for volume in geozone.volumes:
-            shapes = _shapes(geozone, volume, asked, why)
+            shapes, of_shape = _shapes(geozone, volume, asked)
+            why |= of_shape
             beside += not shapes
             if not shapes:
                 continue
-            height_m = asked.reach.heights_m(volume, why)
+            height_m, of_heights = asked.reach.heights_m(volume)
+            why |= of_heights
             limits = {"height_m": height_m, "in_force_s": in_force_s}
             shapes = [shape.model_copy(update=limits) for shape in shapes]
             if above := asked.reach.is_beyond(height_m, None):
@@ -219,17 +221,18 @@ def _when(periods: Sequence[ZonePeriod], asked: _Asked, in_force_s: Range | None
     return f"in force{during}" + (" at all hours, whatever its schedule says" if scheduled else "")
 
 
-def _shapes(geozone: Geozone, volume: ZoneVolume, asked: _Asked, why: set[str]) -> list[NoFlyZone]:
-    """The zones of a volume near the box."""
+def _shapes(geozone: Geozone, volume: ZoneVolume, asked: _Asked) -> tuple[list[NoFlyZone], set[str]]:
+    """The zones of a volume near the box, and how they differ from it."""
+    why = set[str]()
     if volume.radius_m is not None:
-        return _disk(geozone, volume.corners[0], volume.radius_m, asked)
+        return _disk(geozone, volume.corners[0], volume.radius_m, asked), why
     shape = _straight(geozone.label, volume.corners, asked)
     near = asked.needed.buffer(_BEYOND_BOX_M, join_style="mitre")
     if not shape.intersects(near):
         swapped = tuple((lon, lat) for lat, lon in volume.corners)
         if all(abs(lat) <= 90.0 for lat, _ in swapped) and _straight(geozone.label, swapped, asked).intersects(near):
             _refuse_swapped(geozone)
-        return []
+        return [], why
     if not shape.is_valid:
         shape = shape.convex_hull
         why.add("its edge crosses itself: its convex hull counts")
@@ -237,10 +240,11 @@ def _shapes(geozone: Geozone, volume: ZoneVolume, asked: _Asked, why: set[str]) 
     found = []
     for part in shapely.get_parts(kept):
         if part.geom_type == "Polygon" and part.area > 0.0:
-            filled = _few_corners(geozone, shapely.Polygon(part.exterior), why)
+            filled, larger_m = _few_corners(geozone, shapely.Polygon(part.exterior))
+            why |= {f"larger by up to {larger_m:g} m, to have fewer corners"} if larger_m else set()
             corners = tuple((float(n), float(e)) for n, e in filled.exterior.coords[:-1])
             found.append(NoFlyZone(polygon_m=corners))
-    return found
+    return found, why
 
 
 def _disk(geozone: Geozone, centre: Corner, radius_m: float, asked: _Asked) -> list[NoFlyZone]:
@@ -302,14 +306,13 @@ def _plane(degrees: np.ndarray, asked: _Asked) -> np.ndarray:
     return found
 
 
-def _few_corners(geozone: Geozone, shape: shapely.Polygon, why: set[str]) -> shapely.Polygon:
-    """The polygon, or a larger one with no more corners than a zone may have."""
+def _few_corners(geozone: Geozone, shape: shapely.Polygon) -> tuple[shapely.Polygon, float]:
+    """The polygon, or one with no more corners than a zone may have, which is larger by up to so many metres."""
     if len(shape.exterior.coords) - 1 <= CORNERS_MAX:
-        return shape
+        return shape, 0.0
     for by_m in _SIMPLER_M:
         larger = shapely.Polygon(shape.buffer(1.01 * by_m).simplify(by_m).exterior)
         if larger.is_valid and larger.covers(shape) and len(larger.exterior.coords) - 1 <= CORNERS_MAX:
-            why.add(f"larger by up to {2.01 * by_m:g} m, to have fewer corners")
-            return larger
+            return larger, 2.01 * by_m
     text = f"{geozone.label} has more than {CORNERS_MAX} corners near the box"
     raise FileFormatError(text, hint="draw it with fewer corners", reason=text)

@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
 from gcs.scenario.schema.fields import Part
-from gcs.scenario.schema.mistake import Mistake, dotted, nearest, value_at
+from gcs.scenario.schema.mistake import Mistake, Mistaken, dotted, nearest, value_at
 from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.schema.toml_lines import Key, Table, key_lines, line_of
 from gcs.scenario.schema.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
@@ -77,9 +78,10 @@ def load_scenario(path: Path | str) -> Scenario:
     converted = in_metres(with_room_for_heights(meant.data))
     data, mistakes, elsewhere = converted.data, [*meant.mistakes], None
     mistakes += [one for one in converted.mistakes if not meant.follows(one)]
-    meant.guessed |= converted.spoilt
+    meant = replace(meant, guessed=meant.guessed | converted.spoilt)
     try:
-        types = _possible_types(data, file.parent, mistakes)
+        types, of_type = _possible_types(data, file.parent)
+        mistakes += of_type
     except ScenarioError as error:
         types, elsewhere = _stand_ins(), error
     certain = converted.certain
@@ -89,7 +91,7 @@ def load_scenario(path: Path | str) -> Scenario:
     mistakes += [
         in_degree_keys(one, converted)
         for one in found
-        if not meant.follows(one) and all(str(one) in map(str, others) for _, others in judged)
+        if not meant.follows(one) and all(one in others for _, others in judged)
     ]
     if mistakes or elsewhere is not None or scenario is None:
         raise _error_report(file, mistakes, meant, elsewhere)
@@ -141,16 +143,16 @@ def load_vehicle(file: Path) -> VehicleFile:
     return kind
 
 
-def _possible_types(data: Table, folder: Path, mistakes: list[Mistake]) -> list[VehicleFile | None]:
-    """The type that a scenario names, or None for its own [vehicle]; all presets where its type is a mistake.
+def _possible_types(data: Table, folder: Path) -> tuple[list[VehicleFile | None], list[Mistake]]:
+    """The type that a scenario names, or None for its own [vehicle]; all presets where its type is a mistake, and that.
 
     Raises ScenarioError with the mistakes of the vehicle's file.
     """
     known, wanted = presets(), data.get(KEY)
     if KEY not in data and "vehicle" in data:
-        return [None]
+        return [None], []
     if isinstance(wanted, str) and _is_file(file := vehicle_file(wanted, folder)):
-        return [load_vehicle(file)]
+        return [load_vehicle(file)], []
     if KEY not in data:
         names = ", ".join(f'"{name}"' for name in known)
         text = f"missing, and there is no table [vehicle]; it must be one of {names}, or the path of a vehicle file"
@@ -161,8 +163,7 @@ def _possible_types(data: Table, folder: Path, mistakes: list[Mistake]) -> list[
             text, near = "is neither a vehicle type nor a file", nearest(wanted, known)
         step = f'write {KEY} = "{near}"' if near else f"name a preset ({', '.join(known)}), or a file"
         step += "; a path is relative to the scenario's folder"
-    mistakes.append(Mistake((KEY,), text, wanted, remedy=step))
-    return _stand_ins()
+    return _stand_ins(), [Mistake((KEY,), text, wanted, remedy=step)]
 
 
 def _is_file(file: Path) -> bool:
@@ -235,9 +236,7 @@ def _meant(file: Path, text: str, model: type[Part], also: tuple[str, ...] = ())
     if not isinstance(data, dict):
         raise ScenarioError(f"{file}: holds {type(data).__name__}, not tables", hint="name a scenario")
     meant = as_meant(data, model, also) if file.suffix != ".json" else Meant(data)
-    meant.text = text
-    meant.mistakes[:0] = slips
-    return meant
+    return replace(meant, text=text, mistakes=[*slips, *meant.mistakes])
 
 
 def _read_toml(text: str) -> tuple[Table, str, list[Mistake]]:
@@ -348,7 +347,7 @@ def _sound_tables(data: Table) -> Table:
 
 def _error_report(
     file: Path, mistakes: Sequence[Mistake], meant: Meant | None = None, elsewhere: ScenarioError | None = None
-) -> ScenarioError:
+) -> Mistaken:
     """The error that tells every mistake of a file, after those of another file (its vehicle's)."""
     lines = {} if meant is None or file.suffix == ".json" else key_lines(meant.text)
 
@@ -372,11 +371,11 @@ def _error_report(
     if len(listed) > 1:
         listed.insert(0, f"{file} has {len(placed)} mistakes")
     if elsewhere is not None:
-        return ScenarioError("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint)
+        return Mistaken("\n".join((elsewhere.message, *listed)), hint=elsewhere.hint, mistakes=placed)
     steps = [
         one.step or (f"change {dotted(one.key)}" if one.key else "correct the line; the file is TOML 1.0")
         for one in placed
     ]
     number = "both" if len(placed) == 2 else f"all {len(placed)}"
     hint = steps[0] if len({*steps}) == 1 else f"correct {number}; the first: {steps[0]}"
-    return ScenarioError("\n".join(listed), hint=hint, reason="\n".join(map(str, placed)))
+    return Mistaken("\n".join(listed), hint=hint, reason="\n".join(map(str, placed)), mistakes=placed)

@@ -142,7 +142,7 @@ class SheetFlight:
         lowest_m = float(flown_m[:, 2].min())
         highest_m = self.height_m + float(self.positions.offsets_m[:, 2].max())
         flight_s, formation = self._formation(leader_m)
-        yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {straight['YAW']}]" if straight["YAW"] != "0.0" else ""
+        yaw = straight["ATTITUDE"]
         end = [f"position_m = {_numbers(end_m)}"]
         if self.end_deg is not None:
             end = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]

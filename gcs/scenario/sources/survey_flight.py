@@ -139,7 +139,7 @@ class SurveyFlight:
         reach_m = _ROOM_M + max(map(max, mown.leads_m)) + mown.count * spacing_m * order.starts_at_origin
         box = np.stack([flown.min(axis=0) - reach_m, flown.max(axis=0) + reach_m])
         low, high = 10.0 * np.floor(box[0] / 10.0), 10.0 * np.ceil(box[1] / 10.0)
-        yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {plain['YAW']}]" if plain["YAW"] != "0.0" else ""
+        yaw = plain["ATTITUDE"]
         end = [
             'end = "start"                 # home again',
             *plain["END"].split("\n")[1:],

@@ -6,6 +6,7 @@ import os
 import re
 import tempfile
 import tomllib
+from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -14,10 +15,10 @@ from typing import ClassVar, Protocol, Self, get_args
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.errors import ScenarioError, UsageError
+from gcs.errors import UsageError
 from gcs.frames import Origin, place_up_m
 from gcs.scenario.schema.formation_table import Generator
-from gcs.scenario.schema.mistake import degrees
+from gcs.scenario.schema.mistake import Mistake, Mistaken, degrees
 from gcs.scenario.schema.scenario import OriginTable, Performance, Scenario
 from gcs.scenario.schema.vehicle_types import KEY, presets
 from gcs.scenario.sources.bundled_missions import FILE_NAME
@@ -48,7 +49,11 @@ radius_m = @RADIUS@               # or polygon_m = [[north, east], ...]
 
 
 class ImpossibleFlight(UsageError):
-    """A flight that the rules of scenarios refuse; `reason` names the keys of the scenario."""
+    """A flight that the rules of scenarios refuse, with its mistakes; `reason` names the keys of the scenario."""
+
+    def __init__(self, message: str, *, hint: str = "", reason: str = "", mistakes: Sequence[Mistake] = ()) -> None:
+        super().__init__(message, hint=hint, reason=reason)
+        self.mistakes = mistakes
 
 
 class Flight(Protocol):
@@ -155,6 +160,7 @@ class FirstFlight:
             "START_PLACE": str(start),
             "END_KEYS": "\n".join(end_keys),
             "YAW": repr(yaw_deg),
+            "ATTITUDE": attitude,
             "HEIGHT": repr(self.height_m),
             "NO_FLY": zone if is_default else f"# {zone}",
             "NO_FLY_TABLE": _table(no_fly, commented=not is_default),
@@ -329,9 +335,10 @@ def possible_scenario(text: str) -> Scenario:
         file.write_text(text, encoding="utf-8")
         try:
             scenario = load_scenario(file)
-        except ScenarioError as mistakes:
-            text = f"such a flight is not possible: {mistakes.reason}"
-            raise ImpossibleFlight(text, hint="give other numbers", reason=mistakes.reason) from None
+        except Mistaken as found:
+            text = f"such a flight is not possible: {found.reason}"
+            hint = "give other numbers"
+            raise ImpossibleFlight(text, hint=hint, reason=found.reason, mistakes=found.mistakes) from None
     places, size_m = offsets_ned_m(scenario), vehicle_size_m(scenario.vehicle)
     for points, where in ((places, "be"), (places[:, :2], "take off")):
         apart_m = float(KDTree(points).query(points, k=2)[0][:, 1].min())  # infinite for a single vehicle

@@ -6,7 +6,7 @@ All later layers know both: where a place is, and that it was drawn above the gr
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -63,7 +63,7 @@ def above_ground(scenario: Scenario) -> tuple[Scenario, list[Mistake]]:
     return scenario.model_copy(update=ends | {"route": route}), []
 
 
-def sound_above_ground(sound: dict[str, Any]) -> dict[str, Any]:
+def sound_above_ground(sound: Table) -> Table:
     """The valid tables of a scenario with mistakes, with heights above height 0; without those of unknown height."""
     places = [sound[name] for name in ("start", "end") if name in sound] + [*sound.get("route", ())]
     if all(place.height_above_ground_m is None for place in places):

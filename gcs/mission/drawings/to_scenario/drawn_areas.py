@@ -1,6 +1,5 @@
 """The areas of a drawing as [[keep_in]] and [[no_fly]] of a scenario; none of them may make the route impossible."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,12 +9,11 @@ import shapely
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place, tidy
-from gcs.scenario.schema.mistake import degrees
+from gcs.scenario.schema.mistake import Mistake, degrees
 from gcs.scenario.schema.places import CORNERS_MAX
 
 KEEP_IN_MAX, NO_FLY_MAX = 16, 256
 _CIRCLE_CORNERS = 64
-_KEY_OF_AREA = re.compile(r"\b(keep_in|no_fly)\[([0-9]+)\](?:\.\w+)?(?: = .*?)?: ")
 
 
 _COMMENT_AT = 30
@@ -37,14 +35,13 @@ class AreaTables:
         heads = ["[[keep_in]]"] * len(self.keep_in) + ["[[no_fly]]"] * len(self.no_fly)
         return list(map(_table, heads, [*self.keep_in, *self.no_fly]))
 
-    def in_words(self, reason: str, drawing: Drawing) -> str:
-        """A reason of the scenario's rules with the labels of areas, and their lines, in place of their keys."""
-
-        def label(found: re.Match[str]) -> str:
-            areas, number = getattr(self, found[1]), int(found[2])
-            return f"{drawing.named(areas[number].label)}: " if number < len(areas) else found[0]
-
-        return _KEY_OF_AREA.sub(label, reason)
+    def place(self, mistake: Mistake, drawing: Drawing) -> str:
+        """Where a mistake of the scenario is: the label and the line of an area in place of its key."""
+        match mistake.key:
+            case ("keep_in" | "no_fly" as kind, int(number), *_):
+                areas = self.keep_in if kind == "keep_in" else self.no_fly
+                return drawing.named(areas[number].label) if number < len(areas) else mistake.place
+        return mistake.place
 
 
 def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Spot], origin: Origin) -> AreaTables:
@@ -78,7 +75,8 @@ def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Sp
             label = spots[int(inside.argmax())][0]
             message = f"{drawing.where(label)}: {label} lies in {zone.label}, a no-fly zone."
             raise FileFormatError(message, hint="draw the route around it")
-    keep_in = _together(drawing, keep_in, spots, origin, said)
+    keep_in, of_joined = _together(drawing, keep_in, spots, origin)
+    said += of_joined
     for found, most, what in ((keep_in, KEEP_IN_MAX, "areas to stay in"), (no_fly, NO_FLY_MAX, "no-fly zones")):
         if len(found) > most:
             raise FileFormatError(f"{drawing.source}: has {len(found)} {what}; a scenario has at most {most}.")
@@ -107,12 +105,12 @@ def area_in_metres(drawing: Drawing, area: DrawnArea, origin: Origin) -> _Area:
 
 
 def _together(
-    drawing: Drawing, areas: Sequence[_Area], spots: Sequence[Spot], origin: Origin, said: list[LeftOut]
-) -> list[_Area]:
-    """The areas to stay in, each of which holds the route: as they are, or joined to one."""
+    drawing: Drawing, areas: Sequence[_Area], spots: Sequence[Spot], origin: Origin
+) -> tuple[list[_Area], list[LeftOut]]:
+    """The areas to stay in, each of which holds the route: as they are, or joined to one, with a remark."""
     points = shapely.points([place_m for _, place_m in spots])
     if all(shapely.covers(shape, points).all() for _, shape in areas):
-        return list(areas)
+        return list(areas), []
     joined = shapely.union_all([shape for _, shape in areas])
     outside = ~shapely.covers(joined, points)
     if outside.any():
@@ -127,9 +125,9 @@ def _together(
     if joined.geom_type != "Polygon" or joined.interiors:
         text = f"{drawing.where(areas[0][0].label)}: the route leads through {labels}, which are apart."
         raise FileFormatError(text, hint="join them to one area")
-    said.append(LeftOut(labels, "the route is only in both together; one area to stay in"))
     corners = _degrees(np.array(joined.exterior.coords)[:-1], origin)
-    return [(DrawnArea(corners, labels), joined)]
+    remark = LeftOut(labels, "the route is only in both together; one area to stay in")
+    return [(DrawnArea(corners, labels), joined)], [remark]
 
 
 def _degrees(corners_m: np.ndarray, origin: Origin) -> tuple[Place, ...]:

@@ -43,6 +43,7 @@ class PlacedPoint:
     key: str
     height_m: float
     ground_m: float = 0.0  # height of the ground there
+    remark: str = ""  # what is changed of it
 
 
 def placed_point(
@@ -50,20 +51,17 @@ def placed_point(
     origin: Origin,
     drawing: Drawing,
     height_m: float | None,
-    left_out: list[LeftOut],
     ground: Ground = LEVEL,
 ) -> PlacedPoint:
-    """A point in metres; one without a height, or on the ground, gets `height_m`. What changes is `left_out`."""
+    """A point in metres; one without a height, or on the ground, gets `height_m`."""
     ground_m = ground.height_m(point.place, origin)
     if point.datum is Datum.GROUND:
-        above_m = point.height_m
+        above_m, remark = point.height_m, ""
         if height_m is not None and above_m < LOWEST_M:
-            left_out.append(
-                LeftOut(point.label, f"a height of {above_m:g} m is on the ground; flown at {height_m:g} m")
-            )
+            remark = f"a height of {above_m:g} m is on the ground; flown at {height_m:g} m"
             above_m = height_m
         placed = _placed(point, ABOVE_GROUND, ground_m + above_m, origin, ground_m)
-        return replace(placed, height_m=round(above_m, 3))
+        return replace(placed, height_m=round(above_m, 3), remark=remark)
     if point.datum is Datum.NONE:
         return _placed(point, "height_m", HEIGHT_M if height_m is None else height_m, origin, ground_m)
     key, value = "height_m", point.height_m
@@ -78,8 +76,8 @@ def placed_point(
         above_ground_m = min(above_ground_m, point.height_m)
     if height_m is not None and above_ground_m < LOWEST_M:
         where = "above the sea is under the ground" if point.datum is Datum.SEA else "is on the ground"
-        left_out.append(LeftOut(point.label, f"a height of {point.height_m:g} m {where}; flown at {height_m:g} m"))
-        return _placed(point, "height_m", height_m, origin, ground_m)
+        remark = f"a height of {point.height_m:g} m {where}; flown at {height_m:g} m"
+        return replace(_placed(point, "height_m", height_m, origin, ground_m), remark=remark)
     return placed
 
 
@@ -92,11 +90,11 @@ def _placed(point: DrawnPoint, key: str, value: float, origin: Origin, ground_m:
     return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3), ground_m)
 
 
-def fewer(drawing: Drawing, points: list[PlacedPoint], left_out: list[LeftOut]) -> list[PlacedPoint]:
-    """As many points as a scenario may have. Raises `FileFormatError` where drawn ones would be lost."""
+def fewer(drawing: Drawing, points: list[PlacedPoint]) -> tuple[list[PlacedPoint], list[LeftOut]]:
+    """As many points as a scenario may have, with a remark. Raises `FileFormatError` where drawn ones would be lost."""
     most = ROUTE_MAX + (1 if drawing.returns else 2)
     if len(points) <= most and not drawing.recorded:
-        return points
+        return points, []
     places_m = np.array([point.place_m for point in points])
     drawn = [point.drawn for point in points]
     pairs = zip(drawn, [*drawn[1:], drawn[-1]], strict=True)
@@ -113,15 +111,14 @@ def fewer(drawing: Drawing, points: list[PlacedPoint], left_out: list[LeftOut]) 
     if stays.sum() > most:
         text = f"{drawing.source}: has {len(points)} points, and a route has at most {most}."
         raise FileFormatError(text, hint="split it into several files, or draw it with fewer points")
-    if stays.sum() < len(points):
-        flown = f"{stays.sum()} of {len(points)} points are flown"
-        left_out.append(LeftOut("points", f"{flown}; no other is more than {tolerance_m:g} m from the route"))
-    return [point for point, stay in zip(points, stays, strict=True) if stay]
+    flown = f"{stays.sum()} of {len(points)} points are flown"
+    remark = LeftOut("points", f"{flown}; no other is more than {tolerance_m:g} m from the route")
+    return [one for one, stay in zip(points, stays, strict=True) if stay], [remark] * (not stays.all())
 
 
-def merged_points(points: list[PlacedPoint], left_out: list[LeftOut]) -> list[PlacedPoint]:
-    """The points without those at the place of the one before, whose holds count there."""
-    merged = points[:1]
+def merged_points(points: list[PlacedPoint]) -> tuple[list[PlacedPoint], list[LeftOut]]:
+    """The points without those at the place of the one before, whose holds count there, and remarks on these."""
+    merged, left_out = points[:1], []
     for point in points[1:]:
         before = merged[-1]
         if float(np.linalg.norm(np.subtract(point.place_m, before.place_m))) > _SAME_M:
@@ -132,7 +129,7 @@ def merged_points(points: list[PlacedPoint], left_out: list[LeftOut]) -> list[Pl
         name = before.drawn.name or point.drawn.name
         merged[-1] = replace(before, drawn=replace(before.drawn, hold_s=hold_s, radius_m=radius_m, name=name))
         left_out.append(LeftOut(point.drawn.label, f"at the place of {before.drawn.label}; one point with it"))
-    return merged
+    return merged, left_out
 
 
 def thinned(points_m: Array, tolerance_m: float, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -205,8 +202,8 @@ def placed_route(
     `height_m` is the height of points without one, or on the ground; `terrain` the elevation model from which heights
     above the ground count. Raises `FileFormatError` for a drawing that makes no route.
     """
-    left_out = [*drawing.left_out]
-    drawing = _with_home(drawing, left_out)
+    drawing, of_home = _with_home(drawing)
+    left_out = [*drawing.left_out, *of_home]
     _refuse_few(drawing, len(drawing.points))
     ground_m = None
     points = list(drawing.points)
@@ -215,12 +212,15 @@ def placed_route(
             where = drawing.where(point.label)
             raise FileFormatError(f"{where}: {point.label} is at {point.height_m:g} m, beyond any flight.")
     if height_m is None:
-        points = _with_heights(points, left_out)
+        points, of_heights = _with_heights(points)
+        left_out += of_heights
     if drawing.recorded:
-        points, ground_m = _in_the_air(points, left_out)
+        points, ground_m, of_ends = _in_the_air(points)
+        left_out += of_ends
     ground = LEVEL if terrain is None else ground_of(terrain, [point.place for point in points])
-    origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, left_out, ground)
-    placed = [placed_point(point, origin, drawing, height_m, left_out, ground) for point in points]
+    origin, origin_is, of_origin = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, ground)
+    placed = [placed_point(point, origin, drawing, height_m, ground) for point in points]
+    left_out += [*of_origin, *(LeftOut(one.drawn.label, one.remark) for one in placed if one.remark)]
     if terrain is None and any(point.key == ABOVE_GROUND for point in placed):
         text = (
             "above the ground count from level ground at the origin's altitude; for the true ground give --terrain DEM"
@@ -229,7 +229,9 @@ def placed_route(
     if bare := sum(point.datum is Datum.NONE for point in points):
         every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
         left_out.append(LeftOut("heights", f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)"))
-    placed = merged_points(fewer(drawing, placed, left_out), left_out)
+    placed, of_few = fewer(drawing, placed)
+    placed, of_merged = merged_points(placed)
+    left_out += [*of_few, *of_merged]
     places_m = np.array([point.place_m for point in placed])
     far_m = float(np.abs(places_m).max())
     if far_m > FARTHEST_M:
@@ -259,38 +261,36 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
     raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to{why}.", hint=step)
 
 
-def _with_home(drawing: Drawing, left_out: list[LeftOut]) -> Drawing:
+def _with_home(drawing: Drawing) -> tuple[Drawing, list[LeftOut]]:
     """The drawing without a home that is far from its route; with a point above home, where it has one other only."""
     home = drawing.home
     if home is None or not drawing.points:
-        return drawing
+        return drawing, []
     first = Origin(*drawing.points[0].place, home.alt_amsl_m)
     away_m = float(np.linalg.norm(geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, first)))
     if away_m > _HOME_NEAR_M:
-        left_out.append(
-            LeftOut("the planned home", f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point")
-        )
-        return replace(drawing, home=None)
+        text = f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point"
+        return replace(drawing, home=None), [LeftOut("the planned home", text)]
     only, *more = drawing.points
     if more:
-        return drawing
+        return drawing, []
     above = replace(only, place=(home.lat_deg, home.lon_deg), label="the planned home", name="", hold_s=0.0)
-    left_out.append(LeftOut(only.label, "the file has no other point; the route begins at its height above home"))
-    return replace(drawing, points=(above, only))
+    text = "the file has no other point; the route begins at its height above home"
+    return replace(drawing, points=(above, only)), [LeftOut(only.label, text)]
 
 
-def _with_heights(points: list[DrawnPoint], left_out: list[LeftOut]) -> list[DrawnPoint]:
+def _with_heights(points: list[DrawnPoint]) -> tuple[list[DrawnPoint], list[LeftOut]]:
     """The points, where only some have a height: between two at heights that count alike on the straight line.
 
     Elsewhere, the height of the point before, and before the first one its own.
     """
     known = [row for row, point in enumerate(points) if point.datum is not Datum.NONE]
     if not known or len(known) == len(points):
-        return points
+        return points, []
     lat, lon = np.array([point.place for point in points]).T
     along_m = np.linalg.norm(np.diff(place_up_m(lat, lon, 0.0, Origin(*points[0].place, 0.0)), axis=0), axis=1)
     way_m = np.concatenate([[0.0], np.cumsum(along_m)])
-    found = []
+    found, left_out = [], []
     for row, point in enumerate(points):
         if point.datum is not Datum.NONE:
             found.append(point)
@@ -304,24 +304,26 @@ def _with_heights(points: list[DrawnPoint], left_out: list[LeftOut]) -> list[Dra
         height_m = float(np.interp(way_m[row], way_m[[before, after]], heights_m)) if after > before else heights_m[0]
         found.append(replace(point, height_m=height_m, datum=ends[0].datum))
         left_out.append(LeftOut(point.label, "has no height; flown at that of the points beside it (--height)"))
-    return found
+    return found, left_out
 
 
-def _in_the_air(points: list[DrawnPoint], left_out: list[LeftOut]) -> tuple[list[DrawnPoint], float | None]:
-    """A track without its take-off and landing, and the height of the ground where it takes off."""
+def _in_the_air(points: list[DrawnPoint]) -> tuple[list[DrawnPoint], float | None, list[LeftOut]]:
+    """A track without its take-off and landing, the height of the ground where it takes off, and remarks."""
     if any(point.datum is Datum.NONE or point.datum is not points[0].datum for point in points):
-        return points, None
+        return points, None, []
     # The places of points of one datum (N, 3), north, east and up from the first, m
     lat, lon = np.array([point.place for point in points]).T
     places_m = place_up_m(lat, lon, np.array([point.height_m for point in points]), Origin(*points[0].place, 0.0))
     first, last = airborne(places_m)
     if last <= first:
-        return points, None
-    for row, end in ((first, 0), (last, len(points) - 1)):
-        if row != end:
-            left_out.append(LeftOut(points[end].label, f"the route {'ends' if end else 'begins'} above it, in the air"))
+        return points, None, []
+    left_out = [
+        LeftOut(points[end].label, f"the route {'ends' if end else 'begins'} above it, in the air")
+        for row, end in ((first, 0), (last, len(points) - 1))
+        if row != end
+    ]
     is_ground = first > 0 and points[0].datum is Datum.SEA
-    return points[first : last + 1], points[0].height_m if is_ground else None
+    return points[first : last + 1], points[0].height_m if is_ground else None, left_out
 
 
 def _origin(
@@ -330,11 +332,10 @@ def _origin(
     at: tuple[float, float, float | None] | None,
     ground_m: float | None,
     below_m: float,
-    left_out: list[LeftOut],
     ground: Ground,
-) -> tuple[Origin, str]:
-    """The origin, and in words what it is."""
-    home = drawing.home
+) -> tuple[Origin, str, list[LeftOut]]:
+    """The origin, in words what it is, and a remark on its altitude."""
+    home, left_out = drawing.home, []
     place, what, alt_m = points[0].place, "the first point", ground_m
     if home is not None:
         place, what, alt_m = (home.lat_deg, home.lon_deg), "planned home", home.alt_amsl_m
@@ -354,7 +355,7 @@ def _origin(
     if not (abs(place[0]) <= 85.0 and -500.0 <= alt_m <= 9000.0):
         where = f"latitude {place[0]:g}, {alt_m:g} m above the sea"
         raise FileFormatError(f"{drawing.source}: its origin is at {where}, where no scenario is.", hint="give --at")
-    return Origin(*place, alt_m), what
+    return Origin(*place, alt_m), what, left_out
 
 
 def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint], *, ground_given: bool) -> None:

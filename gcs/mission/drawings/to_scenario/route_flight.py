@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Self
@@ -12,14 +13,16 @@ from typing import ClassVar, Self
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Drawing, LeftOut, sentences, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnPoint, LeftOut, sentences, tidy
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables, commented, number_text, place_text
 from gcs.mission.drawings.to_scenario.drawn_ground import DEM_HINT
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
 from gcs.scenario.schema.degree_keys import ABOVE_GROUND
 from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
 from gcs.scenario.schema.formation_table import Generator
+from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.scenario import Performance
+from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
 from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
 from gcs.scenario.values.formations import places_up_m, turned
@@ -27,8 +30,7 @@ from gcs.types import Array
 
 _SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed
 _ROOM_M = 60.0  # beside the formation, for detours
-_KEY_OF_POINT = re.compile(r"^(?:(start|end)|route\[([0-9]+)\])(?:\.\w+)?(?: = .*?)?: ", re.MULTILINE)
-_KEY_OF_DEM = re.compile(r"^terrain\.dem\.file(?: = .*?)?: ", re.MULTILINE)
+_DEM: Key = ("terrain", "dem", "file")
 _SAID_MAX = 40  # sentences in the scenario
 _LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
 CRUISE_MPS = 10.0 / 3.0
@@ -106,7 +108,8 @@ class RouteFlight:
         flown = self._course_deg, max(1.0, self.length_m), points[0].place_m[2]
         first = FirstFlight(self.count, self.shape, self.spacing_m, *flown, limits=self.limits).keys()
         source = tidy(Path(self.drawing.source).name)
-        yaw = f"roll_pitch_yaw_deg = [0.0, 0.0, {first['YAW']}]\n" if first["YAW"] != "0.0" else ""
+        yaw = f"{first['ATTITUDE'][2:]}\n" if first["ATTITUDE"] else ""
+        begin, end = _with_name(points[0].drawn), _with_name(points[-1].drawn)
         interior = points[1:] if returns else points[1:-1]
         legs = zip(interior, [float(turn) for turn in turns_rad(self._course_m)], strict=False)
         north_m, east_m = self._box(places_m)
@@ -125,9 +128,9 @@ class RouteFlight:
             "TABLES": "\n".join(
                 [
                     *self._terrain(),
-                    _place_table("[start]", points[0], "of the leader, which hovers there") + yaw,
+                    _place_table("[start]", points[0], f"{begin}, of the leader, which hovers there") + yaw,
                     *(self._route_table(point, turn) for point, turn in legs),
-                    *([] if returns else [_place_table("[end]", points[-1]) + yaw]),
+                    *([] if returns else [_place_table("[end]", points[-1], end) + yaw]),
                     *self.areas.texts,
                 ]
             ),
@@ -138,19 +141,21 @@ class RouteFlight:
             "TAKEOFF": repr(takeoff_s),
         }
 
-    def in_words(self, reason: str) -> str:
-        """A reason of the scenario's rules with the labels of points and areas in place of their keys."""
+    def in_words(self, mistakes: Iterable[Mistake]) -> str:
+        """Mistakes of the scenario with the labels of points and areas in place of their keys."""
         points = [self.drawing.named(point.drawn.label) for point in self.route.points]
         interior = points[1:] if self.route.returns else points[1:-1]
         ends = {"start": points[0], "end": points[0 if self.route.returns else -1]}
 
-        def label(found: re.Match[str]) -> str:
-            if found[2] is not None:
-                return f"{interior[int(found[2])]}: " if int(found[2]) < len(interior) else found[0]
-            return f"{ends[found[1]]}: "
+        def place(one: Mistake) -> str:
+            match one.key:
+                case ("start" | "end" as which, *_):
+                    return ends[which]
+                case ("route", int(number), *_) if number < len(interior):
+                    return interior[number]
+            return f"--terrain {self.route.ground.file}" if one.key == _DEM else self.areas.place(one, self.drawing)
 
-        reason = _KEY_OF_DEM.sub(f"--terrain {self.route.ground.file}: ", self.areas.in_words(reason, self.drawing))
-        reason = _KEY_OF_POINT.sub(label, reason)
+        reason = "\n".join(f"{place(one)}: {one.whole}" for one in mistakes)
         return re.sub(r"\[(start|end)\]", lambda found: ends[found[1]], reason)
 
     @property
@@ -234,7 +239,7 @@ class RouteFlight:
         return [float(low[0]), float(high[0])], [float(low[1]), float(high[1])]
 
     def _route_table(self, point: PlacedPoint, turn_rad: float) -> str:
-        drawn, lines = point.drawn, _place_table("[[route]]", point)
+        drawn, lines = point.drawn, _place_table("[[route]]", point, point.drawn.label)
         if drawn.name:
             head, rest = lines.split("\n", 1)
             lines = f"{head}\nname = {_text(drawn.name)}\n{rest}"
@@ -287,10 +292,9 @@ def route_text(folder: Path, flight: RouteFlight, vehicle: str | None = None) ->
         text = scenario_text(folder, origin, flight=flight, template="template_route.toml", vehicle=vehicle)
     except ImpossibleFlight as error:
         which = f"a {flight.shape} of {flight.count}, {flight.spacing_m:g} m apart"
-        reason = flight.in_words(error.reason)
-        text = f"{flight.drawing.source}: {which}, is not possible: {reason}"
+        text = f"{flight.drawing.source}: {which}, is not possible: {flight.in_words(error.mistakes)}"
         hint = "give a smaller --count or --spacing, or another --shape; or draw the area larger"
-        if _KEY_OF_DEM.search(error.reason):
+        if any(one.key == _DEM for one in error.mistakes):
             hint = DEM_HINT
         raise ImpossibleFlight(text, hint=hint, reason=error.reason) from None
     if (file := flight.route.ground.file) is not None:
@@ -299,12 +303,14 @@ def route_text(folder: Path, flight: RouteFlight, vehicle: str | None = None) ->
     return text
 
 
-def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
-    """A table with the place of a point; its label in the drawing is the comment."""
-    label = point.drawn.label
-    if head != "[[route]]" and point.drawn.name and point.drawn.name not in label:
-        label = f'{label}, "{point.drawn.name}"'
-    title = commented(head, f"{label}, {also}" if also else label)
+def _with_name(drawn: DrawnPoint) -> str:
+    """The label of a point whose table has no key for its name."""
+    return f'{drawn.label}, "{drawn.name}"' if drawn.name and drawn.name not in drawn.label else drawn.label
+
+
+def _place_table(head: str, point: PlacedPoint, comment: str) -> str:
+    """A table with the place of a point."""
+    title = commented(head, comment)
     return f"{title}\nposition_deg = {place_text(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
 
 

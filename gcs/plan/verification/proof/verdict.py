@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from enum import StrEnum
 
 from gcs.errors import VerificationError
 from gcs.plan.trajectory.constraint_id import ConstraintId
@@ -15,18 +15,28 @@ SPEED_TOLERANCE_MPS = 1e-3  # at ends and route points
 ANGLE_TOLERANCE_DEG = 0.01
 LIMIT_TOLERANCE = 1e-3  # share of the limit
 WINDOW_TOLERANCE_M = 10e-3
-Verdict = Literal["proved", "violated", "undecided", "sampled"]
-OK: tuple[Verdict, ...] = ("proved", "sampled")  # undecided counts as failed
 _LISTED = 5  # failures in an error
 
 
-def verdict_of(worst: float, tolerance: float, proved: float | None) -> Verdict:
+class ProofVerdict(StrEnum):
+    """What is known of one criterion."""
+
+    PROVED = "proved"
+    VIOLATED = "violated"
+    UNDECIDED = "undecided"
+    SAMPLED = "sampled"
+
+
+OK = (ProofVerdict.PROVED, ProofVerdict.SAMPLED)  # undecided counts as failed
+
+
+def verdict_of(worst: float, tolerance: float, proved: float | None) -> ProofVerdict:
     """The verdict on the least margin that was found, and the bound of all margins."""
     if not worst >= -tolerance:
-        return "violated"
+        return ProofVerdict.VIOLATED
     if proved is None:
-        return "sampled"
-    return "proved" if proved >= -tolerance else "undecided"
+        return ProofVerdict.SAMPLED
+    return ProofVerdict.PROVED if proved >= -tolerance else ProofVerdict.UNDECIDED
 
 
 @dataclass(frozen=True)
@@ -59,7 +69,7 @@ class Check:
         return str(self.constraint)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ProofVerdict:
         """Proved, violated at `t_s`, undecided at the finest resolution, or sampled only."""
         return verdict_of(self.worst, self.tolerance, self.proved)
 
@@ -71,7 +81,7 @@ class Check:
     def __str__(self) -> str:
         vehicle = "" if self.sysid is None else f" (vehicle {self.sysid})"
         when = "" if self.t_s is None else f" at t = {self.t_s:.2f} s"
-        if self.verdict == "undecided":
+        if self.verdict is ProofVerdict.UNDECIDED:
             assert self.proved is not None
             between = f"margin between {self.proved:.3g} and {self.worst:.3g} {self.unit}"
             return f"{self.name}, {self.phase}: undecided, {between}{when}{vehicle}"
@@ -122,7 +132,7 @@ class Report:
     @property
     def sampled(self) -> tuple[str, ...]:
         """The names of criteria that are not proved between samples."""
-        return tuple(dict.fromkeys(c.name for c in self.checks if c.verdict == "sampled"))
+        return tuple(dict.fromkeys(c.name for c in self.checks if c.verdict is ProofVerdict.SAMPLED))
 
     def __str__(self) -> str:
         failed, total = len(self.failures), len(self.checks)

@@ -10,7 +10,8 @@ from gcs.flight.contingency.alarm_watch import Place
 from gcs.flight.contingency.choices import Choices, OnLoss
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import DetectionLimits, Incident, IncidentKind, VehicleWatch
-from gcs.flight.contingency.policy import Action, State
+from gcs.flight.contingency.policy import State
+from gcs.flight.monitoring.progress import Action
 from gcs.link.wire.message import Message
 from gcs.mavlink import PREARM_CHECK
 

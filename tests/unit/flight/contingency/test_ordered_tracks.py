@@ -10,8 +10,9 @@ import pytest
 
 from gcs.flight.contingency import manoeuvres
 from gcs.flight.contingency.manoeuvres import MotionReference, OrderedTracks, WayBack
-from gcs.flight.contingency.policy import Action, Order
+from gcs.flight.contingency.policy import Order
 from gcs.flight.monitoring.monitor import VehicleView
+from gcs.flight.monitoring.progress import Action
 from gcs.mission.returns.routed_motion import PiecewiseMotion
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.types import Array

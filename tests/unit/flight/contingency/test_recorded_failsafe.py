@@ -7,8 +7,8 @@ from pathlib import Path
 from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import DetectionLimits, IncidentKind, VehicleWatch
-from gcs.flight.contingency.policy import Action, Order, State
-from gcs.flight.monitoring.progress import AskedOrder
+from gcs.flight.contingency.policy import Order, State
+from gcs.flight.monitoring.progress import Action, AskedOrder
 from tests.real_flights import Flight, unpacked
 
 PX4 = Autopilot.PX4.traits.flight

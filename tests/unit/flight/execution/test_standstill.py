@@ -21,7 +21,7 @@ from gcs.flight.contingency.policy import State
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.execution.streamer import Streamer
 from gcs.flight.monitoring.monitor import VehicleView
-from gcs.flight.monitoring.progress import OFF_PLAN
+from gcs.flight.monitoring.progress import OFF_PLAN, Action
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -146,7 +146,7 @@ def test_a_vehicle_that_does_not_follow_again_is_not_waited_for_longer_than_20_s
     (stayed,) = fleet.told("stayed without setpoints")
     assert stayed.unix_s - woke_s == pytest.approx(20.4, abs=0.4)
     assert fleet.told(BACK)
-    back = next(event for event in fleet.events if event.sysid == 2 and event.what == "ordered to return")
+    back = next(event for event in fleet.events if event.sysid == 2 and event.action is Action.RETURN)
     assert back.unix_s == pytest.approx(stayed.unix_s, abs=0.01)
     assert back.rule.startswith("Without a safe way back to the plan")
     assert fleet.executor.policy.states[1] is fleet.executor.policy.states[3] is State.FLYING

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import FlightError, UsageError
-from gcs.flight.monitoring.progress import Event, Step
+from gcs.flight.monitoring.progress import Action, Event, Step
 from gcs.flight.recording import flight_record
 from gcs.flight.recording.flight_folder import EVENTS, PLAN, TELEMETRY, new_folder, read_events
 from gcs.flight.recording.flight_record import FlightRecord
@@ -69,11 +69,11 @@ def settle(record: FlightRecord) -> None:
 def test_a_complete_record_says_nothing(tmp_path: Path) -> None:
     with FlightRecord(tmp_path, pytest.fail, lambda: 5.0) as record:
         write_frames(record, range(1000))
-        record.write_event(Event(float("nan"), 2.0, 3, "a", data={"numpy": Path("b")}))
+        record.write_event(Event(float("nan"), 2.0, 3, "a", data={"numpy": Path("b")}, action=Action.LAND))
         record.write_state(STATE)
     assert numbers_in(tmp_path / TELEMETRY) == list(range(1000))
     assert struct.unpack_from(">Q", (tmp_path / TELEMETRY).read_bytes())[0] == 5_000_000
-    assert [event.what for event in read_events(tmp_path / EVENTS)] == ["a"]
+    assert [(event.what, event.action) for event in read_events(tmp_path / EVENTS)] == [("a", Action.LAND)]
     assert read_flight_state(tmp_path) == STATE
     assert record.gaps.words() == ""
 

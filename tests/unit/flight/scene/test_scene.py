@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
 from gcs.flight.assessment.judge import Tracks
-from gcs.flight.monitoring.progress import Event
+from gcs.flight.monitoring.progress import ALL_VEHICLES, Action, Event
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.scene.plan_scene import scene_of_plan, zones_of
 from gcs.flight.scene.recording_scene import scene_of_recording
@@ -89,15 +89,19 @@ def test_curves_of_emulated_vehicles_are_true_beside_what_they_reported(plan: Pl
 
 
 def test_the_landing_begins_when_the_last_vehicle_is_ordered_down(plan: Plan) -> None:
+    def ordered(t_s: float, sysid: int, action: Action) -> Event:
+        return Event(math.nan, t_s, sysid, "does as told", action=action)
+
     def lands_s(*events: Event) -> float:
         return scene_of_recording(replace(recording_of(plan), events=events), 0.0, 79.5).lands_s
 
     assert lands_s() == plan.landing_s
-    assert lands_s(Event(math.nan, 40.0, 3, "ordered to land")) == plan.landing_s, "the others fly on"
-    assert lands_s(Event(math.nan, 41.0, 0, "ordered to land where they are")) == 41.0
-    all_but_one = [Event(math.nan, 30.0 + row, sysid, "ordered to land") for row, sysid in enumerate(plan.sysids[:-1])]
-    returns = Event(math.nan, 50.0, plan.sysids[-1], "ordered to return")
-    assert lands_s(*all_but_one, returns) == pytest.approx(79.5, abs=0.2), "it was never low again"
+    assert lands_s(ordered(40.0, 3, Action.LAND)) == plan.landing_s, "the others fly on"
+    assert lands_s(ordered(41.0, ALL_VEHICLES, Action.LAND)) == 41.0
+    all_but_one = [ordered(30.0 + row, sysid, Action.LAND) for row, sysid in enumerate(plan.sysids[:-1])]
+    for away in (Action.RETURN, Action.DIVERT):
+        leaves = ordered(50.0, plan.sysids[-1], away)
+        assert lands_s(*all_but_one, leaves) == pytest.approx(79.5, abs=0.2), "it was never low again"
 
 
 def test_a_plan_is_shown_where_it_flies(plan: Plan) -> None:

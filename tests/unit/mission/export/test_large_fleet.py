@@ -11,7 +11,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import NotWritten
 from gcs.mission.export.export import ExportOptions, export, prepared
-from gcs.mission.export.separations import GROUND_RETURNS, Separation, least
+from gcs.mission.export.separations import GroundReturns, Separation, least
 from gcs.mission.formats.registry import DEFAULT
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
@@ -47,7 +47,11 @@ def test_what_cannot_be_missions_is_written_as_setpoints(
     index = export(figure, tmp_path / "out", firmware=firmware, setpoint_rate_hz=1.0, report=report)
     assert index.refused.startswith("24 vehicles need legs of their own; speeds are corrected for at most 20")
     assert {f"uav{sysid}.setpoints" for sysid in figure.sysids} == set(index.sha256)
-    assert [row.what for row in index.separations] == ["plan", "RTL of all at once", GROUND_RETURNS]
+    assert [(row.what, type(row)) for row in index.separations] == [
+        ("plan", Separation),
+        ("RTL of all at once", Separation),
+        ("returns by the ground station", GroundReturns),
+    ]
     for row in index.separations:
         assert row.sysids[0] < row.sysids[1]
         assert row.distance_m >= 0.0

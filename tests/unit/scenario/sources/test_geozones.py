@@ -293,7 +293,7 @@ def test_both_meanings_of_a_long_straight_edge_are_in_the_zone(base: Scenario) -
     assert np.abs(parallel - shortest)[:, 0].max() > 10.0  # metres between the two
     for line in (parallel, shortest):
         assert shapely.distance(zone, shapely.points(line)).max() < 0.02
-    near = tables._shapes(Geozone("zone 1", "", "", (), ()), ZoneVolume(ring, None, None, None, 1.0), asked, set())
+    near, _ = tables._shapes(Geozone("zone 1", "", "", (), ()), ZoneVolume(ring, None, None, None, 1.0), asked)
     assert near[0].polygon_m is not None
 
 
@@ -312,7 +312,7 @@ def test_latitude_and_longitude_exchanged_is_asked_about(base: Scenario) -> None
     for radius_m, places in ((None, corners), (30.0, corners[:1])):
         volume = ZoneVolume(places, radius_m, None, None, 1.0)
         with pytest.raises(FileFormatError, match="Swapped"):
-            tables._shapes(Geozone("zone 1", "", "PROHIBITED", (volume,), ()), volume, asked, set())
+            tables._shapes(Geozone("zone 1", "", "PROHIBITED", (volume,), ()), volume, asked)
 
 
 @settings(max_examples=40, deadline=None)
@@ -328,7 +328,7 @@ def test_a_polygon_of_any_size_near_the_box_is_covered(data: st.DataObject) -> N
     corners = middle + (size_m * rough)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     degrees = [(lat, lon) for lon, lat in lon_lat(scenario, *map(tuple, corners.tolist()))]
     volume = ZoneVolume(tuple(degrees), None, None, None, 1.0)
-    zones = tables._shapes(Geozone("zone 1", "", "PROHIBITED", (volume,), ()), volume, asked, set())
+    zones, _ = tables._shapes(Geozone("zone 1", "", "PROHIBITED", (volume,), ()), volume, asked)
     region = asked.needed.buffer(100.0, join_style="mitre")
     drawn = shapely.Polygon(corners).buffer(0.0).intersection(region)
     kept = shapely.union_all([shapely.Polygon(zone.polygon_m) for zone in zones])

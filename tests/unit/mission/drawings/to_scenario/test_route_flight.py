@@ -34,6 +34,7 @@ from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.registry import FORMATS, Content
 from gcs.mission.geofence import FenceCircle, Geofence, GeoPoint
 from gcs.mission.model import Home, MissionItem
+from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.sources.template import scenario_text
@@ -237,8 +238,13 @@ def test_a_fence_too_narrow_for_the_formation_is_refused_in_the_words_of_the_dra
 def test_reasons_name_points_and_areas_of_the_drawing() -> None:
     areas = (DrawnArea(square(900, -400, -400), "fence polygon 1", True),)
     flight = route_flight(drawing(point(0, 0), point(100, 0), point(100, 100), areas=areas))
-    told = "keep_in[0].polygon_deg = [[47.1, 8.5]]: a\nroute[0].hold_s = 3.0: b\nend: c\nkeep_in[7]: d"
-    assert flight.in_words(told) == "fence polygon 1: a\nitem 100: b\nitem 100: c\nkeep_in[7]: d"
+    told = [
+        Mistake(("keep_in", 0, "polygon_deg"), "a", [[47.1, 8.5]]),
+        Mistake(("route", 0, "position_m", 2), "b, far from [start]", 3.0),
+        Mistake(("end",), "c"),
+        Mistake(("keep_in", 7), "d"),
+    ]
+    assert flight.in_words(told) == "fence polygon 1: a\nitem 100: b, far from item 0\nitem 100: c\nkeep_in[7]: d"
 
 
 def test_what_was_left_out_is_said_where_no_route_is_left() -> None:
