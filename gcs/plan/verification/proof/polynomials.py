@@ -13,7 +13,10 @@ def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, deriva
 
     No interval may reach over a joint.
     """
-    return modelled(np.moveaxis(scaled_coefficients(polynomial, start_s, end_s, derivative), 2, 1), order)
+    # Groups of vehicles are looked at over the same intervals: each is computed once.
+    spans_s, which = np.unique(start_s + 1j * end_s, return_inverse=True)
+    scaled = scaled_coefficients(polynomial, spans_s.real, spans_s.imag, derivative)
+    return modelled(np.moveaxis(scaled, 2, 1), order)[:, which]
 
 
 def modelled(scaled: Array, order: int) -> Taylor:
