@@ -32,7 +32,10 @@ def landing_profiles(
 
 
 class ExpectedMotion:
-    """The expected positions and velocities, NED, of a plan's vehicles. Without a profile a vehicle is expected to descend as planned."""
+    """The positions and velocities, NED, that are expected of a plan's vehicles.
+
+    Without a profile a vehicle is expected to descend as planned.
+    """
 
     def __init__(self, plan: Plan, profiles: Mapping[int, LandingProfile] | None = None) -> None:
         self.plan = plan
@@ -50,7 +53,7 @@ class ExpectedMotion:
         return (t_s >= self.plan.t_start_s) & (t_s <= ends_s)
 
     def states(self, t_s: Array) -> Array:
-        """Return positions and velocities (V, N, 6) at plan times (N,), before and after the plan its first and last."""
+        """Return positions and velocities (V, N, 6) at plan times (N,), around the plan its first and last ones."""
         return np.stack([self.of_vehicle(row, t_s) for row in range(len(self.plan.sysids))])
 
     def of_vehicle(self, row: int, t_s: Array) -> Array:
