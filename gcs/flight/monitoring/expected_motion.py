@@ -66,7 +66,7 @@ class ExpectedMotion:
         landing = t_s >= self._landing_s
         if profile is not None and landing.any():
             states[landing] = self._descent(row, profile, t_s[landing] - self._landing_s)
-        return states
+        return np.asarray(states)
 
     def _descent(self, row: int, profile: LandingProfile, since_s: Array) -> Array:
         pad_m = -float(self.plan.pads_ned_m[row, 2])  # home, from which the autopilot counts
@@ -77,4 +77,4 @@ class ExpectedMotion:
         states[:, VELOCITY] = 0.0
         moves = (since_s > profile.delay_s) & (height_m > ground_m)
         states[:, _DOWN_RATE] = np.where(moves, profile.speed_mps(height_m), 0.0)
-        return states
+        return np.asarray(states)
