@@ -6,12 +6,14 @@ A mistake of the operator and a fault of the vehicle are different classes, so t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Self
 
 _LONG = re.compile(
     r"(?<![\w.])(-?\d+\.\d{4,})(?= (?:m|s|N|W|Wh|V|kg|m/s|m/s²|deg|degrees|rad/s|deg/s|degrees/s|N m)\b)"
 )
+
+_FEW = 12
 
 
 class GcsError(Exception):
@@ -48,6 +50,19 @@ def read_error_text(text: str) -> tuple[str, str]:
 def counted(number: int, noun: str, plural: str = "") -> str:
     """A number of things: "1 vehicle", "2 vehicles"."""
     return f"{number} {noun if number == 1 else plural or f'{noun}s'}"
+
+
+def listed(numbers: Sequence[int]) -> str:
+    """Numbers in order: "1, 2, 4"; of more than a dozen, those that follow each other as "1 to 60, 62 to 100"."""
+    if len(numbers) <= _FEW:
+        return ", ".join(map(str, numbers))
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
 
 
 def _short(value: float) -> str:

@@ -47,8 +47,8 @@ def changes(plan: Plan, folder: Path) -> Iterator[Path]:
         yield save(draw_change(plan, move), folder / f"{move.kind}{again if again > 1 else ''}.png")
 
 
-def circuit(plan: Plan, folder: Path) -> Iterator[Path]:
-    """The map with the drawn points, the curves over time and the shapes: what `gcs show --picture` draws."""
+def whole(plan: Plan, folder: Path) -> Iterator[Path]:
+    """The map, the curves over time and the shapes: what `gcs show --picture` draws."""
     yield save(draw_plan(plan), folder / "map.png")
 
 
@@ -74,8 +74,9 @@ def rigid(scenario: Scenario) -> Scenario:
 PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
     "simulation1": simulation1,
     "changes": changes,
-    "circuit": circuit,
+    "circuit": whole,
     "gap": gap,
+    "hundred": whole,
     "survey": survey,
 }
 TUTORIAL, GALLERY, PAGE = "tutorial", "gallery", "page"

@@ -8,7 +8,6 @@ was armed. From T0 on vehicles are steered by what they report, and separations 
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 from scipy.spatial.distance import pdist
@@ -163,9 +162,9 @@ class Monitor:
         if now is None or len(now[1]) < 2:
             return None
         between_m = pdist(now[1])
-        pairs = tuple(combinations(sysids, 2))
-        least = int(np.argmin(between_m))
-        return NearestPair(self.part, pairs[least], float(between_m[least]), now[0])
+        least, ids = int(np.argmin(between_m)), tuple(sysids)
+        first, second = (int(rows[least]) for rows in np.triu_indices(len(ids), 1))
+        return NearestPair(self.part, (ids[first], ids[second]), float(between_m[least]), now[0])
 
     def _now(self, sysids: Collection[int], *, moved_only: bool = False) -> tuple[float, Array] | None:
         """Positions (V, 3) of these vehicles, all predicted for the time of the newest report.

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from gcs.flight.plots.figure_file import NAMED, Labels, colours, head, save, settle
 from gcs.flight.plots.flight_map import FlightMap
 from gcs.flight.plots.map_layers import map_size_in
-from gcs.flight.plots.shape_view import view_of
+from gcs.flight.plots.shape_view import dot_pt, view_of
 from gcs.flight.plots.tracks_view import draw_tracks
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -81,11 +81,11 @@ def draw_formation(
     sides = any(view.is_side for view in views)
     for axes, n, beside, view in zip(panels[0], at, places, views, strict=True):
         for colour, place in zip(colours(sysids), beside, strict=True):
-            axes.plot(*place, "o", ms=8 if len(sysids) <= NAMED else 4, color=colour, zorder=5)
+            axes.plot(*place, "o", ms=dot_pt(len(sysids), 8.0), color=colour, zorder=5)
         right, up = view.labels
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel=f"{right} of leader, m")
         course = _draw_course(axes, t_s, leader, n, arrow=not view.is_side)
-        head(axes, f"t = {t_s[n]:.0f} s{f', {view.words}' if sides else ''}\n{course}", _PANEL_IN, 10.0)
+        head(axes, f"t = {round(float(t_s[n]))} s{f', {view.words}' if sides else ''}\n{course}", _PANEL_IN, 10.0)
         axes.grid(alpha=0.3)
         if sides or axes is panels[0][0]:
             axes.set_ylabel(f"{up} of leader, m" if not view.is_side else "above the leader, m")

@@ -14,7 +14,7 @@ from gcs.flight.plots import map_layers
 from gcs.flight.plots.curves import draw_clearance, draw_separation, draw_speeds, draw_zone_margin
 from gcs.flight.plots.figure_file import BESIDE, NAMED, Labels, Look, colours, head, head_figure, save, settle
 from gcs.flight.plots.flight_map import FlightMap, dart, vehicle_entries
-from gcs.flight.plots.shape_view import ShapeView, view_of
+from gcs.flight.plots.shape_view import ShapeView, dot_pt, view_of
 from gcs.flight.scene.ground_area import area_of
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.formation.timeline import AUTO
@@ -31,7 +31,7 @@ _LEAST_IN = 6.0  # height of them
 _BESIDE_IN, _AROUND_IN, _TALLEST_IN = 0.7, 1.05, 3.4  # axis beside a panel; axis and title below and above it
 _PANELS = 6  # at most
 _ROOM, _LEAST_ROOM_M = 1.16, 2.0
-_LARGE_PT, _SMALL_PT = 8.0, 4.0
+_LARGE_PT = 8.0
 
 
 def save_overview(scenario: Scenario, plan: Plan | None, path: Path) -> None:
@@ -164,7 +164,7 @@ def seen(name: str, t_s: float, offsets_ned_m: Array) -> ShownShape:
 def draw_shapes(panels: list[Axes], sysids: tuple[int, ...], shapes: tuple[ShownShape, ...], width_in: float) -> None:
     """Draw each shape in its panel; `width_in` is the width of one, for the titles."""
     reach_m = max(_ROOM * max(float(np.abs(shape.right_up_m).max()) for shape in shapes), _LEAST_ROOM_M)
-    size_pt = _LARGE_PT if len(sysids) <= NAMED else _SMALL_PT
+    size_pt = dot_pt(len(sysids), _LARGE_PT)
     for axes, shape in zip(panels, shapes, strict=True):
         for colour, place in zip(colours(sysids), shape.right_up_m, strict=True):
             axes.plot(*place, "o", ms=size_pt, color=colour, zorder=5)

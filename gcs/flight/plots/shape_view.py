@@ -1,11 +1,13 @@
 """The side from which a formation is drawn: from above, or the side where an upright one looks largest."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from gcs.types import Array
 
+_DOTS_PT = 25.0  # over the root of the number of vehicles: a hundred are still dots side by side
 _UPRIGHT, _THIN = 0.3, 1.5  # height over width, and over depth: flatter and deeper shapes are seen from above
 _AXES_DEG = {0: "north", 90: "east"}
 
@@ -34,6 +36,11 @@ class ShapeView:
 
 
 FROM_ABOVE = ShapeView(np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), ("east", "north"))
+
+
+def dot_pt(vehicles: int, largest_pt: float) -> float:
+    """The size of a vehicle's dot in a picture of a shape, in points."""
+    return min(largest_pt, _DOTS_PT / math.sqrt(vehicles))
 
 
 def view_of(places_ned_m: Array) -> ShapeView:

@@ -19,7 +19,7 @@ from scipy.spatial.distance import pdist
 from gcs.flight.plots import map_layers
 from gcs.flight.plots.figure_file import NAMED, Labels, Look, colours, head, settle
 from gcs.flight.plots.flight_map import FlightMap, vehicle_entries
-from gcs.flight.plots.shape_view import view_of
+from gcs.flight.plots.shape_view import dot_pt, view_of
 from gcs.flight.recording.recording import nearest_m
 from gcs.flight.scene.ground_area import Area, ground_grid, outlines
 from gcs.plan.formation.timeline import Move
@@ -230,10 +230,11 @@ def draw_close_up(axes: Axes, scenario: Scenario, chart: FlightMap, what: CloseU
     if not view.is_side:
         map_layers.draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
         map_layers.draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
+    dot = dot_pt(len(chart.sysids), 5.5)
     for colour, track, place in zip(colours(chart.sysids), tracks, view.flat(tracks_ned_m[:, at]), strict=True):
         axes.plot(*track.T, color=colour, lw=1.2)
-        axes.plot(*track[0], "o", color=colour, mfc="white", ms=4.5)
-        axes.plot(*place, "o", color=colour, ms=5.5, zorder=5)
+        axes.plot(*track[0], "o", color=colour, mfc="white", ms=0.8 * dot)
+        axes.plot(*place, "o", color=colour, ms=dot, zorder=5)
     if what.pair is not None:
         axes.plot(*view.flat(tracks_ned_m[list(what.pair), at]).T, color="black", lw=1.0, zorder=4)
     right, up = view.labels

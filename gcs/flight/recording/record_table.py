@@ -26,7 +26,6 @@ from gcs.flight.recording.tlog import LoggedFrame, scan
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, local_motion
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
-from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import NavigationError, navigation_error
 from gcs.types import Array
@@ -234,8 +233,7 @@ def _table(expected: ExpectedMotion, plan_time: PlanTime, rows: list[Row]) -> pa
         mine = sysids == sysid
         reported[mine, :3] += plan.pads_ned_m[row]
         if mine.any():
-            states = expected.of_vehicle(row, t_s[mine])
-            motion = np.hstack([states[:, POSITION], states[:, VELOCITY]])
+            motion = expected.of_vehicle(row, t_s[mine])
             planned[mine] = np.where(expected.covers(row, t_s[mine])[:, None], motion, np.nan)
     data: dict[str, object] = {"t_s": t_s, "unix_s": unix_s, "sysid": sysids}
     for name, values in (("", reported), ("planned_", planned)):

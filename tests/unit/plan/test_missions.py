@@ -39,6 +39,7 @@ def test_the_missions_are_found() -> None:
         "circuit",
         "field",
         "gap",
+        "hundred",
         "ridge",
         "simulation1",
         "simulation2",
@@ -204,3 +205,20 @@ def test_survey_is_proved_to_see_all_of_it_and_to_turn_outside(plan_of: Callable
     turns = [number for number, name in enumerate(names) if name is not None and name.startswith(("after", "before"))]
     places = plan.states(np.array(plan.route_s)[turns])[..., :2].reshape(-1, 2)
     assert not shapely.contains_xy(found.area, *places.T).any()
+
+
+@pytest.mark.slow
+def test_hundred_becomes_a_sphere_and_a_picture_of_geese(plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("hundred/scenario.toml")
+    assert [(move.kind, move.start_s) for move in plan.moves] == [
+        ("reshape", 5.0),
+        ("reshape", 55.0),
+        ("reshape", 115.0),
+    ]
+    first, sphere, picture, last = (
+        plan.offsets(np.array([t_s]))[:, 0] for t_s in (0.0, *(move.end_s for move in plan.moves))
+    )
+    away_m = np.linalg.norm(sphere - 0.5 * (sphere.max(axis=0) + sphere.min(axis=0)), axis=1)
+    assert np.ptp(away_m) < 0.1 * away_m.max()
+    assert np.ptp(picture, axis=0) == pytest.approx([0.0, 142.8, 46.8], abs=0.01)
+    assert sorted(map(tuple, np.round(last, 6) + 0.0)) == sorted(map(tuple, np.round(first, 6) + 0.0))

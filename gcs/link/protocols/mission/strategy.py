@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.autopilots.traits import autopilot_name, link_behaviour
-from gcs.errors import GcsError
+from gcs.errors import GcsError, listed
 from gcs.link.protocols.machine import Machine
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionType
@@ -38,7 +38,7 @@ def sent_words(sent: Mapping[int, SentAs]) -> str:
     by_way: dict[SentAs, list[int]] = {}
     for sysid, way in sorted(sent.items()):
         by_way.setdefault(way, []).append(sysid)
-    return "; ".join(f"vehicles {', '.join(map(str, sysids))}: {way}" for way, sysids in by_way.items())
+    return "; ".join(f"vehicles {listed(sysids)}: {way}" for way, sysids in by_way.items())
 
 
 def sent_data(sent: Mapping[int, SentAs]) -> list[dict[str, int | str]]:

@@ -14,7 +14,7 @@ from gcs.plan.formation.follower_equations import follower_state_and_control, je
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.constraint_id import CONTROLS, STATES, ConstraintId, Kind
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.plan.verification.proof.polynomials import distinct, enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, total
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
@@ -114,12 +114,14 @@ class StateControlLimits:
     def _jerk(self, cells: Cells) -> list[Taylor]:
         """The leader's jerk by Eq. 1, and for every vehicle that of its offset as well."""
         leader = self.plan.leader_trajectory
-        x = enclosed(leader.state, cells.start_s, cells.end_s, ORDER)
-        u = enclosed(leader.control, cells.start_s, cells.end_s, ORDER)
-        rate = enclosed(leader.control, cells.start_s, cells.end_s, ORDER, 1)[0]
-        own = jerk([x[i] for i in range(12)], [u[i] for i in range(4)], rate, self.plan.quadrotor, FUNCTIONS)
+        start_s, end_s, which = distinct(cells.start_s, cells.end_s)
+        x = enclosed(leader.state, start_s, end_s, ORDER)
+        u = enclosed(leader.control, start_s, end_s, ORDER)
+        rate = enclosed(leader.control, start_s, end_s, ORDER, 1)[0]
+        moved = jerk([x[i] for i in range(12)], [u[i] for i in range(4)], rate, self.plan.quadrotor, FUNCTIONS)
+        own = [part[which] for part in moved]
         if self.tree is None:
-            return list(own)
+            return own
         return [part + offset for part, offset in zip(own, self._offsets(cells, 3), strict=True)]
 
     def _motion(self, cells: Cells) -> tuple[list[Taylor], list[Taylor]]:

@@ -13,7 +13,18 @@ def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, deriva
 
     No interval may reach over a joint.
     """
-    return modelled(np.moveaxis(scaled_coefficients(polynomial, start_s, end_s, derivative), 2, 1), order)
+    begin_s, finish_s, which = distinct(start_s, end_s)
+    scaled = scaled_coefficients(polynomial, begin_s, finish_s, derivative)
+    return modelled(np.moveaxis(scaled, 2, 1), order)[:, which]
+
+
+def distinct(start_s: Array, end_s: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """The starts and ends of the intervals (N,) without repetitions, and which of them each interval is (N,).
+
+    Groups of vehicles are looked at over the same intervals, so what depends on time alone needs few of them.
+    """
+    spans_s, which = np.unique(start_s + 1j * end_s, return_inverse=True)
+    return spans_s.real, spans_s.imag, which
 
 
 def modelled(scaled: Array, order: int) -> Taylor:

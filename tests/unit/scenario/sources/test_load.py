@@ -148,7 +148,7 @@ def test_a_missing_mission_far_from_any(tmp_path: Path, monkeypatch: pytest.Monk
         load_scenario(tmp_path / "a" / "b")
     assert caught.value.hint == (
         "name a folder with a scenario.toml, a scenario file, or one that comes with Skein: changes, circuit, field, "
-        "gap, ridge, simulation1, simulation2, survey, terminal_weighting"
+        "gap, hundred, ridge, simulation1, simulation2, survey, terminal_weighting"
     )
 
 

@@ -34,6 +34,9 @@ def test_vehicles_are_told_by_the_way_their_missions_went() -> None:
     as_file, by_items = SentAs(Transfer.FILE, "one"), SentAs(Transfer.ITEMS, "other")
     sent = {3: as_file, 2: by_items, 1: as_file}
     assert sent_words(sent) == "vehicles 1, 3: as a file (one); vehicles 2: item by item (other)"
+    file, items = sent[1], sent[2]
+    many = dict.fromkeys(range(1, 101), file) | {7: items, 9: items}
+    assert sent_words(many) == ("vehicles 1 to 6, 8, 10 to 100: as a file (one); vehicles 7, 9: item by item (other)")
     assert sent_data(sent) == [
         {"vehicle": 1, "sent_as": "file", "why": "one"},
         {"vehicle": 2, "sent_as": "items", "why": "other"},
