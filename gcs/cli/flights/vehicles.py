@@ -60,8 +60,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
     async with known.open_backend(backend) as fleet:
         heard = await fleet.listen(listen_s)
         if not heard:
-            foreign = fleet.refused_frames if isinstance(fleet, LinkedFleet) else 0
-            refused = f"; {foreign} frames were not signed with our key" if foreign else ""
+            refused = fleet.refused_words() if isinstance(fleet, LinkedFleet) else ""
             raise shared.nobody_heard(known, listen_s, refused)
         if isinstance(fleet, LinkedFleet):
             reports = [status_report(s, fleet.where(n)) for n, s in sorted(fleet.sessions.items()) if n in heard]

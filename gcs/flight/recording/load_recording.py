@@ -28,8 +28,8 @@ from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.link.protocols.statustext import StatusTextJoiner
-from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
-from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
+from gcs.link.wire.message import GROUND, Message, is_autopilots_beat, is_local_place, local_motion
+from gcs.mavlink import GENERIC_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
@@ -123,7 +123,7 @@ def recording_from_telemetry(
 def _beat(one: _Heard, message: Message) -> list[str]:
     """Take in a HEARTBEAT; return what has changed, in words."""
     fields = message.fields
-    if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
+    if not is_autopilots_beat(message):  # a gimbal, a camera
         return []
     one.component = message.compid if one.component is None else one.component
     armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
