@@ -51,18 +51,13 @@ class MavType(IntEnum):
     GENERIC_MULTIROTOR = 43
 
 
+_T = MavType
 # ArduCopter has no type before it knows its frame: a type that is not told is none of another vehicle.
-ROTORCRAFT = frozenset(
-    MavType[name]
-    for name in """GENERIC QUADROTOR COAXIAL HELICOPTER HEXAROTOR OCTOROTOR TRICOPTER DODECAROTOR DECAROTOR
-    GENERIC_MULTIROTOR""".split()
-)
+ROTORCRAFT = frozenset({_T.GENERIC, _T.QUADROTOR, _T.COAXIAL, _T.HELICOPTER, _T.HEXAROTOR, _T.OCTOROTOR, _T.TRICOPTER})
+ROTORCRAFT |= {_T.DODECAROTOR, _T.DECAROTOR, _T.GENERIC_MULTIROTOR}
 # What sends HEARTBEATs under a vehicle's system id, some with an autopilot's number, and flies nothing.
-PAYLOADS = frozenset(
-    MavType[name]
-    for name in "ONBOARD_CONTROLLER GIMBAL ADSB CAMERA FLARM SERVO ODID BATTERY PARACHUTE LOG OSD IMU GPS WINCH".split()
-)
-
+PAYLOADS = frozenset({_T.ONBOARD_CONTROLLER, _T.GIMBAL, _T.ADSB, _T.CAMERA, _T.FLARM, _T.SERVO, _T.ODID, _T.BATTERY})
+PAYLOADS |= {_T.PARACHUTE, _T.LOG, _T.OSD, _T.IMU, _T.GPS, _T.WINCH}
 
 GENERIC_AUTOPILOT = 0  # MAV_AUTOPILOT values that name no firmware; `gcs.autopilots.traits` has those that do
 NO_AUTOPILOT = 8

@@ -35,9 +35,8 @@ def told(plan: Plan, late_s: dict[int, float]) -> list[Message]:
         Message("SYSTEM_TIME", {"time_unix_usec": round((BOOT_S + 1.0) * 1e6), "time_boot_ms": 1000}, sysid, 1)
         for sysid in plan.sysids
     ]
-    messages += [
-        Message("HEARTBEAT", {"type": 2, "autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}, s, 1) for s in plan.sysids
-    ]
+    beat = {"type": 2, "autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}
+    messages += [Message("HEARTBEAT", beat, sysid, 1) for sysid in plan.sysids]
     for t_s in np.arange(0.0, 270.0, 0.5):
         for row, sysid in enumerate(plan.sysids):
             state = plan.states(np.array([t_s - late_s[sysid]]))[row, 0]
