@@ -123,7 +123,10 @@ def autopilot_name(autopilot: int) -> str:
     return "generic" if autopilot == GENERIC_AUTOPILOT else f"autopilot {autopilot}"
 
 
-def mode_name(autopilot: int, custom_mode: int) -> str:
-    """Return the name of HEARTBEAT.custom_mode; a mode that is not known keeps its number."""
-    row = traits_of(autopilot)
+def mode_name(autopilot: int, custom_mode: int, kind: int = MavType.GENERIC) -> str:
+    """Return the name of HEARTBEAT.custom_mode; a mode that is not known keeps its number.
+
+    So has every mode of a vehicle of MAV_TYPE `kind` that is no rotorcraft.
+    """
+    row = traits_of(autopilot) if kind in ROTORCRAFT else None
     return f"mode {custom_mode}" if row is None else row.flight.mode_name(custom_mode)

@@ -137,7 +137,7 @@ def _beat(one: _Heard, message: Message) -> list[str]:
     one.autopilot = int(fields["autopilot"])
     said = []
     if one.beats == 0 or mode != one.mode:
-        said.append(f"is in {mode_name(one.autopilot, mode)}")
+        said.append("is in " + mode_name(one.autopilot, mode, int(fields["type"])))
     if armed != one.armed:
         said.append("is armed" if armed else "is disarmed")
     one.beats, one.armed, one.mode = one.beats + 1, armed, mode

@@ -78,3 +78,8 @@ def test_a_radio_that_repeats_frames_hides_no_loss() -> None:
         for _ in range(3):
             quality.receive(bytes((0xFD, 0, 0, 0, number)))
     assert quality.loss == pytest.approx(0.5, abs=0.01)
+
+
+def test_the_modes_of_a_plane_are_not_named_as_a_copters() -> None:
+    assert mode_name(3, 4, 2) == "GUIDED"
+    assert mode_name(3, 4, 1) == "mode 4"  # ACRO

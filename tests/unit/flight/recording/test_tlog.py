@@ -131,6 +131,13 @@ def test_a_wrong_time_before_the_fix_moves_no_flight(wrong_s: float) -> None:
     assert (np.diff(times) >= 0.0).all() and times[0] >= START_S - 10.0
 
 
+def test_the_modes_of_a_plane_keep_their_numbers() -> None:
+    told = [(t_s, replace(one, fields=one.fields | {"type": 1}) if one.name == "HEARTBEAT" else one)
+            for t_s, one in flight()]  # fmt: skip
+    _, _, remarks, _ = recording_from_telemetry(told)
+    assert {one.what for one in remarks if "mode" in one.what} == {"is in mode 4", "is in mode 9"}
+
+
 def test_a_text_of_which_a_chunk_is_lost_is_shown_with_a_gap() -> None:
     def chunk(number: int, words: str) -> Message:
         return Message("STATUSTEXT", {"severity": 2, "text": words, "id": number, "chunk_seq": 1}, 1, 1)
