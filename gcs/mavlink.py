@@ -22,9 +22,42 @@ class WordedEnum(IntEnum):
 class MavType(IntEnum):
     """MAV_TYPE: the kind of system that sends a HEARTBEAT."""
 
+    GENERIC = 0
+    FIXED_WING = 1
     QUADROTOR = 2
+    COAXIAL = 3
+    HELICOPTER = 4
     GCS = 6
+    GROUND_ROVER = 10
+    HEXAROTOR = 13
+    OCTOROTOR = 14
+    TRICOPTER = 15
+    ONBOARD_CONTROLLER = 18
+    GIMBAL = 26
+    ADSB = 27
+    DODECAROTOR = 29
+    CAMERA = 30
+    FLARM = 32
+    SERVO = 33
+    ODID = 34
+    DECAROTOR = 35
+    BATTERY = 36
+    PARACHUTE = 37
+    LOG = 38
+    OSD = 39
+    IMU = 40
+    GPS = 41
+    WINCH = 42
+    GENERIC_MULTIROTOR = 43
 
+
+_T = MavType
+# ArduCopter has no type before it knows its frame: a type that is not told is none of another vehicle.
+ROTORCRAFT = frozenset({_T.GENERIC, _T.QUADROTOR, _T.COAXIAL, _T.HELICOPTER, _T.HEXAROTOR, _T.OCTOROTOR, _T.TRICOPTER})
+ROTORCRAFT |= {_T.DODECAROTOR, _T.DECAROTOR, _T.GENERIC_MULTIROTOR}
+# What sends HEARTBEATs under a vehicle's system id, some with an autopilot's number, and flies nothing.
+PAYLOADS = frozenset({_T.ONBOARD_CONTROLLER, _T.GIMBAL, _T.ADSB, _T.CAMERA, _T.FLARM, _T.SERVO, _T.ODID, _T.BATTERY})
+PAYLOADS |= {_T.PARACHUTE, _T.LOG, _T.OSD, _T.IMU, _T.GPS, _T.WINCH}
 
 GENERIC_AUTOPILOT = 0  # MAV_AUTOPILOT values that name no firmware; `gcs.autopilots.traits` has those that do
 NO_AUTOPILOT = 8

@@ -15,7 +15,7 @@ from gcs.autopilots.columns import AutopilotTraits, FlightBehaviour, LinkBehavio
 from gcs.autopilots.px4 import PX4
 from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.errors import PeerError
-from gcs.mavlink import GENERIC_AUTOPILOT
+from gcs.mavlink import GENERIC_AUTOPILOT, ROTORCRAFT, MavType
 
 
 class Autopilot(IntEnum):
@@ -93,8 +93,19 @@ def titles(autopilots: Iterable[Autopilot] = tuple(Autopilot)) -> str:
     return " and ".join(known.title for known in dict.fromkeys(autopilots))
 
 
-def flight_behaviour(sysid: int, autopilot: int) -> FlightBehaviour:
-    """Return how MAV_AUTOPILOT `autopilot` is flown. Raises PeerError for one that is not in the table."""
+def flight_behaviour(sysid: int, autopilot: int, kind: int) -> FlightBehaviour:
+    """Return how MAV_AUTOPILOT `autopilot` is flown on a vehicle of MAV_TYPE `kind`.
+
+    Raises PeerError for an autopilot that is not in the table, and for what is no rotorcraft: ArduPlane and Rover have
+    ArduCopter's number, and other modes under the numbers of its modes.
+    """
+    if kind not in ROTORCRAFT:
+        names = (known.name.lower().replace("_", " ") for known in MavType if known == kind)
+        what = next(names, "vehicle of another kind")
+        raise PeerError(
+            f"vehicle {sysid} is a {what} (MAV_TYPE {kind}); only rotorcraft can be flown.",
+            hint="give the vehicle that is meant this system id, or map it with --map",
+        )
     row = traits_of(autopilot)
     if row is None:
         raise PeerError(
@@ -112,7 +123,10 @@ def autopilot_name(autopilot: int) -> str:
     return "generic" if autopilot == GENERIC_AUTOPILOT else f"autopilot {autopilot}"
 
 
-def mode_name(autopilot: int, custom_mode: int) -> str:
-    """Return the name of HEARTBEAT.custom_mode; a mode that is not known keeps its number."""
-    row = traits_of(autopilot)
+def mode_name(autopilot: int, custom_mode: int, kind: int = MavType.GENERIC) -> str:
+    """Return the name of HEARTBEAT.custom_mode; a mode that is not known keeps its number.
+
+    So has every mode of a vehicle of MAV_TYPE `kind` that is no rotorcraft.
+    """
+    row = traits_of(autopilot) if kind in ROTORCRAFT else None
     return f"mode {custom_mode}" if row is None else row.flight.mode_name(custom_mode)

@@ -126,7 +126,7 @@ def fence_from_items(items: Sequence[MissionItem]) -> Geofence:
                 raise BadItem(index, f"is a circle with radius {item.params[0]:g} m")
             circles.append(FenceCircle(_place(item), item.params[0], item.command == FenceCommand.CIRCLE_INCLUSION))
         elif item.command == FenceCommand.RETURN_POINT and return_point is None:
-            return_point = RallyPoint(_place(item), item.alt_m)
+            return_point = _point_with_altitude(item, index)
         else:
             raise BadItem(index, f"with command {item.command} is no part of a fence")
         index += step
@@ -145,11 +145,17 @@ def rally_from_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
             raise BadItem(index, f"with command {item.command} is no rally point")
         if item.frame != Frame.GLOBAL_RELATIVE_ALT:
             raise BadItem(index, f"has altitude frame {item.frame}; rally points require 3, above home")
-    return tuple(RallyPoint(_place(item), item.alt_m) for item in items)
+    return tuple(_point_with_altitude(item, index) for index, item in enumerate(items))
 
 
 def _item(command: FenceCommand, frame: Frame, p1: float, place: GeoPoint, alt_m: float = 0.0) -> MissionItem:
     return MissionItem(command, frame, (p1, 0.0, 0.0, 0.0), place.lat_degE7, place.lon_degE7, alt_m)
+
+
+def _point_with_altitude(item: MissionItem, index: int) -> RallyPoint:
+    if not math.isfinite(item.alt_m):
+        raise BadItem(index, "has no altitude")
+    return RallyPoint(_place(item), item.alt_m)
 
 
 def _place(item: MissionItem) -> GeoPoint:

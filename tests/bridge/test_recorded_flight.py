@@ -40,7 +40,7 @@ HEIGHT_M = 4.0
 
 
 async def hop_up_and_down(session: VehicleSession, fleet: Fleet) -> None:
-    behaviour = flight_behaviour(session.sysid, session.autopilot)
+    behaviour = flight_behaviour(session.sysid, session.autopilot, session.kind)
     await session.command(MavCommand.DO_SET_MODE, *behaviour.mode_parameters(behaviour.guided))
     await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
     await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(HEIGHT_M, 0.0))

@@ -60,9 +60,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
     async with known.open_backend(backend) as fleet:
         heard = await fleet.listen(listen_s)
         if not heard:
-            foreign = fleet.refused_frames if isinstance(fleet, LinkedFleet) else 0
-            refused = f"; {foreign} frames were not signed with our key" if foreign else ""
-            raise shared.nobody_heard(known, listen_s, refused)
+            raise shared.nobody_heard(known, listen_s, fleet.refused_words())
         if isinstance(fleet, LinkedFleet):
             reports = [status_report(s, fleet.where(n)) for n, s in sorted(fleet.sessions.items()) if n in heard]
         else:
@@ -193,7 +191,7 @@ async def _command(
         found: dict[int, VehicleSession | MavsdkVehicle] = {}
         found.update(await (fleet.vehicles(named, _TIMEOUT_S) if named else fleet.listen(listen_s)))
         if not found:
-            raise shared.nobody_heard(known, listen_s)
+            raise shared.nobody_heard(known, listen_s, fleet.refused_words())
         words = await asyncio.gather(*(_command_one(vehicle, what) for vehicle in found.values()))
         return dict(zip(found, words, strict=True))
 

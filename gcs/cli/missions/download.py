@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from gcs.errors import PeerError, counted
 if TYPE_CHECKING:
     from gcs.link.session.connection import Connection
     from gcs.link.session.vehicle_load import OnboardState
+    from gcs.mission.model import MissionItem
     from gcs.plan.trajectory.plan import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and there are differences
@@ -92,7 +94,7 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[On
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
         if not sessions:
-            raise shared.nobody_heard(known, listen_s)
+            raise shared.nobody_heard(known, listen_s, fleet.refused_words())
         every = await asyncio.gather(*(read_onboard(session) for session in sessions.values()))
         fleet.check()
         return list(every)
@@ -120,6 +122,10 @@ async def _differences(
     }
 
 
+def _is_endless(item: MissionItem) -> bool:
+    return any(math.isinf(number) for number in (*item.params, item.alt_m))
+
+
 def _write(to: Path, every: list[OnboardState]) -> list[str]:
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.export.atomic_folder import replaced
@@ -138,6 +144,11 @@ def _write(to: Path, every: list[OnboardState]) -> list[str]:
         if held.home is None:
             raise PeerError(
                 f"vehicle {held.sysid} has no home position yet, and a .plan needs one.", hint="wait for its GNSS fix"
+            )
+        if (endless := next((n for n, one in enumerate(held.mission, 1) if _is_endless(one)), None)) is not None:
+            raise PeerError(
+                f"vehicle {held.sysid} has an infinite number in its mission item {endless}, which no .plan can hold.",
+                hint="its autopilot cannot fly that: upload another mission",
             )
         name = f"{vehicle_name(held.sysid)}.plan"
         file = MissionFile(name, firmware, held.home, held.mission, held.geofence(), held.rally_points())

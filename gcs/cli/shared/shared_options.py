@@ -248,7 +248,7 @@ def connection(
     return Connection(chosen, parse_map(systems), load_key(key_file), transfer, radio_baud=radio_baud)
 
 
-def nobody_heard(known: Connection, listen_s: float, more: str = "") -> PeerTimeout:
+def nobody_heard(known: Connection, listen_s: float, more: str) -> PeerTimeout:
     """The error if no vehicle was heard; `more` follows the time."""
     hint = "start the vehicles, or check the address and port they send to"
     return PeerTimeout(f"no vehicle was heard at {known} within {listen_s:g} s{more}.", hint=hint)

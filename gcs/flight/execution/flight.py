@@ -103,7 +103,7 @@ class FlightSequence:
         self.completion = Completion(plan)
         self.step = Step.READY
         views = self.monitor.views
-        kinds = {i: flight_behaviour(i, sessions[i].autopilot) for i in plan.sysids}
+        kinds = {i: flight_behaviour(i, sessions[i].autopilot, sessions[i].kind) for i in plan.sysids}
         self.vehicles = {
             i: FlightVehicle(sessions[i], kinds[i], plan, row, views[i], options) for row, i in enumerate(plan.sysids)
         }

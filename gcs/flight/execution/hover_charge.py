@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from statistics import median
 
 from gcs.errors import FlightError
 from gcs.flight.contingency.energy_choice import ChargeWatch
 from gcs.flight.execution.order_carrier import FlyingFleet
-from gcs.flight.monitoring.own_battery import ChargeRule
+from gcs.flight.monitoring.own_battery import ChargeRule, measured_draw
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.wire.message import Message
 from gcs.plan.trajectory.energy import BatteryModel, battery_model
@@ -40,8 +39,7 @@ async def check_hover(
         battery = rule.batteries.get(sysid)
         if not fields or battery is None or fields[-1]["battery_remaining"] < 0:
             continue
-        current_A = median(f["current_battery"] for f in fields) / 100.0
-        volt = median(f["voltage_battery"] for f in fields) / 1000.0
+        current_A, volt = measured_draw(messages)
         scale = battery.measured_scale(power, charge.model, current_A, volt)
         charge.expect(sysid, battery.scale(power) if scale is None else scale)
         if scale is None:

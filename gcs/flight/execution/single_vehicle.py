@@ -60,7 +60,7 @@ async def until_mode(
 
 
 def control_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:
-    """Return the controls of a vehicle; close them after use. Raises `PeerError` for unknown autopilots."""
+    """Return the controls of a vehicle; close them after use. Raises `PeerError` as `SessionControl` does."""
     return SessionControl(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.control()
 
 
@@ -68,9 +68,9 @@ class SessionControl:
     """`Flyable` by the state machines of `gcs.link`."""
 
     def __init__(self, session: VehicleSession) -> None:
-        """Raises `PeerError` for an unknown autopilot."""
+        """Raises `PeerError` for an unknown autopilot, and for what is no rotorcraft."""
         self._session = session
-        self._behaviour = flight_behaviour(session.sysid, session.autopilot)
+        self._behaviour = flight_behaviour(session.sysid, session.autopilot, session.kind)
         self._setpoint: Setpoint | None = None
         self._repeating: asyncio.Task[None] | None = None
 

@@ -69,7 +69,7 @@ class TextWatch:
         unix_s = self._sessions[sysid].clock.now_unix_s(at_s)
         now_s = at_s if unix_s is None else unix_s
         reported_s, times = self._reported.get((sysid, said.text), (-math.inf, 0))
-        if now_s - reported_s < REPEAT_S:
+        if abs(now_s - reported_s) < REPEAT_S:  # further back, the vehicle's clock was set
             self._reported[sysid, said.text] = reported_s, times + 1
             return
         self._reported.pop((sysid, said.text), None)

@@ -5,10 +5,12 @@ vehicle without a current sensor has it from the voltage, which sags as soon as 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 
-from gcs.link.session.status_report import VehicleReport
+from gcs.link.session.status_report import VehicleReport, reported_V
+from gcs.link.wire.message import Message
 from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Power
@@ -58,6 +60,12 @@ class OwnBattery:
 
     def __str__(self) -> str:
         return "its battery" if self.capacity_mAh is None else f"{self.capacity_mAh:.0f} mAh"
+
+
+def measured_draw(statuses: Sequence[Message]) -> tuple[float, float]:
+    """Return the medians of current, A, and voltage, V, in SYS_STATUS messages; NaN for a voltage that none tells."""
+    known_V = [volt for one in statuses if (volt := reported_V(one)) is not None]
+    return median(one.fields["current_battery"] for one in statuses) / 100.0, median(known_V or [math.nan])
 
 
 def own_battery(report: VehicleReport, power: Power | None) -> OwnBattery:

@@ -33,6 +33,7 @@ _CLOSE_S = 10.0
 _PIECE_BYTES = 8192
 _PIECE_S = 1.0  # no frame waits longer for others
 _LATEST_US = 2**63
+_SET_BACK_US = 1_000_000  # by more than that GNSS has set the vehicles' clocks
 _STANDS_STILL = "the disk stands still"
 FRAMES, LINES, STEPS = "frames", "lines", "steps"
 
@@ -171,10 +172,15 @@ class FlightRecord:
         self.close()
 
     def write_frame(self, direction: FrameDirection, frame: bytes) -> None:
-        """Log one frame; frames before the vehicles' time is known have the time 0."""
+        """Log one frame; frames before the vehicles' time is known have the time 0.
+
+        Small steps back are left out; after a wrong time before the GNSS fix the stamps are the right ones.
+        """
         unix_s = self._unix_s()
         if unix_s is not None and 0.0 < unix_s * 1e6 < _LATEST_US:
-            self._last_us = max(self._last_us, round(unix_s * 1e6))
+            now_us = round(unix_s * 1e6)
+            if not self._last_us - _SET_BACK_US < now_us < self._last_us:
+                self._last_us = now_us
         now_s = time.monotonic()
         if not self._piece:
             self._piece_began_s = now_s

@@ -27,9 +27,9 @@ from gcs.flight.recording.record_table import build_record, read_record, reporte
 from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.link.protocols.statustext import StatusTextJoiner
-from gcs.link.wire.message import GROUND, Message, is_local_place, local_motion
-from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
+from gcs.link.protocols.statustext import StatusText, StatusTextJoiner
+from gcs.link.wire.message import GROUND, Message, is_autopilots_beat, is_local_place, local_motion
+from gcs.mavlink import GENERIC_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
@@ -91,7 +91,15 @@ def recording_from_telemetry(
     events: list[Event] = []
     remarks: list[Event] = []
     joiner = StatusTextJoiner()
+
+    def note(texts: Iterable[StatusText], t_s: float) -> None:
+        for said in texts:
+            bad = said.severity <= Severity.WARNING
+            (events if bad else remarks).append(Event(t_s, t_s, said.source.sysid, f"reports: {said.text}"))
+
+    t_s = 0.0
     for t_s, message in messages:
+        note(joiner.tick(t_s), t_s)  # of those whose other chunks are not in the log
         sysid = message.sysid
         if sysid == GROUND.sysid or is_ground(message):
             continue
@@ -99,11 +107,10 @@ def recording_from_telemetry(
         if message.name == "HEARTBEAT":
             remarks += [Event(t_s, t_s, sysid, what) for what in _beat(one, message)]
         elif message.name == "STATUSTEXT":
-            for said in joiner.receive(message, t_s):
-                bad = said.severity <= Severity.WARNING
-                (events if bad else remarks).append(Event(t_s, t_s, sysid, f"reports: {said.text}"))
+            note(joiner.receive(message, t_s), t_s)
         else:
             _take(one, message, t_s)
+    note(joiner.tick(math.inf), t_s)
     placed: dict[int, _Heard] = {}
     left_out = []
     for sysid, one in sorted(heard.items()):
@@ -123,14 +130,14 @@ def recording_from_telemetry(
 def _beat(one: _Heard, message: Message) -> list[str]:
     """Take in a HEARTBEAT; return what has changed, in words."""
     fields = message.fields
-    if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
+    if not is_autopilots_beat(message):  # a gimbal, a camera
         return []
     one.component = message.compid if one.component is None else one.component
     armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
     one.autopilot = int(fields["autopilot"])
     said = []
     if one.beats == 0 or mode != one.mode:
-        said.append(f"is in {mode_name(one.autopilot, mode)}")
+        said.append("is in " + mode_name(one.autopilot, mode, int(fields["type"])))
     if armed != one.armed:
         said.append("is armed" if armed else "is disarmed")
     one.beats, one.armed, one.mode = one.beats + 1, armed, mode

@@ -24,8 +24,8 @@ from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profil
 from gcs.flight.monitoring.progress import PlanTime
 from gcs.flight.recording.tlog import LoggedFrame, scan
 from gcs.link.protocols.clock import VehicleClock
-from gcs.link.wire.message import Message, local_motion
-from gcs.mavlink import NO_AUTOPILOT, ModeFlag
+from gcs.link.wire.message import Message, is_autopilots_beat, local_motion
+from gcs.mavlink import ModeFlag
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import NavigationError, navigation_error
 from gcs.types import Array
@@ -107,7 +107,7 @@ def reported_profiles(messages: Iterable[Message], vehicle_of: Mapping[int, int]
         if sysid is None:
             continue
         fields = message.fields
-        if message.name == "HEARTBEAT" and fields["autopilot"] != NO_AUTOPILOT:
+        if is_autopilots_beat(message):
             autopilots[sysid] = int(fields["autopilot"])
             row = traits_of(autopilots[sysid])
             if row is not None and int(fields["custom_mode"]) == row.flight.land:
@@ -147,18 +147,22 @@ def build_record(
     modes = dict.fromkeys(plan.sysids, (False, 0))
     autopilots = dict.fromkeys(plan.sysids, 0)
     battery = dict.fromkeys(plan.sysids, -1)
+    components: dict[int, int] = {}  # that of each autopilot: a camera's clock, or its place, is not the vehicle's
     accuracies = {sysid: ReportedAccuracy(navigation_error(plan.scenario)) for sysid in plan.sysids}
     rows: list[Row] = []
     for n, message in enumerate(messages):
         sysid = vehicle_of.get(message.sysid)
         if sysid is None:
             continue
+        beats = is_autopilots_beat(message)
+        if message.compid != (components.setdefault(sysid, message.compid) if beats else components.get(sysid, 1)):
+            continue
         if message.name in ("HEARTBEAT", "PARAM_VALUE"):
             kept.append(message)
         clocks[sysid].receive(message, float(n))
         accuracies[sysid].receive(message)
         fields = message.fields
-        if message.name == "HEARTBEAT" and fields["autopilot"] != NO_AUTOPILOT:
+        if beats:
             autopilots[sysid] = int(fields["autopilot"])
             modes[sysid] = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
             if modes[sysid][0]:

@@ -192,7 +192,10 @@ def load_tlog(path: Path) -> Tlog:
 
 
 def mend_times(stamps_s: Array) -> tuple[Array, float, float]:
-    """Return stamps (N,) without zeros, outliers, long pauses and steps back, and how long those two are together."""
+    """Return stamps (N,) without zeros, outliers, long pauses and steps back, and how long those two are together.
+
+    The longest part without such a step keeps its times: before the GNSS fix of a vehicle they may have been wrong.
+    """
     times = stamps_s.copy()
     known = np.flatnonzero(times > 0.0)
     if not len(known):
@@ -205,7 +208,9 @@ def mend_times(stamps_s: Array) -> tuple[Array, float, float]:
     steps = np.diff(times, prepend=times[0])
     long, back = steps > _PAUSE_S, steps < -1.0
     left_out = np.cumsum(np.where(long | back, steps, 0.0))
-    return np.maximum.accumulate(times - left_out), float(np.sum(steps[long])), float(-np.sum(steps[back]))
+    _, begins, sizes = np.unique(left_out, return_index=True, return_counts=True)
+    kept_s = left_out[begins[sizes == sizes.max()].min()]
+    return np.maximum.accumulate(times - left_out + kept_s), float(np.sum(steps[long])), float(-np.sum(steps[back]))
 
 
 def _frame(data: bytes, at: int, codec: Codec, base: int, stamp: int) -> LoggedFrame | None:

@@ -222,9 +222,10 @@ def _serial_line(spec: LinkSpec) -> serial.Serial:
     device, baud = spec.address
     try:
         return serial.Serial(device, baud, timeout=0, write_timeout=0, exclusive=True)
-    except (OSError, ValueError) as error:
+    except Exception as error:  # one that is unplugged while it is opened raises termios.error, which is no OSError
         hint = "check the device name and your permission (group dialout), and close other programs that use it"
         if ":" in device:  # of a device by its path, or of a baud rate that is no number
             hint = f"the baud rate is the number after the last colon, for example {DEFAULT_BAUD}; else {hint}"
-        why = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        number = error.args[0] if error.args and isinstance(error.args[0], int) else 0
+        why = os.strerror(number) if number else str(error)
         raise LinkError(f"the serial line {device} cannot be opened at {baud} baud: {why}.", hint=hint) from error

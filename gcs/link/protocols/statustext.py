@@ -1,9 +1,10 @@
 """STATUSTEXT messages joined into whole texts (https://mavlink.io/en/messages/common.html#STATUSTEXT).
 
 A long text comes in chunks of 50 characters, identified by source, id and chunk number; id 0 means not chunked. After
-`timeout_s` a missing chunk is written as "[...]".
+`timeout_s` a missing chunk is written as "[...]". A chunk that comes again so soon after its text is a copy.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -47,6 +48,7 @@ class StatusTextJoiner:
     def __init__(self, timeout_s: float = 2.0) -> None:
         self._timeout_s = timeout_s
         self._pending: dict[tuple[Station, int], _Pending] = {}
+        self._told_s: dict[tuple[Station, int], float] = {}  # when a text was whole
 
     def receive(self, message: Message, now_s: float) -> list[StatusText]:
         """Return the texts that this message completes."""
@@ -58,11 +60,17 @@ class StatusTextJoiner:
             return [StatusText(message.source, severity, text)]
         key = (message.source, number)
         chunk = message.fields["chunk_seq"]
+        if now_s < self._told_s.get(key, -math.inf) + self._timeout_s:
+            return []
         pending = self._pending.setdefault(key, _Pending(severity, now_s + self._timeout_s))
         pending.chunks[chunk] = text
         if len(text.encode()) < _CHUNK_LENGTH:
             pending.last = chunk
-        return [self._finish(key)] if pending.whole else []
+        if not pending.whole:
+            return []
+        self._told_s = {one: at_s for one, at_s in self._told_s.items() if now_s < at_s + self._timeout_s}
+        self._told_s[key] = now_s
+        return [self._finish(key)]
 
     def tick(self, now_s: float) -> list[StatusText]:
         """Return the texts whose timeout has passed, with gaps."""

@@ -24,7 +24,7 @@ from gcs.link.session.routing_table import IDENTIFY_S, LinkAddress, RoutingTable
 from gcs.link.session.unknown_systems import LinkNotice, UnknownSystems
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
-from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.wire.message import GROUND, Message, Station, is_autopilots_beat
 from gcs.link.wire.signing import Signing
 from gcs.mavlink import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 
@@ -146,7 +146,8 @@ class LinkedFleet:
             if now_s >= end_s and missing:
                 raise PeerTimeout(
                     f"no heartbeat from {vehicle_words(missing, system_of)} within {timeout_s:g} s"
-                    f" (heard: {', '.join(map(str, sorted({*self.sessions, *self.unknown.systems}))) or 'none'}).",
+                    f" (heard: {', '.join(map(str, sorted({*self.sessions, *self.unknown.systems}))) or 'none'})"
+                    f"{self.refused_words()}.",
                     hint="start them, or check the address and port that they send to",
                 )
             with suppress(TimeoutError):
@@ -177,12 +178,16 @@ class LinkedFleet:
             await asyncio.sleep(_LOOK_S)
         if len(missing) == len(system_of):
             raise PeerTimeout(
-                f"no heartbeat from {vehicle_words(missing, system_of)} within {timeout_s:g} s.",
+                f"no heartbeat from {vehicle_words(missing, system_of)} within {timeout_s:g} s{self.refused_words()}.",
                 hint="check the link; name another one with --link",
             )
         for sysid in missing:
             self._expect(system_of[sysid], autopilots[sysid])
         return self._hand_out(system_of)
+
+    def refused_words(self) -> str:
+        """Return how many frames the key refused, as the end of a sentence; empty if none was."""
+        return f"; {self.refused_frames} frames were not signed with our key" if self.refused_frames else ""
 
     def _time_to_identify_s(self, systems: Collection[int]) -> float:
         """How long the vehicles of a flight may take to report their ids, which prove a move to another address."""
@@ -243,7 +248,7 @@ class LinkedFleet:
         system = message.sysid
         session = self.sessions.get(system)
         is_new = session is None or not session.heard
-        is_vehicle = is_new and _is_vehicle(message)
+        is_vehicle = is_new and is_autopilots_beat(message)
         if self._only is not None and system not in self._only:
             if is_vehicle:
                 self.unknown.note(system, source, now_s)
@@ -264,7 +269,7 @@ class LinkedFleet:
         if self._routing.moves:
             session = self._after_moves(session)
         if session is None:
-            if is_vehicle or _is_vehicle(message):
+            if is_vehicle or is_autopilots_beat(message):
                 self._add_vehicle(message)
             return
         session.quality.receive(message.raw)
@@ -370,11 +375,3 @@ class LinkedFleet:
 def _identity_request(session: VehicleSession) -> Message:
     request = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), session.exchange)
     return request.start(0.0)[0]
-
-
-def _is_vehicle(message: Message) -> bool:
-    return (
-        message.name == "HEARTBEAT"
-        and message.fields["type"] != MavType.GCS
-        and message.fields["autopilot"] != NO_AUTOPILOT
-    )

@@ -271,6 +271,10 @@ class MavsdkFleet:
     def check(self) -> None:
         """Do nothing: MAVSDK cannot distinguish two vehicles with one system id."""
 
+    def refused_words(self) -> str:
+        """Return nothing: MAVSDK has no signing."""
+        return ""
+
     def _is_heard(self, system: int) -> bool:
         vehicle = self._look().get(system)
         return vehicle is not None and vehicle.heard

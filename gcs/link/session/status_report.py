@@ -102,7 +102,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         autopilot=autopilot_name(session.autopilot),
         version=None if version is None else version_text(version.fields["flight_sw_version"]),
         uid=None if version is None or not any(identity(version)) else identity(version).rstrip(b"\0").hex(),
-        mode=mode_name(session.autopilot, session.custom_mode),
+        mode=mode_name(session.autopilot, session.custom_mode, session.kind),
         armed=session.armed,
         state=_state(session.latest["HEARTBEAT"].fields["system_status"]),
         prearm_ok=prearm_ok,
@@ -114,7 +114,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         fix_type=None if receiver is None else int(receiver.fields["fix_type"]),
         satellites=None if receiver is None else int(receiver.fields["satellites_visible"]),
         battery_share=_battery_share(status),
-        battery_V=_battery_V(status),
+        battery_V=reported_V(status),
         loss=session.quality.loss,
         timesync=await clock,
         heartbeat_age_s=session.heartbeat_age_s(),
@@ -228,11 +228,11 @@ def _battery_share(status: Message | None) -> float | None:
     return float(status.fields["battery_remaining"]) / 100.0
 
 
-def _battery_V(status: Message | None) -> float | None:
+def reported_V(status: Message | None) -> float | None:
+    """Return the voltage in SYS_STATUS, V; None where it is not known."""
     if status is None or status.fields["voltage_battery"] in (0, _UNKNOWN_mV):
         return None
-    volt = status.fields["voltage_battery"] / 1e3
-    return volt if math.isfinite(volt) else None
+    return float(status.fields["voltage_battery"]) / 1e3
 
 
 async def newest_message(session: VehicleSession, message_id: MessageId, fresh_s: float = FRESH_S) -> Message | None:

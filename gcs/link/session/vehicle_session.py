@@ -103,6 +103,11 @@ class VehicleSession:
         return int(self.latest["HEARTBEAT"].fields["custom_mode"])
 
     @property
+    def kind(self) -> int:
+        """The MAV_TYPE of its last heartbeat."""
+        return int(self.latest["HEARTBEAT"].fields["type"])
+
+    @property
     def home_is_item_0(self) -> bool:
         """Whether item 0 of its missions is home."""
         return self.exchange.link.home_is_item_0

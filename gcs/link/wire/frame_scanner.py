@@ -170,6 +170,8 @@ class LinkQuality:
         if not frame:
             return
         number = frame[4] if frame[0] == V2 else frame[2]
+        if number == self._last:
+            return  # a copy: a radio repeats frames
         gap = (number - self._last - 1) & 0xFF if self._last >= 0 else 0
         self.received += 1
         if gap >= _FAR_BACK:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from gcs.mavlink import NO_AUTOPILOT, PAYLOADS, MavType
+
 Fields = dict[str, Any]  # int, float, str or lists of them, by the name of the field
 _GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of ground stations
 
@@ -56,6 +58,14 @@ class Message:
         return fields.get("target_system", 0) in (0, station.sysid) and (
             station.compid == 0 or fields.get("target_component", 0) in (0, station.compid)
         )
+
+
+def is_autopilots_beat(message: Message) -> bool:
+    """Whether this is the HEARTBEAT of an autopilot, not of a ground station, a camera or a companion computer."""
+    if message.name != "HEARTBEAT" or message.fields["autopilot"] == NO_AUTOPILOT:
+        return False
+    kind = message.fields["type"]
+    return kind != MavType.GCS and kind not in PAYLOADS
 
 
 _AXES_M, _AXES_MPS = ("x", "y", "z"), ("vx", "vy", "vz")

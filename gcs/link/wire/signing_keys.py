@@ -66,8 +66,8 @@ def signing_with(key: bytes | None, now_s: float, unix_s: float | None = None) -
 
 
 def signing_ticks(unix_s: float | None = None) -> int:
-    """Return the signing time at `unix_s`, now by default."""
-    return round(((time.time() if unix_s is None else unix_s) - EPOCH_UNIX_S) * TICKS_PER_S)
+    """Return the signing time at `unix_s`, now by default; 0 by a clock that was never set, which vehicles advance."""
+    return max(round(((time.time() if unix_s is None else unix_s) - EPOCH_UNIX_S) * TICKS_PER_S), 0)
 
 
 def _key(data: bytes, source: str) -> bytes:

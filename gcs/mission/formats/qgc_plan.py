@@ -93,7 +93,7 @@ class PlanDocument(PlanPart):
 
 
 def write_mission(file: MissionFile) -> str:
-    """The text of a file that holds this mission, its fence and its rally points (NaN parameters are null there)."""
+    """The text of a file that holds this mission, its fence and its rally points. NaN is null, as in QGroundControl."""
     if file.home is None:
         raise ValueError(f"{file.source}: a .plan holds a home position, and this mission has none")
     speed_mps = file.speed_mps
@@ -153,18 +153,19 @@ def _planned(
 
 
 def _written(item: MissionItem, number: int) -> dict[str, object]:
-    params = [None if math.isnan(p) else p for p in item.params]
+    numbers = (*item.params, *place_in_file(item), item.alt_m)
+    params = [None if math.isnan(number) else number for number in numbers]
     written: dict[str, object] = {
         "autoContinue": item.autocontinue,
         "command": int(item.command),
         "doJumpId": number,
         "frame": int(item.frame),
-        "params": [*params, *place_in_file(item), item.alt_m],
+        "params": params,
         "type": "SimpleItem",
     }
     if item.frame in _ALTITUDE_MODE:
         mode = _ALTITUDE_MODE[Frame(item.frame)]
-        written |= {"AMSLAltAboveTerrain": None, "Altitude": item.alt_m, "AltitudeMode": mode}
+        written |= {"AMSLAltAboveTerrain": None, "Altitude": params[-1], "AltitudeMode": mode}
     return dict(sorted(written.items()))
 
 

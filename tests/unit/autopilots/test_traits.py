@@ -19,6 +19,7 @@ from gcs.autopilots.px4 import PX4
 from gcs.autopilots.stored_fields import StoredAs
 from gcs.autopilots.traits import TRAITS, Autopilot, flight_behaviour, link_behaviour, traits_of
 from gcs.errors import PeerError
+from gcs.mavlink import MavType
 from sim_bridge.personality import Intent, by_name
 
 GCS = Path(gcs.__file__).parent
@@ -245,7 +246,14 @@ def test_ready_as_the_recordings_show_it(firmware: Autopilot) -> None:
 
 
 def test_an_autopilot_that_is_not_in_the_table() -> None:
-    assert flight_behaviour(1, 3) is ARDUPILOT.flight
-    assert flight_behaviour(1, 12) is PX4.flight
+    assert flight_behaviour(1, 3, MavType.QUADROTOR) is ARDUPILOT.flight
+    assert flight_behaviour(1, 12, MavType.HEXAROTOR) is PX4.flight
+    assert flight_behaviour(1, 3, MavType.GENERIC) is ARDUPILOT.flight  # before it knows its frame
     with pytest.raises(PeerError, match="vehicle 7 runs autopilot number 4"):
-        flight_behaviour(7, 4)
+        flight_behaviour(7, 4, MavType.QUADROTOR)
+
+
+@pytest.mark.parametrize(("kind", "words"), [(1, "fixed wing"), (10, "ground rover"), (12, "vehicle of another kind")])
+def test_a_plane_or_rover_is_not_flown_by_the_modes_of_a_copter(kind: int, words: str) -> None:
+    with pytest.raises(PeerError, match=f"vehicle 7 is a {words}"):
+        flight_behaviour(7, 3, kind)

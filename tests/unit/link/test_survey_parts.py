@@ -70,3 +70,16 @@ def test_order_does_not_matter_to_the_share():
     for frame in shuffled:
         quality.receive(frame)
     assert quality.loss == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_radio_that_repeats_frames_hides_no_loss() -> None:
+    quality = LinkQuality()
+    for number in range(0, 200, 2):
+        for _ in range(3):
+            quality.receive(bytes((0xFD, 0, 0, 0, number)))
+    assert quality.loss == pytest.approx(0.5, abs=0.01)
+
+
+def test_the_modes_of_a_plane_are_not_named_as_a_copters() -> None:
+    assert mode_name(3, 4, 2) == "GUIDED"
+    assert mode_name(3, 4, 1) == "mode 4"  # ACRO

@@ -168,6 +168,18 @@ def test_a_text_that_is_repeated_is_told_every_half_minute() -> None:
     play(story)
 
 
+def test_a_text_is_told_after_the_vehicles_clock_was_set_back() -> None:
+    async def story(scene: Scene) -> None:
+        scene.say(text(RTL))
+        boot_ms = round(scene.loop.time() * 1e3)
+        fields = {"time_unix_usec": round((EPOCH_S - 1e8) * 1e6), "time_boot_ms": boot_ms + 100}
+        scene.sessions[1].receive(Message("SYSTEM_TIME", fields, 1, 1), scene.loop.time())
+        scene.say(text(RTL))
+        assert len(scene.events) == 2
+
+    play(story)
+
+
 def test_events_before_t0_are_kept(tmp_path: Path) -> None:
     events = (Event(math.nan, math.nan, 1, "a"), Event(5.0, math.nan, 2, "b"), Event(6.0, 1.0, 3, "c", "rule"))
     with FlightRecord(tmp_path, pytest.fail, lambda: None) as record:

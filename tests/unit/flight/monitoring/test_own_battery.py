@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery
+from gcs.flight.monitoring.own_battery import ChargeRule, OwnBattery, measured_draw
+from gcs.link.wire.message import Message
 from gcs.plan.trajectory.energy import BatteryModel, battery_model
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Power
@@ -34,6 +35,19 @@ def test_the_hover_scales_the_need(
 ) -> None:
     found = battery.measured_scale(power, MODEL, current_A, 12.6)
     assert found == (None if scale is None else pytest.approx(scale))
+
+
+def test_a_voltage_that_is_not_told_measures_nothing_without_a_capacity() -> None:
+    """65535 mV stand for "not known": as a voltage they would make the need five times as large."""
+    told = [
+        Message("SYS_STATUS", {"battery_remaining": 90, "current_battery": 2820, "voltage_battery": volt}, 1, 1)
+        for volt in (0xFFFF, 0, 0xFFFF)
+    ]
+    current_A, volt = measured_draw(told)
+    assert OwnBattery().measured_scale(POWER, MODEL, current_A, volt) is None
+    assert SIMULATED.measured_scale(POWER, MODEL, current_A, volt) == pytest.approx(28.2 / (3.6 * 3300.0) / 0.001)
+    told.append(Message("SYS_STATUS", told[0].fields | {"voltage_battery": 12_600}, 1, 1))
+    assert measured_draw(told) == (28.2, 12.6)
 
 
 def test_what_is_left_is_the_charge_less_the_measured_need_of_the_rest_of_the_plan(simulation1_plan: Plan) -> None:

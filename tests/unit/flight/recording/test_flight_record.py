@@ -66,6 +66,15 @@ def settle(record: FlightRecord) -> None:
     assert done.wait(60.0)
 
 
+def test_stamps_follow_a_clock_that_gnss_sets_back_and_no_small_step(tmp_path: Path) -> None:
+    times_s = [2_000_000_000.0, 2_000_000_001.0, 1_800_000_000.0, 1_800_000_002.0, 1_800_000_001.5, 1_800_000_003.0]
+    told = iter(times_s)
+    with FlightRecord(tmp_path, pytest.fail, lambda: next(told)) as record:
+        write_frames(record, range(len(times_s)))
+    stamps_s = [one.stamp_us / 1e6 for one in scan(tmp_path / TELEMETRY) if isinstance(one, LoggedFrame)]
+    assert stamps_s == [*times_s[:4], times_s[3], times_s[5]]
+
+
 def test_a_complete_record_says_nothing(tmp_path: Path) -> None:
     with FlightRecord(tmp_path, pytest.fail, lambda: 5.0) as record:
         write_frames(record, range(1000))

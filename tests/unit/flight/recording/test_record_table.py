@@ -35,9 +35,8 @@ def told(plan: Plan, late_s: dict[int, float]) -> list[Message]:
         Message("SYSTEM_TIME", {"time_unix_usec": round((BOOT_S + 1.0) * 1e6), "time_boot_ms": 1000}, sysid, 1)
         for sysid in plan.sysids
     ]
-    messages += [
-        Message("HEARTBEAT", {"autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}, s, 1) for s in plan.sysids
-    ]
+    beat = {"type": 2, "autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}
+    messages += [Message("HEARTBEAT", beat, sysid, 1) for sysid in plan.sysids]
     for t_s in np.arange(0.0, 270.0, 0.5):
         for row, sysid in enumerate(plan.sysids):
             state = plan.states(np.array([t_s - late_s[sysid]]))[row, 0]
@@ -77,6 +76,24 @@ def test_a_jump_of_gnss_time_in_flight_moves_no_row(simulation1_plan: Plan) -> N
     record = build_record(plan, PlanTime.of(T0), messages)
     assert record.num_rows == 540 * 6
     assert float(np.max(record.column("error_m").to_numpy())) < 1e-6
+
+
+def test_a_gimbal_with_a_clock_of_its_own_moves_no_row(simulation1_plan: Plan) -> None:
+    plan, messages = simulation1_plan, []
+    for message in told(plan, dict.fromkeys(plan.sysids, 0.0)):
+        messages.append(message)
+        if message.sysid == 2 and message.name == "LOCAL_POSITION_NED":
+            beat = {"type": 26, "autopilot": 0, "base_mode": 0, "custom_mode": 9}
+            messages.append(Message("HEARTBEAT", beat, 2, 154))
+            for n in range(4):  # it was switched on a minute later, and reports more often
+                boot_ms = message.fields["time_boot_ms"] - 60_000 + n
+                messages.append(Message("GIMBAL_DEVICE_ATTITUDE_STATUS", {"time_boot_ms": boot_ms}, 2, 154))
+            messages.append(Message("LOCAL_POSITION_NED", message.fields | {"x": 900.0}, 2, 154))
+    record = build_record(plan, PlanTime.of(T0), messages)
+    assert record.num_rows == 540 * 6
+    assert float(np.max(record.column("error_m").to_numpy())) < 1e-6
+    assert record.column("armed").to_pylist() == [True] * record.num_rows
+    assert set(record.column("mode").to_pylist()) == {4}
 
 
 def test_lateness_and_skew(simulation1_plan: Plan) -> None:

@@ -123,6 +123,32 @@ def test_times_are_mended() -> None:
     assert (left_out_s, back_s) == pytest.approx((4987.0, 4999.0))
 
 
+@pytest.mark.parametrize("wrong_s", [-1e8, 6e8])
+def test_a_wrong_time_before_the_fix_moves_no_flight(wrong_s: float) -> None:
+    stamps_s = np.concatenate([START_S + wrong_s + np.arange(5.0), START_S + np.arange(60.0)])
+    times, *_ = mend_times(stamps_s)
+    assert times[5:] == pytest.approx(stamps_s[5:])
+    assert (np.diff(times) >= 0.0).all() and times[0] >= START_S - 10.0
+
+
+def test_the_modes_of_a_plane_keep_their_numbers() -> None:
+    told = [(t_s, replace(one, fields=one.fields | {"type": 1}) if one.name == "HEARTBEAT" else one)
+            for t_s, one in flight()]  # fmt: skip
+    _, _, remarks, _ = recording_from_telemetry(told)
+    assert {one.what for one in remarks if "mode" in one.what} == {"is in mode 4", "is in mode 9"}
+
+
+def test_a_text_of_which_a_chunk_is_lost_is_shown_with_a_gap() -> None:
+    def chunk(number: int, words: str) -> Message:
+        return Message("STATUSTEXT", {"severity": 2, "text": words, "id": number, "chunk_seq": 1}, 1, 1)
+
+    told = flight()
+    told += [(3.0, chunk(7, "of the fence")), (told[-1][0], chunk(8, "at the end"))]
+    _, events, _, _ = recording_from_telemetry(sorted(told, key=lambda one: one[0]))
+    whats = [event.what for event in events if "[...]" in event.what]
+    assert whats == ["reports: [...]of the fence", "reports: [...]at the end"]
+
+
 def test_a_clock_that_steps_back_is_told(tmp_path: Path) -> None:
     log = tmp_path / "set.tlog"
     stamps_s = [START_S, START_S + 1.0, START_S + 2.0, START_S - 58.0, START_S - 57.0, START_S - 56.0]

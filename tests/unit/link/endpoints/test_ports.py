@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import socket
+import termios
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -107,6 +109,20 @@ def test_a_serial_line_that_was_unplugged_is_opened_again(tmp_path: Path, monkey
         os.close(ours)
 
     asyncio.run(asyncio.wait_for(scene(), 10.0))
+
+
+def test_a_serial_line_that_is_unplugged_while_it_is_opened_is_no_bug(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplugged(*_: object) -> None:
+        raise termios.error(errno.EIO, "Input/output error")
+
+    vehicle = terminal(tmp_path / "ttyUSB0")
+    monkeypatch.setattr(termios, "tcflush", unplugged)
+    endpoint = make_endpoint(f"serial:{tmp_path / 'ttyUSB0'}:57600")
+    with pytest.raises(LinkError, match="cannot be opened at 57600 baud: Input/output error"):
+        asyncio.run(endpoint.open(lambda *_: None))
+    os.close(vehicle)
 
 
 def test_a_connection_that_was_opened_again_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,3 +29,13 @@ def test_a_missing_chunk_is_shown_as_missing():
     assert [t.text for t in joiner.tick(2.0)] == ["[...]" + PARTS[1]]
     assert [t.text for t in joiner.tick(3.0)] == [PARTS[0] + "[...]"]
     assert joiner.deadline_s is None
+
+
+def test_a_doubled_chunk_is_no_text_of_its_own():
+    joiner = StatusTextJoiner(timeout_s=2.0)
+    joiner.receive(chunk(PARTS[0], 0), 0.0)
+    assert [t.text for t in joiner.receive(chunk(PARTS[1], 1), 0.1)] == [LONG]
+    assert joiner.receive(chunk(PARTS[1], 1), 0.2) == []
+    assert joiner.receive(chunk(PARTS[0], 0), 0.3) == []
+    assert joiner.tick(10.0) == []
+    assert [t.text for t in joiner.receive(chunk("after a reboot", 0), 10.0)] == ["after a reboot"]

@@ -219,7 +219,7 @@ def test_waiting_and_reporting_have_one_definition_of_ready(flags: int, autopilo
         report = await newest_message(session, estimator.message)
         assert report is not None
         options = FlightOptions(ready_timeout_s=1.0, find_timeout_s=1.0)
-        behaviour = flight_behaviour(1, int(autopilot))
+        behaviour = flight_behaviour(1, int(autopilot), fields["type"])
         crew = FlightVehicle(session, behaviour, None, 0, VehicleView(1), options)  # type: ignore[arg-type]
         try:
             await until_ready(crew)

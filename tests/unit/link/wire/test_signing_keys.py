@@ -11,6 +11,9 @@ import pytest
 
 from gcs.cli.shared.shared_options import connection
 from gcs.errors import UsageError
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
+from gcs.link.wire.signing import KEY_BYTES
 from gcs.link.wire.signing_keys import load_key, signing_with
 
 HEX = "0123456789abcdef" * 4
@@ -104,3 +107,14 @@ def test_maps_and_links():
         connection(["udpin:127.0.0.1:1", "udpin:127.0.0.1:1"])
     with pytest.raises(UsageError, match="does not name a link"):
         connection(["nonsense"])
+
+
+def test_a_station_whose_clock_was_never_set_signs_until_a_vehicle_tells_the_time() -> None:
+    key = bytes([7]) * KEY_BYTES
+    station, vehicle = signing_with(key, 5.0, 1000.0), signing_with(key, 5.0, 1_795_331_000.0)
+    assert station is not None and vehicle is not None
+    beat = Message("MISSION_CURRENT", {"seq": 0})
+    first = Codec(255, 190).encode(beat, station.signature(5.0))
+    assert station.accepts(Codec(1, 1).encode(beat, vehicle.signature(6.0)), 6.0)
+    assert vehicle.accepts(Codec(255, 190).encode(beat, station.signature(6.0)), 6.0)
+    assert not vehicle.accepts(first, 6.0)
