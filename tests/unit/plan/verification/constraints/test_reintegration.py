@@ -101,7 +101,7 @@ def test_no_error_grows_faster_than_it_is_said_to(meadow_plan: Plan, exponent: f
     wind = SteadyWind(3.0, -2.0, reference_m=8.0, exponent=exponent)
     q = replace(meadow_plan.quadrotor, wind=wind, drag_Nspm=(0.3, 0.2, 0.25))
     steps, _ = falling(q, 0.3)
-    most = _growth(steps, q)
+    most = _growth(steps, 0.2, q)
     random = np.random.default_rng(5)
     state = random.uniform(-1.0, 1.0, (12, 2000)) * np.repeat([5.0, 3.0, 1.2, 0.05], 3)[:, None]
     state[2] = -random.uniform(0.0, 12.0, 2000)  # above height 0
