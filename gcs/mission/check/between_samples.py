@@ -192,7 +192,7 @@ class _Least:
         self._slack, self._place = 0.0, (0, 0.0)
 
     def look(self, values: Array, slack: Array, piece: Rows, share: Array) -> None:
-        """Values (M,) that there are, each wrong by at most the slack of its piece; one that is not a number is -inf."""
+        """Values (M,) that there are, each wrong by at most the slack of its piece; what is no number is -inf."""
         if not len(values):
             return
         values = np.where(np.isnan(values), -np.inf, values)

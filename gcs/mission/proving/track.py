@@ -56,7 +56,7 @@ class PolynomialTrack:
         """
         x = self.position_ned_m.x
         starts, ends = both_ends(scaled_coefficients(self.position_ned_m, x[:-1], x[1:], derivative))
-        return np.nan_to_num(np.linalg.norm(starts[1:] - ends[:-1], axis=-1), nan=np.inf)
+        return np.asarray(np.nan_to_num(np.linalg.norm(starts[1:] - ends[:-1], axis=-1), nan=np.inf))
 
 
 def both_ends(scaled: Array) -> tuple[Array, Array]:
