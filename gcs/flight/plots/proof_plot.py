@@ -45,7 +45,7 @@ def draw_proof(tracks: Sequence[PolynomialTrack], report: TrackReport, scenario:
     several = len(tracks) > 1
     panels: Any = grid[1].subgridspec(2 + several, 1).subplots(sharex=True)
     _draw_map(chart, tracks, t_s, places, scenario)
-    calls = [check for check in report.checks if check.kind is Kind.SEPARATION or not check.ok]
+    calls = [each for each in report.checks if each.vehicles and (each.kind is Kind.SEPARATION or not each.ok)]
     panel = iter(panels)
     if several:
         limit = next((check.limit for check in report.checks if check.kind is Kind.SEPARATION), None)

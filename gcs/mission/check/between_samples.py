@@ -192,9 +192,10 @@ class _Least:
         self._slack, self._place = 0.0, (0, 0.0)
 
     def look(self, values: Array, slack: Array, piece: Rows, share: Array) -> None:
-        """Values (M,) that there are, each wrong by at most the slack of its piece."""
+        """Values (M,) that there are, each wrong by at most the slack of its piece; what is no number is -inf."""
         if not len(values):
             return
+        values = np.where(np.isnan(values), -np.inf, values)
         at = int(np.argmin(values))
         self._surely = min(self._surely, float(np.min(values - slack[piece])))
         if values[at] < self.least:
@@ -210,7 +211,7 @@ class _Least:
 
     def keep(self, low: Array) -> None:
         """Bounds that are final."""
-        self._proved = min(self._proved, float(np.min(low, initial=np.inf)))
+        self._proved = min(self._proved, float(np.min(np.where(np.isnan(low), -np.inf, low), initial=np.inf)))
 
     def bound(self) -> Bound:
         proved = min(self._proved, self._surely)

@@ -53,6 +53,9 @@ def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surround
     if not sound:
         return
     allowed = _allowed(sound, support.inside_every_inclusion)
+    if allowed.is_empty:
+        yield found(mission, Rule.FENCE, Level.ERROR, "the fence leaves no place to fly in")
+        return
     ends = [flight.ned_m[0]]  # no autopilot returns to a rally point outside the fence
     rules = ((Rule.FENCE, "home", flight.ned_m[0]), *((Rule.RALLY, name, point) for name, point, _ in rally))
     for rule, name, point in rules:

@@ -54,21 +54,28 @@ class TrackFile:
             return None
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Lines that hold something, with their numbers: cells without blanks. A first line may begin with a hash."""
-        count = 0
+        """Lines that hold something, with their numbers: cells without blanks. A first line may begin with a hash.
+
+        Comments are left out. One with as many cells as the row before may be data: it is refused.
+        """
+        count = width = 0
         for number, line in enumerate(self.text.split("\n"), start=1):
             body = line.strip()
             if count == 0 and re.match(r"#\s*(?:duration|t\b|time)", body, re.I):
                 body = body.removeprefix("#")
             if not body or body.startswith("#"):
+                if width and len(_cells(body)) == width:
+                    what = "a row begins with a hash: it may be a comment, or a vehicle's sample"
+                    raise self.mistake(number, what, "remove the row, or write the name of the vehicle without a hash")
                 continue
             count += 1
             if count > ROWS_MAX:
                 raise self.mistake(number, f"more than {ROWS_MAX:,} rows", "give fewer samples")
             if len(body) > _COLUMNS_MAX * 100:
                 raise self.mistake(number, f"the line has {len(body):,} characters", "give a table of numbers")
-            cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", body)]
-            yield number, cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+            cells = _cells(body)
+            width = len(cells) if len(cells) > 1 else 0
+            yield number, cells
 
     def mistake(self, line: int, what: str, hint: str) -> FileFormatError:
         """The error about one line."""
@@ -83,6 +90,11 @@ class TrackFile:
         if not math.isfinite(value):
             raise self.mistake(line, f"{column} must be a finite number, got '{cell[:40]}'", "correct this row")
         return value
+
+
+def _cells(body: str) -> list[str]:
+    cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", body)]
+    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
 
 def is_number(cell: str) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+import sys
 from collections.abc import Sequence
 from typing import Any
 from urllib.parse import unquote
@@ -28,6 +29,7 @@ _AXES = "nwu"
 _MEMBERS_MAX = 20_000
 _MEMBER_BYTES, _ALL_BYTES = 64 * MIB, 512 * MIB
 _DEGREE_MAX = 15
+_LARGEST = sys.float_info.max
 _HINT = "export the show again, with its trajectories"
 
 
@@ -70,7 +72,7 @@ def read_show(file: TrackFile) -> tuple[list[PolynomialTrack], list[str]]:
         points = _at(path, ("points",))
         if not isinstance(points, list) or len(points) < 2:
             raise FileFormatError(f"{where}: its trajectory has no two points.", hint=_HINT)
-        late_s.add(_at(path, ("takeoffTime",)) or 0.0)
+        late_s.add(_numbers([_at(path, ("takeoffTime",)) or 0.0], 1, f"{where}, takeoffTime")[0])
         t_s, curves, turns = _curves(points, where)
         left_out |= {"yaw"} if turns else set()
         tracks.append(PolynomialTrack(name, _polynomials(t_s, curves, file.frame or _AXES)))
@@ -133,7 +135,7 @@ def _numbers(values: object, least: int, where: str) -> list[float]:
     """Finite numbers, at least so many."""
     if isinstance(values, list) and least <= len(values) <= 4:
         given = [value for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
-        if len(given) == len(values) and all(math.isfinite(value) for value in given):
+        if len(given) == len(values) and all(abs(value) <= _LARGEST for value in given):
             return [float(value) for value in given]
     raise FileFormatError(f"{where}: a time or a place is not of finite numbers.", hint=_HINT)
 

@@ -65,7 +65,7 @@ def read_samples(file: TrackFile) -> tuple[list[PolynomialTrack], list[str]]:
     for number, cells in rows:
         if len(cells) != len(names):
             raise file.mistake(number, f"{len(cells)} columns, not {len(names)}", f"see line {line} for their names")
-        samples = fleet.setdefault(file.stem if vehicle is None else cells[vehicle][:60], _Samples())
+        samples = fleet.setdefault(file.stem if vehicle is None else cells[vehicle], _Samples())
         samples.lines.append(number)
         samples.values.append([file.number(cells[index], names[index], number) for index in wanted])
     if not fleet:

@@ -50,10 +50,13 @@ class PolynomialTrack:
         return len(self.position_ned_m.c) > 2
 
     def jumps(self, derivative: int = 0) -> Array:
-        """Sizes (pieces - 1,) of the steps at the inner joints, of the place (m) or of a derivative of it."""
+        """Sizes (pieces - 1,) of the steps at the inner joints, of the place (m) or of a derivative of it.
+
+        Infinite where the polynomial overflows.
+        """
         x = self.position_ned_m.x
         starts, ends = both_ends(scaled_coefficients(self.position_ned_m, x[:-1], x[1:], derivative))
-        return np.asarray(np.linalg.norm(starts[1:] - ends[:-1], axis=-1))
+        return np.asarray(np.nan_to_num(np.linalg.norm(starts[1:] - ends[:-1], axis=-1), nan=np.inf))
 
 
 def both_ends(scaled: Array) -> tuple[Array, Array]:

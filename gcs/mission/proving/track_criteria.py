@@ -240,7 +240,8 @@ class TrackEffort(_OfVehicles):
         ]
         beside, up = force[0].square() + force[1].square(), force[2]
         least, most = (beside + up.square()).range()
-        aside_N = np.sqrt(np.maximum(beside.range()[1], 0.0))
+        # Below the level the tilt is largest where the force is most nearly vertical.
+        aside_N = np.sqrt(np.maximum(np.where(up.low() < 0.0, *beside.range()), 0.0))
         tilted = np.degrees(np.arctan2(aside_N, up.low()))
         now = np.stack([part.middle for part in force])
         thrust = np.linalg.norm(now, axis=0)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError, UsageError
@@ -98,7 +99,8 @@ def read_tracks(
     found: dict[int, _Read] = {}
     for row in TRACK_FORMATS:
         mine = [n for n, of in enumerate(rows) if of is row]
-        found |= dict(zip(mine, row.read([files[n] for n in mine], scenario) if mine else [], strict=True))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
+            found |= dict(zip(mine, row.read([files[n] for n in mine], scenario) if mine else [], strict=True))
     tracks: list[PolynomialTrack] = []
     account = []
     for number, (file, row) in enumerate(zip(files, rows, strict=True)):

@@ -20,7 +20,8 @@ _LISTED = 5
 class TrackCheck:
     """One criterion: the nearest value to its limit that was found, `seen`, with its vehicles and instant.
 
-    `proved` is a bound: no vehicle has a value beyond it at any instant.
+    `proved` is a bound: no vehicle has a value beyond it at any instant. `seen` is infinite, without vehicles, where it
+    was decided of no instant that was looked at whether the criterion applies.
     """
 
     name: str
@@ -52,6 +53,8 @@ class TrackCheck:
             return f"{self.name}: {'≤' if self.most else '≥'} {self.proved:.4g} {self.unit} proved, {against} required"
         where = f"at t = {self.t_s:.3f} s ({who}), {against} required"
         if self.verdict is ProofVerdict.UNDECIDED:
+            if not self.vehicles:
+                return f"{self.name}: undecided, perhaps {self.proved:.4g} {self.unit}, {against} required"
             between = f"between {self.proved:.4g} and {self.seen:.4g} {self.unit}"
             finest = f"intervals of {SHORTEST_S * 1e6:g} µs, {CELLS_MAX:,} of them, or the time limit decide no more"
             return f"{self.name}: undecided, {between} {where}; {finest}"
@@ -129,8 +132,9 @@ def settled_checks(
     for number, criterion in enumerate(criteria):
         phase = int(proof.seen[number].argmin())
         seen, proved = float(proof.seen[number, phase]), float(proof.proved[number].min())
-        if np.isinf(seen) and seen > 0.0:
-            continue
+        if np.isposinf(seen) and np.isposinf(proved):
+            continue  # it applies to nobody at any instant
+        known = np.isfinite(seen)
         sign = -1.0 if criterion.most else 1.0
         found.append(
             TrackCheck(
@@ -141,8 +145,8 @@ def settled_checks(
                 criterion.limit + sign * seen,
                 criterion.limit + sign * min(proved, seen),
                 family.constraints[number].tolerance,
-                tuple(names[row] for row in proof.who[number, phase]),
-                float(proof.t_s[number, phase]),
+                tuple(names[row] for row in proof.who[number, phase]) if known else (),
+                float(proof.t_s[number, phase] if known else proof.proved_at_s[number].min()),
                 criterion.kind,
             )
         )

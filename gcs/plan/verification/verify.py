@@ -240,7 +240,7 @@ class _Proofs:
         for number, constraint in enumerate(family.constraints):
             for phase, name in enumerate(p.name for p in self.plan.phases):
                 seen, proved = float(proof.seen[number, phase]), float(proof.proved[number, phase])
-                if np.isinf(seen) and seen > 0.0:
+                if np.isposinf(seen) and np.isposinf(proved):
                     continue  # it does not apply in this phase
                 row, t_s = family.row(proof.who[number, phase]), float(proof.t_s[number, phase])
                 sysid = None if constraint.id.kind is Kind.SEPARATION else self.plan.sysids[row]

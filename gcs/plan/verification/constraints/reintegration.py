@@ -21,7 +21,7 @@ from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
 from gcs.types import Array
 
 WINDOW_S = 5.0
-_FASTER_RADPS = 0.1  # rates of the exact solution differ by less from those of the plan
+_FASTER_RADPS = 0.1  # rates of the exact solution differ by less from those of the Taylor polynomials
 _BLOCK = 8192
 
 
@@ -66,8 +66,11 @@ def window_errors(steps: IntegrationSteps, first: Rows, last: Rows, q: Quadrotor
         flown.append((active, step))
         series.append(found)
     every = np.concatenate([step for _, step in flown])
-    defect = _defect(np.concatenate(series, axis=2), steps.control.c, steps.control.remainder, every, radius, q)
-    growth = expm(_growth(steps, q) * float(2.0 * radius.max()))  # of the longest step, which bounds the shorter ones
+    flown_series = np.concatenate(series, axis=2)
+    defect = _defect(flown_series, steps.control.c, steps.control.remainder, every, radius, q)
+    fastest = float((np.abs(flown_series[:, 9:]) * powers).sum(axis=0).max()) + _FASTER_RADPS
+    # Of the longest step, which bounds the shorter ones
+    growth = expm(_growth(steps, fastest, q) * float(2.0 * radius.max()))
     error, worst, done = np.zeros((12, len(first))), np.zeros(len(first)), 0
     for (active, step), distance in zip(flown, distances, strict=True):
         error[:, active] = growth @ (error[:, active] + 2.0 * radius[step] * defect[:, done : done + len(step)])
@@ -93,8 +96,8 @@ def _defect(series: Array, control: Array, left_out: Array, step: Rows, radius: 
     return np.concatenate(found, axis=1)
 
 
-def _growth(steps: IntegrationSteps, q: Quadrotor) -> Array:
-    """M (12, 12): no derivative of Eq. 1 along or near the plan is larger."""
+def _growth(steps: IntegrationSteps, fastest_radps: float, q: Quadrotor) -> Array:
+    """M (12, 12): no derivative of Eq. 1 is larger while no rate is above `fastest_radps`."""
     growth = np.zeros((12, 12))
     growth[0:3, 3:6] = np.eye(3)
     thrust = float(np.max(steps.control[0].size()))
@@ -105,9 +108,8 @@ def _growth(steps: IntegrationSteps, q: Quadrotor) -> Array:
         for axis, toward in enumerate((q.wind.north_mps, q.wind.east_mps)):
             growth[3 + axis, 2] = q.drag_Nspm[axis] / q.mass_kg * abs(toward) * steepest
     growth[6:9, 9:12] = np.eye(3)
-    fastest = float(np.abs(steps.state[:, 9:]).max()) + 2.0 * _FASTER_RADPS
     ix, iy, iz = q.inertia_kgm2
     for axis, (couple, inertia) in enumerate(((iy - iz, ix), (iz - ix, iy), (ix - iy, iz))):
-        growth[9 + axis, 9:12] = abs(couple) / inertia * fastest
+        growth[9 + axis, 9:12] = abs(couple) / inertia * fastest_radps
         growth[9 + axis, 9 + axis] = q.drag_moment_Nms[axis] / inertia
     return growth

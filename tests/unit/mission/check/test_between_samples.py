@@ -155,6 +155,14 @@ def test_a_place_beside_a_cliff_is_near_the_ground() -> None:
     assert near.verdict == "violated"
 
 
+def test_a_value_that_is_not_known_is_not_proved() -> None:
+    one, none = np.ones(1), np.zeros(1)
+    unknown = bound_along(lambda part, _: np.full(len(part), np.nan), one, 1.0, slack=none, duration_s=one)
+    assert unknown.verdict == "violated"
+    nowhere, flat = np.full((1, 3), np.nan), lambda low_m, _: 0.0 * low_m[:, 0]
+    assert clearance_along(flat, nowhere, nowhere, 1.0, slack=none, duration_s=one).verdict == "violated"
+
+
 def test_a_value_that_only_touches_its_limit_is_undecided_or_proved() -> None:
     bound = bound_along(
         lambda piece, share: np.abs(share - 1 / 3) + 0.0 * piece,

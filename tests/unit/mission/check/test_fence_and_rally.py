@@ -106,6 +106,11 @@ def test_inside_all_inclusions_or_one_of_them() -> None:
     assert "leaves the fence" in " ".join(f.message for f in findings(two))
 
 
+def test_a_fence_without_a_place_inside_is_told() -> None:
+    closed = Geofence((square(-20, 20, -20, 20), square(40, 120, -20, 20)))
+    assert [f.message for f in findings(closed)] == ["the fence leaves no place to fly in"]
+
+
 def test_rally_points() -> None:
     out = RallyPoint(place(130, 0), 20.0)
     assert [(f.rule, f.message) for f in findings(FIELD, (out,))] == [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gcs
-from gcs.errors import UsageError
+from gcs.errors import FileFormatError, UsageError
 from gcs.mission.check.fleet_check import check_fleet
 from gcs.mission.flight_limits import limits_of, surroundings_of
 from gcs.mission.formats.any_mission import load_missions
@@ -56,3 +56,10 @@ def test_a_model_that_bends_takes_that_from_the_proved_separation() -> None:
 def test_the_speed_of_a_mission_is_not_bounded_by_straight_pieces(exported: list[Path]) -> None:
     with pytest.raises(UsageError, match=r"uav1.*do not bound its speed"):
         gcs.prove(gcs.read_tracks(exported).tracks, gcs.TrackLimits(1.0, speed_mps=20.0))
+
+
+def test_a_mission_that_leads_nowhere_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "home.waypoints"
+    file.write_text("QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t400\t1\n")
+    with pytest.raises(FileFormatError, match=r"home\.waypoints: the mission leads nowhere"):
+        gcs.read_tracks([file])

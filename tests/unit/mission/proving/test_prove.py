@@ -53,6 +53,13 @@ def test_two_lines_that_cross_are_as_near_as_the_formula_says(seed: int) -> None
     assert np.linalg.norm(apart + violated.t_s * moving) == pytest.approx(violated.seen, abs=1e-9)
 
 
+def test_a_step_that_overflows_is_no_step_of_0() -> None:
+    c = np.zeros((8, 2, 3))
+    c[0], c[7, 1] = 1e300, 5.0
+    (step,) = gcs.prove([gcs.PolynomialTrack("far", PPoly(c, [0.0, 1e200, 2e200]))]).failures
+    assert step.verdict == "violated"
+
+
 def near_pass(rng: np.random.Generator, limit_m: float, beyond_m: float, lasts_s: float) -> tuple[Array, Array]:
     """Times (N,) and places (3, N, 3) of three vehicles; of two the least distance is the limit less `beyond_m`.
 

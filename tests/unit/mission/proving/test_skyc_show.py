@@ -104,6 +104,8 @@ def test_vehicles_without_names_of_their_own_are_numbered(tmp_path: Path) -> Non
         (show({"a": {"points": [*LINE, [3.0, [0, 0, 1], [[0, 0, 0]] * 15]]}}), "a, point 3: its control points"),
         (show({"a": {"points": [*LINE, 7]}}), "a, point 3: it is not"),
         (show({"a": {"points": LINE, "takeoffTime": 2}, "b": {"points": LINE}}), "different takeoffTime"),
+        (show({"a": {"points": LINE, "takeoffTime": [2]}}), "a, takeoffTime: a time or a place"),
+        (show({"a": {"points": [*LINE, [3.0, [10**400, 0, 0], []]]}}), "a, point 3: a time or a place"),
     ],
 )
 def test_what_is_wrong_is_refused_with_its_place(tmp_path: Path, data: bytes, words: str) -> None:

@@ -12,7 +12,10 @@ from scipy.interpolate import PPoly
 import gcs
 from gcs.errors import UsageError
 from gcs.mission.proving.timed_samples import through
+from gcs.mission.proving.track import FleetMotion
+from gcs.mission.proving.track_criteria import TrackEffort
 from gcs.physics.quadrotor import Quadrotor, thrust_and_tilt
+from gcs.plan.verification.proof.subdivision import Cells
 from gcs.scenario.sources.load import vehicle_type
 from tests.unit.plan.problems import FLAT, changed
 
@@ -31,6 +34,18 @@ def wild(seed: int) -> gcs.PolynomialTrack:
         * np.array([0.02, 0.1, 0.4, 1.0, 3.0, 10.0])[:, None, None]
     )
     return gcs.PolynomialTrack("wild", PPoly(c, [0.0, 4.0]))
+
+
+def test_a_force_that_sweeps_through_straight_down_is_tilted_by_180_degrees() -> None:
+    """It falls faster than freely, and its level acceleration changes its sign at 0.3 s."""
+    c = np.zeros((4, 1, 3))
+    c[0, 0, 0], c[1, 0, 0], c[1, 0, 2] = -16.0 / 6.0, 4.8 / 2.0, 12.0 / 2.0
+    motion = FleetMotion.of([gcs.PolynomialTrack("falling", PPoly(c, [0.0, 1.0]))], np.empty(0))
+    body = Quadrotor(**vehicle_type(VEHICLE).vehicle.model_dump(exclude={"name", "power"}))
+    family = TrackEffort(motion, body, (0.0, 100.0), math.radians(170.0))
+    none = np.zeros(1, dtype=np.intp)
+    low, _ = family.bounds(Cells(none[:, None], np.zeros(1), np.ones(1), none, np.zeros((1, 0))))
+    assert low[2, 0] <= 170.0 - 180.0
 
 
 @pytest.mark.parametrize("seed", range(6))

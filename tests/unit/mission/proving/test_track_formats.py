@@ -104,6 +104,7 @@ def test_setpoints_of_skein_are_within_their_plan(repo_root: Path) -> None:
         ("t,x,y,z,up\n0,1,2,3,0\n", 1, "two columns hold the place"),
         ("t,x,y,down\n0,1,2,3\n", 1, "stand beside"),
         ("t,x [ft],y,z\n0,1,2,3\n", 1, "is in 'ft'"),
+        ("id,t,x,y,z\n1,0,1,2,3\n1,1,1,2,3\n#2,0,1,2,3\n#2,1,1,2,3\n", 4, "begins with a hash"),
         (f"{PIECE}\n1,2,3\n", 2, "3 columns, not 33"),
         (f"{HEADER}\n{PIECE}\n-{PIECE}\n", 3, "duration is -1.5 s"),
         (f"{PIECE}\n{PIECE.replace('0.5', 'inf')}\n", 2, "column 21 must be a finite number"),
@@ -123,6 +124,12 @@ def test_what_holds_no_track_is_refused(tmp_path: Path, text: str) -> None:
     file.write_bytes(text.encode("utf-8", errors="surrogatepass"))
     with pytest.raises(FileFormatError, match=r"cf1\.csv"):
         gcs.read_tracks([file], frame="ned")
+
+
+def test_vehicles_whose_long_names_begin_alike_are_two(tmp_path: Path) -> None:
+    rows = [f"{'long' * 20}{vehicle},{t},{10 * vehicle},0,0" for t, vehicle in ((0, 1), (1, 2), (2, 1), (3, 2))]
+    read = gcs.read_tracks([written(tmp_path, "\n".join(["id,t,x,y,z", *rows, "# the end"]))], frame="ned")
+    assert len(read.tracks) == 2
 
 
 def test_x_y_z_without_a_frame_and_vehicles_twice_are_refused(tmp_path: Path) -> None:

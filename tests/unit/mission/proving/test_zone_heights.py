@@ -59,6 +59,16 @@ def test_a_zone_that_begins_or_ends_is_passed_by_a_hundredth_of_a_second(
     assert inside or check.proved == pytest.approx(0.08, abs=2e-3)
 
 
+def test_a_zone_that_no_look_of_the_time_limit_met_in_force_is_undecided(simulation1: gcs.Scenario) -> None:
+    """It holds inside the zone when that begins, half a minute after the flight."""
+    zone = SHAPES[0] | {"in_force_s": (50.0, 51.0)}
+    track = flown((35.0, 0.0, 25.0), (45.0, 0.0, 25.0))
+    report = proved(simulation1, zone, track, abort=gcs.BreakOff("hold"), limit_s=1e-9)
+    check = check_of(report, f"{NAME}, broken off to hold")
+    assert (check.verdict, check.vehicles, report.ok) == ("undecided", (), False)
+    assert "undecided, perhaps" in str(check)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_distances_are_those_of_brute_force(simulation1: gcs.Scenario, seed: int) -> None:
     rng = np.random.default_rng(seed)

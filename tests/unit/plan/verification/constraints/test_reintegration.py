@@ -10,6 +10,7 @@ import pytest
 from gcs.physics.quadrotor import Quadrotor, equations_of_motion
 from gcs.physics.wind import SteadyWind
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.constraints import reintegration
 from gcs.plan.verification.constraints.reintegration import IntegrationSteps, _growth, step_edges, window_errors
 from gcs.plan.verification.proof.taylor import Taylor, constant
 from gcs.types import Array
@@ -101,7 +102,7 @@ def test_no_error_grows_faster_than_it_is_said_to(meadow_plan: Plan, exponent: f
     wind = SteadyWind(3.0, -2.0, reference_m=8.0, exponent=exponent)
     q = replace(meadow_plan.quadrotor, wind=wind, drag_Nspm=(0.3, 0.2, 0.25))
     steps, _ = falling(q, 0.3)
-    most = _growth(steps, q)
+    most = _growth(steps, 0.2, q)
     random = np.random.default_rng(5)
     state = random.uniform(-1.0, 1.0, (12, 2000)) * np.repeat([5.0, 3.0, 1.2, 0.05], 3)[:, None]
     state[2] = -random.uniform(0.0, 12.0, 2000)  # above height 0
@@ -119,3 +120,13 @@ def test_no_error_grows_faster_than_it_is_said_to(meadow_plan: Plan, exponent: f
         assert most[row, column] == pytest.approx(found[row, column], rel=1e-6)
     for axis in (0, 1):
         assert most[3 + axis, 2] <= 2.5 * found[3 + axis, 2], "the wind's slope"
+
+
+def test_growth_counts_with_the_rates_within_steps(meadow_plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A roll that begins in the last step is in no step's first state."""
+    q, told = meadow_plan.quadrotor, []
+    monkeypatch.setattr(reintegration, "_growth", lambda *given: (told.append(given[1]), _growth(*given))[1])
+    steps, count = falling(q, 0.0)
+    steps.control.c[0, 1, -1] = q.inertia_kgm2[0] / q.arm_m * 10.0  # rad/s², for 0.1 s
+    error_m(steps, [0], [count], q)
+    assert told[0] > 1.0
