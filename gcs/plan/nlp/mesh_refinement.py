@@ -99,7 +99,8 @@ def optimise(
     shortest_s = SHORTEST_S if problem.start_thrust_N is None else 0.5 * SHORTEST_S
     mesh = first_mesh(problem, longest_s, shortest_s, DEGREE) if warm is None else warm.mesh
     if warm is None:
-        mesh = mesh.enforcing_at(instants_near_zones(problem, mesh, guess)).enforcing_at(instants_at_ends(mesh))
+        beside = instants_near_zones(problem, mesh, guess) if problem.has_box else instants_at_ends(mesh)
+        mesh = mesh.enforcing_at(beside)
     # A route at constant speed is near a flight; coordinates and legs are guessed less well.
     near = near or not (problem.coordinates or problem.points or problem.shape.moving_s)
     trajectory = guess

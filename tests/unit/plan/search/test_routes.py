@@ -145,6 +145,9 @@ def test_a_time_that_is_too_short_for_the_detour_says_how_long_it_takes(simulati
     route = find_routes(problem, survey(problem))[0]
     with pytest.raises(PlanningError) as failed:
         optimise(problem, along(problem, route))
+    with pytest.raises(PlanningError) as plain:
+        best_class(problem, lambda _: None, explained=False)
+    assert "t_f" not in plain.value.message
     answer = explain_infeasible(problem, route, [failed.value])
     assert isinstance(answer, Infeasible)
     needed_s = float(answer.message.split("t_f ≥ ")[1].split(" s")[0])
