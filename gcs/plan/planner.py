@@ -71,15 +71,15 @@ def _made(
 ) -> Plan:
     began = time.perf_counter()
 
-    def flight(inflated: Scenario) -> tuple[Optimum, tuple[Alternative, ...]]:
+    def flight(inflated: Scenario, told: bool) -> tuple[Optimum, tuple[Alternative, ...]]:
         problem = flight_problem(inflated, extra_objectives)
-        return best_flight(problem, on_round, all_routes=every_way, workers=workers)
+        return best_flight(problem, on_round, all_routes=every_way, workers=workers, explained=told)
 
     best, alternatives = first_with_margin(scenario, flight)
     scenario = with_fixed_time(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
-    run_up = first_with_margin(scenario, lambda inflated: _run_up(inflated, on_round))
+    run_up = first_with_margin(scenario, lambda inflated, _: _run_up(inflated, on_round))
     run_up_done = time.perf_counter()
     phases = phases_of(scenario)
     leader = leader_index(scenario)

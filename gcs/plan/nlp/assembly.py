@@ -77,6 +77,7 @@ class Constants:
     legs: LegConstants | None = None
     points: PointFunctions | None = None
     path_rows: list[int] | None = None  # those of the path that the program has, instant by instant; None: all
+    box_rows: list[int] | None = None  # those of the states' bounds at extra instants, instant by instant; None: all
 
 
 def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
@@ -94,10 +95,11 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
     zn = z[:, :nodes]
     s_nodes, s_watch = sampling[: nz * nodes, :], sampling[nz * nodes :, :]
-    state_rows = [nz * i + j for i in range(k.extra) for j in range(nx)]
-    watch_unit = ca.DM(np.tile(1.0 / k.state_unit, k.extra))
-    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if k.extra else ca.DM(0, sampling.size2())
-    box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.extra else ca.DM(0, 1)
+    boxed = range(nx * k.extra) if k.box_rows is None else k.box_rows
+    state_rows = [nz * (row // nx) + row % nx for row in boxed]
+    watch_unit = ca.DM(np.tile(1.0 / k.state_unit, k.extra)[boxed])
+    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if state_rows else ca.DM(0, sampling.size2())
+    box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if state_rows else ca.DM(0, 1)
 
     path_count = parts.path.size1_out(0)
     path_rows: slice | list[int] = slice(None) if k.path_rows is None else k.path_rows

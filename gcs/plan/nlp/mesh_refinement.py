@@ -17,6 +17,7 @@ from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.followers import formation_motion, rounded_thrust_polynomial
 from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.formation.timeline import Move, in_turn, lay, starts_at_points
+from gcs.plan.nlp.instants import instants_at_ends, instants_between, instants_near_zones
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.route_phases import first_mesh
@@ -30,6 +31,8 @@ from gcs.plan.nlp.violations import (
     turning_reserve_g,
 )
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.stage_functions import RowReach
+from gcs.plan.trajectory.constraint_id import STATES, Form
 from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.plan.trajectory.leg_lines import LegLine
 from gcs.plan.trajectory.plan import MeshRound
@@ -47,6 +50,10 @@ _SETTLED = 1e-2  # of the time, where that is free
 WINDOW_TOLERANCE_M = 5e-3  # half of the verifier's tolerance
 # Added to the clearance at the nodes: then the ground between them rarely needs another solve.
 CLEARANCE_RESERVE_M = 0.03
+FROM_GUESS, FROM_SOLUTION = RowReach(30.0, 60.0), RowReach(8.0, 25.0)
+BETWEEN_RESERVE_M = 5e-3  # added to the distance from zones at instants between nodes
+BETWEEN_SHARE = 1e-3  # of a rate's limit, that is kept there in reserve
+_RATES = STATES[RATES]
 _RESERVED_S = 20.0  # from the start, until when the reserve beside zones grows
 _RESERVES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of it
 
@@ -91,11 +98,17 @@ def optimise(
     longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S
     shortest_s = SHORTEST_S if problem.start_thrust_N is None else 0.5 * SHORTEST_S
     mesh = first_mesh(problem, longest_s, shortest_s, DEGREE) if warm is None else warm.mesh
+    if warm is None:
+        beside = instants_near_zones(problem, mesh, guess) if problem.has_box else instants_at_ends(mesh)
+        mesh = mesh.enforcing_at(beside)
+    # A route at constant speed is near a flight; coordinates and legs are guessed less well.
+    near = near or not (problem.coordinates or problem.points or problem.shape.moving_s)
     trajectory = guess
     solution = None if warm is None else warm.solution
     history: list[MeshRound] = []
     for _ in range(MAX_ROUNDS):
-        program = _with_reserve(transcribe(problem, mesh, trajectory), problem)
+        reach = FROM_GUESS if solution is None and not problem.follows_course else FROM_SOLUTION
+        program = _with_reserve(transcribe(problem, mesh, trajectory, reach=reach), problem)
         solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None, most=most)
         trajectory = program.trajectory(solution.y)
         before, mesh = mesh, program.mesh(solution.y)
@@ -131,10 +144,8 @@ def optimise(
             jerk_reserve_mps3=problem.jerk_reserve_mps3 + jerk_reserve_mps3(missed),
             turning_reserve_g=turning_reserve_g(problem.scenario, problem.turning_reserve_g, missed),
         )
-        worst_s = [miss.t_s for miss in missed]
-        if problem.follows_course:  # past a corner of a zone the violation moves along its period while it shrinks
-            worst_s += [0.5 * (miss.t_s + end_s) for miss in missed for end_s in miss.period_s]
-        mesh = mesh.split(drifting).enforcing_at(np.unique(worst_s))
+        mesh = mesh.split(drifting)
+        mesh = mesh.enforcing_at(instants_between(mesh, missed))
     leg = problem.leg_at(max(missed, key=attrgetter("tolerated")).t_s) if missed else ""
     raise PlanningError.because(
         f"{MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}"
@@ -145,14 +156,17 @@ def optimise(
 
 
 def _with_reserve(program: Program, problem: Problem) -> Program:
-    """The program with its reserve beside zones; the flight may begin as near to one as it is."""
-    if problem.zone_reserve_m == 0.0:
-        return program
-    g_low = program.g_low.copy()
+    """The program with its reserves beside zones and, between nodes, of rates; the flight may begin as near to a zone
+    as it is."""
+    between = set(program.layout.mesh.extra_s.tolist())
+    g_low, g_high = program.g_low.copy(), program.g_high.copy()
     for row, (constraint, t_s) in enumerate(program.g_ids):
         if isinstance(constraint.of, ZoneName):
             g_low[row] += problem.zone_reserve_m * min((t_s - problem.start_s) / _RESERVED_S, 1.0)
-    return replace(program, g_low=g_low)
+            g_low[row] += BETWEEN_RESERVE_M * (t_s in between)
+        elif constraint.kind in _RATES and constraint.form is Form.BOUND:
+            g_low[row], g_high[row] = (1.0 - BETWEEN_SHARE) * g_low[row], (1.0 - BETWEEN_SHARE) * g_high[row]
+    return replace(program, g_low=g_low, g_high=g_high)
 
 
 def with_times(problem: Problem, end_s: float, point_s: tuple[float, ...]) -> Problem:

@@ -2,6 +2,7 @@
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from gcs.physics.quadrotor import level_flight_thrust_N
@@ -16,6 +17,8 @@ from gcs.types import Array
 
 # Unit of each state in the program: its typical size in flight, so that IPOPT works with values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
+
+_NEAR_BOUND = 0.15  # of the range: a state that is farther from its bounds between nodes does not reach them
 
 
 def scales(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
@@ -71,3 +74,16 @@ def thrust_steps(problem: Problem, layout: VariableLayout, unit: Array) -> ca.DM
     rows = np.tile(np.arange(count), 2)
     entries = np.concatenate([-values[:-1], values[1:]])
     return dm(sparse.csc_matrix((entries, (rows, columns[:-1] + columns[1:])), shape=(count, layout.size)))
+
+
+def box_may_bind(problem: Problem, times_s: Array, states: Array) -> NDArray[np.bool_]:
+    """Mask (T, nx) of the states' bounds that can bind at `times_s` near the last known states (T, nx).
+
+    A guess says nothing about rates, which change fastest: their bounds are all there.
+    """
+    low, high = leader_state_bounds(problem, times_s)
+    with np.errstate(invalid="ignore"):
+        near = _NEAR_BOUND * (high - low)
+    found = (states - low < near) | (high - states < near)
+    found[:, RATES] = True
+    return np.asarray(found)

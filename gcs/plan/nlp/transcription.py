@@ -22,7 +22,7 @@ from scipy.interpolate import PPoly
 from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.mesh import HOLD, Mesh
-from gcs.plan.nlp.program_bounds import bounds, scales, thrust_steps
+from gcs.plan.nlp.program_bounds import bounds, box_may_bind, scales, thrust_steps
 from gcs.plan.nlp.route_phases import leg_constants, leg_times, point_rows
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
@@ -31,6 +31,7 @@ from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.objective_sum import cost_shares
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.stage_functions import EVERYWHERE, RowReach
 from gcs.plan.trajectory.constraint_id import ConstraintId, Form, Kind
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.types import Array
@@ -108,9 +109,14 @@ class Program:
 
 
 def transcribe(
-    problem: Problem, mesh: Mesh, last: Trajectory, control_form: ControlForm = ControlForm.LINEAR
+    problem: Problem,
+    mesh: Mesh,
+    last: Trajectory,
+    control_form: ControlForm = ControlForm.LINEAR,
+    reach: RowReach = EVERYWHERE,
 ) -> Program:
-    """The program of one problem on one mesh. The leader's `last` trajectory decides which vehicles are active when."""
+    """The program of one problem on one mesh. The leader's `last` trajectory decides which vehicles are active when,
+    and which rows the program has: those that can bind within `reach` of it."""
     report("building the program")
     layout = VariableLayout(mesh, control_form, tuple(c.name for c in problem.coordinates))
     nx = layout.nx
@@ -127,11 +133,12 @@ def transcribe(
     shares = cost_shares(problem, node_times, quadrature / problem.mean_s, quadrature * weight / (quadrature @ weight))
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = stage_functions.functions(problem, *counts)
-    used = None
-    if problem.follows_course:
+    used = box = None
+    if problem.follows_course or reach is not EVERYWHERE:
         at = np.hstack([last.state(times), last.control(times)])
         values = np.asarray(parts.path.map(len(times))(at.T, chosen.parameters.T)).T
-        used = stage_functions.path_may_bind(problem, chosen, values)
+        used = stage_functions.path_may_bind(problem, chosen, values, reach, layout.nodes)
+        box = box_may_bind(problem, mesh.extra_s, last.state(mesh.extra_s))
     times_of_legs, near = leg_times(problem, mesh), point_rows(problem, layout, unit, shift)
     functions = assemble(
         parts,
@@ -151,9 +158,10 @@ def transcribe(
             legs=None if times_of_legs is None else leg_constants(problem, mesh, times_of_legs),
             points=None if near is None else near.functions,
             path_rows=None if used is None else np.flatnonzero(used).tolist(),
+            box_rows=None if box is None else np.flatnonzero(box).tolist(),
         ),
     )
-    return bounded_program(problem, layout, chosen, functions, used=used)
+    return bounded_program(problem, layout, chosen, functions, used=used, box=box)
 
 
 def bounded_program(
@@ -165,10 +173,12 @@ def bounded_program(
     parameters: Array | None = None,
     unused: NDArray[np.bool_] | None = None,
     used: NDArray[np.bool_] | None = None,
+    box: NDArray[np.bool_] | None = None,
 ) -> Program:
     """The program made of `functions` (nlp, derivatives), the bounds of this problem and the constraints of all rows.
 
-    `unused` (T, P): mask of rows of the path without effect. `used` (T, P): mask of those in the program; else all.
+    `unused` (T, P): mask of rows of the path without effect. `used` (T, P), `box` (W, nx): masks of the rows of the
+    path, and of the states' bounds at extra instants, that are in the program; else all.
     """
     nlp, derivatives = functions
     mesh, (unit, shift) = layout.mesh, scales(problem, layout)
@@ -188,7 +198,10 @@ def bounded_program(
         for t, row, kept in zip(times, stage_functions.path_ids(problem, chosen), used, strict=True)
         for one in itertools.compress(row, kept)
     ]
-    g_ids += [(one, float(t)) for t in mesh.extra_s for one in limits]
+    box = np.ones(box_low.shape, dtype=bool) if box is None else box
+    g_ids += [
+        (one, float(t)) for t, row in zip(mesh.extra_s, box, strict=True) for one in itertools.compress(limits, row)
+    ]
     steps = layout.mesh.intervals if layout.control_form is ControlForm.LINEAR else 0
     steps *= problem.jerk_left_mps3 is not None
     y_low, y_high, y_ids = (y_low - shift) / unit, (y_high - shift) / unit, layout.limits()
@@ -213,13 +226,13 @@ def bounded_program(
             [
                 dynamics,
                 np.where(free, -np.inf, 0.0)[used],
-                (box_low / state_unit).ravel(),
+                (box_low / state_unit)[box],
                 rows_low,
                 np.full(2 * steps, -np.inf),
             ]
         ),
         np.concatenate(
-            [dynamics, np.full(used.sum(), np.inf), (box_high / state_unit).ravel(), rows_high, np.zeros(2 * steps)]
+            [dynamics, np.full(used.sum(), np.inf), (box_high / state_unit)[box], rows_high, np.zeros(2 * steps)]
         ),
         y_ids,
         tuple(g_ids),

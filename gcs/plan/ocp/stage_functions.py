@@ -41,7 +41,8 @@ _SPLINE_DEGREE = 3  # of the smooth envelope of an elevation model
 # Of the leader these are bounds of its state.
 _BOUNDED = STATES[:6]
 # A row is left out of the program where a vehicle is farther from ground or zone, or its size is below 0.7 limits.
-_NEAR_GROUND_M, _NEAR_ZONE_M, _NEAR_LIMIT = 8.0, 25.0, 0.5
+_NEAR_LIMIT = 0.5
+_BETWEEN_M = 2.0  # from the ground, at instants between nodes
 # The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
 # take less than the whole limit.
 TURN_SHARE, THRUST_SHARE = 0.9, 0.3
@@ -49,6 +50,17 @@ TURN_SHARE, THRUST_SHARE = 0.9, 0.3
 _LINE_KINDS = (Kind.LEG_CORRIDOR, Kind.LEG_HEIGHT, Kind.LEG_YAW)
 
 _Symbol = TypeVar("_Symbol", ca.SX, ca.MX)
+
+
+@dataclass(frozen=True)
+class RowReach:
+    """How far from ground and zones a vehicle may be so that the program has rows about them at its nodes."""
+
+    ground_m: float
+    zone_m: float
+
+
+EVERYWHERE = RowReach(math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -166,26 +178,33 @@ def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     return np.hstack([spare, np.isinf(limits)[chosen.legs] | (chosen.legs < 0)[:, None]])
 
 
-def path_may_bind(problem: Problem, chosen: ActiveVehicles, values: Array) -> NDArray[np.bool_]:
+def path_may_bind(
+    problem: Problem, chosen: ActiveVehicles, values: Array, reach: RowReach, nodes: int
+) -> NDArray[np.bool_]:
     """Mask (T, P) of the rows of the path that can bind near the last known states, where they have `values` (T, P).
 
-    Every row of a limit is 1 - (size / limit)^2. The leader's own place and speed are bounds. What is left out here is
-    checked after each solve like all else (`violations`), and then has a value that brings it in.
+    The first `nodes` instants are nodes. Every row of a limit is 1 - (size / limit)^2. The leader's own place and speed
+    are bounds. What is left out here is checked after each solve like all else (`violations`), and then has a value
+    that brings it in.
     """
     kinds, ground = _moving_kinds(problem), chosen.ground.shape[1]
     near = sum(zone.shape[1] for zone in chosen.zones)
+    extra = np.arange(len(values))[:, None] >= nodes
     used = np.ones(values.shape, dtype=bool)
-    used[:, :ground] = values[:, :ground] < _NEAR_GROUND_M
+    used[:, :ground] = values[:, :ground] < np.where(extra, min(_BETWEEN_M, reach.ground_m), reach.ground_m)
     active = chosen.parameters[:, : chosen.parameters.shape[1] - LINE * bool(problem.lines)]
     slots = active.reshape(len(values), -1, SLOT)[:, :ground, FOOT.start :]
     used[:, 1:ground:FEET] &= np.any(slots[:, 1::FEET] != slots[:, ::FEET], axis=2)  # both feet on flat ground
-    used[:, ground : ground + near] = values[:, ground : ground + near] < _NEAR_ZONE_M
+    used[:, ground : ground + near] = values[:, ground : ground + near] < reach.zone_m
     moving = slice(ground + near, ground + near + chosen.moving.shape[1] * len(kinds))
-    leaders = chosen.moving == problem.leader
-    rows = (values[:, moving] < _NEAR_LIMIT).reshape(*leaders.shape, len(kinds))
-    bounded = np.array([kind in _BOUNDED for kind in kinds])
-    used[:, moving] = np.where(leaders[..., None], ~bounded, rows).reshape(len(values), -1)
-    return used
+    if problem.follows_course:
+        leaders = chosen.moving == problem.leader
+        rows = (values[:, moving] < _NEAR_LIMIT).reshape(*leaders.shape, len(kinds))
+        bounded = np.array([kind in _BOUNDED for kind in kinds])
+        used[:, moving] = np.where(leaders[..., None], ~bounded, rows).reshape(len(values), -1)
+    else:
+        used[:, moving] = ~extra | (values[:, moving] < _NEAR_LIMIT)
+    return used & ~path_is_free(problem, chosen)
 
 
 def _path(

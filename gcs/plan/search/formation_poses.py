@@ -63,16 +63,22 @@ def representatives(offsets_ned_m: Array) -> Rows:
 def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Array) -> Array:
     """Least height (...) of the leader at places (...): infinite where a vehicle would be in a zone."""
     scenario = problem.scenario
-    when_s = _passed_s(problem, north_m, east_m)
     floor = np.full(np.shape(north_m), -np.inf)
     for offset_n, offset_e, offset_d in offsets_ned_m:
         report("mapping the room of every vehicle between zones, ground and ceiling")
-        at_n, at_e = north_m + offset_n, east_m + offset_e
-        least = coarse_floor_m(scenario.terrain, at_n, at_e, scenario.limits.clearance_min_m)
+        least = coarse_floor_m(scenario.terrain, north_m + offset_n, east_m + offset_e, scenario.limits.clearance_min_m)
         floor = np.maximum(floor, least + offset_d)
-        for zone in zones(scenario):
-            floor[outside_m(zone, when_s, at_n, at_e) < 0.0] = np.inf
-    return np.asarray(floor)
+    return np.where(from_zones_m(problem, offsets_ned_m, north_m, east_m) < 0.0, np.inf, floor)
+
+
+def from_zones_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Array) -> Array:
+    """How far (...) all vehicles are outside of all zones with the leader at places (...): negative inside of one."""
+    when_s = _passed_s(problem, north_m, east_m)
+    least = np.full(np.shape(north_m), np.inf)
+    for zone in zones(problem.scenario):
+        for offset_n, offset_e, _ in offsets_ned_m:
+            least = np.minimum(least, outside_m(zone, when_s, north_m + offset_n, east_m + offset_e))
+    return least
 
 
 def _passed_s(problem: Problem, north_m: Array, east_m: Array) -> Array:

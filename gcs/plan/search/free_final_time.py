@@ -28,13 +28,18 @@ _ROUND_S = 0.01
 
 
 def best_flight(
-    problem: Problem, on_round: Callable[[MeshRound], None], *, all_routes: bool, workers: int = 1
+    problem: Problem,
+    on_round: Callable[[MeshRound], None],
+    *,
+    all_routes: bool,
+    workers: int = 1,
+    explained: bool = True,
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
-    """The best flight in the scenario's time, or in the best time where that is free. Raises PlanningError."""
+    """The best flight in the scenario's time, or in the best time where that is free. Raises as `best_class`."""
     free = problem.scenario.time.free
     if free:
         problem = with_free_time(problem)
-    best, alternatives = best_class(problem, on_round, all_routes=all_routes, workers=workers)
+    best, alternatives = best_class(problem, on_round, all_routes=all_routes, workers=workers, explained=explained)
     if free:
         best = _rounded(problem, best, on_round)
     return centred(problem, best, on_round), alternatives

@@ -34,12 +34,18 @@ _CTRL_C_IS_FOR_THE_PARENT = signal.SIGINT, signal.SIG_IGN
 
 
 def best_class(
-    problem: Problem, on_round: Callable[[MeshRound], None], *, all_routes: bool = False, workers: int = 1
+    problem: Problem,
+    on_round: Callable[[MeshRound], None],
+    *,
+    all_routes: bool = False,
+    workers: int = 1,
+    explained: bool = True,
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
     """The best optimum over all routes, and the result of each route, shortest first.
 
     With several `workers`, routes are optimised in parallel where that is quicker; the result is the same. Raises
-    Infeasible (no route, too little time, ...) or PlanningError.
+    Infeasible (no route, too little time, ...) or PlanningError; if `explained`, with the time of flight that is
+    enough, whose search takes several solves.
     """
     check_time(problem)
     routes = routes_through(problem) if problem.points else every_route(problem)
@@ -98,12 +104,16 @@ def best_class(
         # The map is coarse: the optimiser may find a passage that its cells do not show.
         straight = straight_route(problem)
         if any(np.array_equal(route.points_m, straight.points_m) for route in routes):
-            raise explain_infeasible(problem, routes[0], failures) from failures[-1]
+            raise _explained(problem, routes[0], failures, explained=explained) from failures[-1]
         try:
             best = _optimised(problem, straight, on_round)
         except PlanningError as failure:
-            raise explain_infeasible(problem, routes[0], [*failures, failure]) from failure
+            raise _explained(problem, routes[0], [*failures, failure], explained=explained) from failure
     return best, tuple(tried)
+
+
+def _explained(problem: Problem, route: Route, failures: list[PlanningError], *, explained: bool) -> PlanningError:
+    return explain_infeasible(problem, route, failures) if explained else failures[-1]
 
 
 def only_turns(problem: Problem) -> bool:

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 from gcs.plan.ocp.active_vehicles import offsets_at
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.search.formation_poses import floor_m, poses
+from gcs.plan.search.formation_poses import floor_m, from_zones_m, poses
 from gcs.plan.search.routes import Route
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
@@ -58,7 +58,7 @@ def _through(problem: Problem, route: Route) -> tuple[Array, Array]:
         count = _POINTS if not problem.points else max(int(np.ceil((end_s - start_s) / _STEP_S)), _FEWEST) + 1
         share = np.linspace(0.0, 1.0, count)
         flown = stops[number] + share[:, None] * (stops[number + 1] - stops[number])
-        flown[:, :2] = _rounded(leg.place(share))
+        flown[:, :2] = _rounded(problem, leg.place(share))
         if problem.lines and problem.lines[number].ground is not None:
             flown[:, 2] = problem.lines[number].places(share)[:, 2]
         again = bool(number and not problem.points[number - 1].hold_s)  # the end of the leg before
@@ -169,10 +169,16 @@ def _cheapest(problem: Problem, times: Array, states: Array) -> Array:
     return values
 
 
-def _rounded(points: Array) -> Array:
-    """The route with rounded corners and the same ends."""
+def _rounded(problem: Problem, points: Array) -> Array:
+    """The route with rounded corners and the same ends; rounded less where that would lead into a no-fly zone."""
     line = np.linspace(points[0], points[-1], len(points))
-    return np.asarray(line + gaussian_filter1d(points - line, _SMOOTHING, axis=0, mode="nearest"))
+    offsets = problem.shape.at(problem.start_s)
+    rounded = points
+    for smoothing in _SMOOTHING * np.array([1.0, 0.5, 0.25]):
+        rounded = line + gaussian_filter1d(points - line, smoothing, axis=0, mode="nearest")
+        if from_zones_m(problem, offsets, *rounded.T).min() >= 0.0:
+            break
+    return np.asarray(rounded)
 
 
 def height_over_ground_m(problem: Problem, times: Array, states: Array) -> Array:

@@ -209,7 +209,7 @@ def _near(area: Map, leg: Problem) -> Map:
     beside_m = max(_BESIDE * float(np.linalg.norm(ends[1] - ends[0])), _LEAST_CELLS * step_m)
     low, high = ends.min(axis=0) - beside_m, ends.max(axis=0) + beside_m
     inside = [(axis >= a) & (axis <= b) for axis, a, b in zip((area.north_m, area.east_m), low, high, strict=True)]
-    return Map(area.north_m[inside[0]], area.east_m[inside[1]], area.floor_m[np.ix_(*inside)], area.ceiling_m)
+    return area.part(*(slice(*np.flatnonzero(kept)[[0, -1]] + [0, 1]) for kept in inside))
 
 
 def _shortest_first(legs: list[tuple[Route, ...]]) -> list[tuple[int, ...]]:

@@ -17,10 +17,12 @@ from scipy.sparse.csgraph import dijkstra
 from gcs.errors import Infeasible
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.search.formation_poses import Pose, floor_m, poses
+from gcs.plan.search.formation_poses import Pose, floor_m, from_zones_m, poses
+from gcs.scenario.environment.no_fly import zones
 from gcs.types import Array
 
 CELLS = 120  # along the longer side of the map
+FINER = 4  # so much finer is the map of zones
 MAX_ROUTES = 4
 _TRIES = 8
 _AVOID = 1.6  # cost factor near a route that is found, so that the next one differs
@@ -39,11 +41,18 @@ class Map:
     east_m: Array  # (B,)
     floor_m: Array  # (A, B) least height of the leader
     ceiling_m: float
+    closed: NDArray[np.bool_] | None = None  # (FINER (A - 1) + 1, ...): where zones are, FINER times as fine
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Cells the formation can pass under the ceiling."""
         return np.asarray(self.floor_m <= self.ceiling_m)
+
+    def part(self, rows: slice, columns: slice) -> Map:
+        """The map of some of its rows and columns."""
+        finer = tuple(slice(FINER * part.start, FINER * (part.stop - 1) + 1) for part in (rows, columns))
+        closed = None if self.closed is None else self.closed[finer]
+        return Map(self.north_m[rows], self.east_m[columns], self.floor_m[rows, columns], self.ceiling_m, closed)
 
     def cell(self, place: Array) -> tuple[int, int]:
         """Nearest cell of a place (north, east)."""
@@ -97,7 +106,26 @@ def survey(problem: Problem, *, at_rest: bool = False) -> Map:
     grid_n, grid_e = np.meshgrid(north, east, indexing="ij")
     floors = [floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in _poses(problem, at_rest=at_rest)]
     floor = np.max(floors, axis=0) if at_rest and problem.follows_course else np.min(floors, axis=0)
-    return Map(north, east, np.asarray(floor), ceiling_m)
+    closed = _closed(problem, north, east, at_rest=at_rest) if zones(problem.scenario) else None
+    return Map(north, east, np.asarray(floor), ceiling_m, closed)
+
+
+def _closed(problem: Problem, north: Array, east: Array, *, at_rest: bool) -> NDArray[np.bool_]:
+    """Mask of places in zones, FINER times as fine as the map: a zone may be thinner than a cell."""
+    grids = np.meshgrid(north, east, indexing="ij")
+    finer = [np.interp(np.arange(FINER * (len(x) - 1) + 1) / FINER, np.arange(len(x)), x) for x in (north, east)]
+    nearest = [np.minimum(np.arange(len(x)) + FINER // 2, len(x) - 1) // FINER for x in finer]
+    beside_m = 1.5 * float(np.hypot(north[1] - north[0], east[1] - east[0]))
+    masks = []
+    for pose in _poses(problem, at_rest=at_rest):
+        away_m = from_zones_m(problem, pose.offsets_ned_m, *grids)[np.ix_(*nearest)]
+        mask = away_m < 0.0
+        unsure = np.nonzero(np.abs(away_m) < beside_m)
+        places = [x[index] for x, index in zip(finer, unsure, strict=True)]
+        mask[unsure] = from_zones_m(problem, pose.offsets_ned_m, *places) < 0.0
+        masks.append(mask)
+    every = at_rest and problem.follows_course
+    return np.asarray(np.any(masks, axis=0) if every else np.all(masks, axis=0))
 
 
 def _poses(problem: Problem, *, at_rest: bool) -> list[Pose]:
@@ -143,7 +171,7 @@ def is_clear(problem: Problem, area: Map) -> bool:
     """Whether the straight line from start to end is free, at heights no larger than the lower end's."""
     a, b = (np.array(area.cell(state[:2])) for state in (problem.start_state, problem.end_state))
     level_m = min(-float(problem.start_state[2]), -float(problem.end_state[2]))
-    return _sees(np.asarray(area.floor_m <= min(level_m, area.ceiling_m)), a, b)
+    return _sees(np.asarray(area.floor_m <= min(level_m, area.ceiling_m)), a, b) and not _crosses(area.closed, a, b)
 
 
 def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:
@@ -157,6 +185,20 @@ def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:
     labels, _ = ndimage.label(free, structure=np.ones((3, 3)))
     if labels[start] != labels[end]:
         raise _no_route(area, start, end)
+    found = _on_all_sides(problem, area, free, start, end)
+    if not found and area.closed is not None:  # through a gap that only the coarser cells show
+        found = _on_all_sides(problem, replace(area, closed=None), free, start, end)
+    return found
+
+
+def _on_all_sides(
+    problem: Problem, area: Map, free: NDArray[np.bool_], start: tuple[int, int], end: tuple[int, int]
+) -> tuple[Route, ...]:
+    if area.closed is not None:
+        closed = area.closed.copy()
+        for place in (start, end):
+            closed[tuple(slice(max(FINER * (i - 1), 0), FINER * (i + 1) + 1) for i in place)] = False
+        area = replace(area, closed=closed)
     obstacles = _centres(area, ~free)
     ends = (problem.start_state[:2], problem.end_state[:2])
     cost_factor = np.ones_like(area.floor_m)
@@ -215,6 +257,8 @@ def _shortest(
         here = (slice(max(0, -a), shape[0] - max(0, a)), slice(max(0, -b), shape[1] - max(0, b)))
         there = (slice(max(0, a), shape[0] - max(0, -a)), slice(max(0, b), shape[1] - max(0, -b)))
         passable = free[here] & free[there]
+        if area.closed is not None:
+            passable &= ~_steps_cross(area.closed, here, (a, b))
         step_m = float(np.hypot(*(np.array([a, b]) * steps)))
         cost = step_m * 0.5 * (cost_factor[here] + cost_factor[there]) + np.abs(height[there] - height[here])
         sources.append(index[here][passable])
@@ -238,9 +282,30 @@ def _without_corners(area: Map, free: NDArray[np.bool_], cells: NDArray[np.intp]
     kept = [0]
     while kept[-1] < len(cells) - 1:
         ahead = range(len(cells) - 1, kept[-1], -1)
-        kept.append(next(i for i in ahead if i == kept[-1] + 1 or _sees(free, cells[kept[-1]], cells[i])))
+        here = cells[kept[-1]]
+        kept.append(next(i for i in ahead if i == kept[-1] + 1 or _is_straight(area, free, here, cells[i])))
     corners = cells[kept]
     return np.column_stack([area.north_m[corners[:, 0]], area.east_m[corners[:, 1]]])
+
+
+def _is_straight(area: Map, free: NDArray[np.bool_], a: NDArray[np.intp], b: NDArray[np.intp]) -> bool:
+    return _sees(free, a, b) and not _crosses(area.closed, a, b)
+
+
+def _crosses(closed: NDArray[np.bool_] | None, a: NDArray[np.intp], b: NDArray[np.intp]) -> bool:
+    """Whether the straight line between two cells crosses a zone."""
+    return closed is not None and not _sees(~closed, FINER * a, FINER * b)
+
+
+def _steps_cross(closed: NDArray[np.bool_], here: tuple[slice, slice], step: tuple[int, int]) -> NDArray[np.bool_]:
+    """Mask of the cells `here` from which a step crosses a zone."""
+    parts = FINER * max(map(abs, step))
+    rows, columns = (np.arange(part.start, part.stop) * FINER for part in here)
+    crossed = np.zeros((len(rows), len(columns)), dtype=bool)
+    for part in range(1, parts):
+        ahead = [round(FINER * way * part / parts) for way in step]
+        crossed |= closed[np.ix_(rows + ahead[0], columns + ahead[1])]
+    return crossed
 
 
 def _sees(free: NDArray[np.bool_], a: NDArray[np.intp], b: NDArray[np.intp]) -> bool:

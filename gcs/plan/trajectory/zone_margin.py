@@ -40,20 +40,21 @@ def without_margin(scenario: Scenario) -> Scenario:
     return with_margin(scenario, 0.0)
 
 
-def first_with_margin(scenario: Scenario, found_in: Callable[[Scenario], Found]) -> Found:
+def first_with_margin(scenario: Scenario, found_in: Callable[[Scenario, bool], Found]) -> Found:
     """What `found_in` returns for the scenario with zones as large as may be.
 
-    Where it raises PlanningError with the whole margin and without any, the margin is not what hinders.
+    Where it raises PlanningError with the whole margin and without any, the margin is not what hinders. `found_in` is
+    also told whether the user will read its failure, which then is worth an explanation.
     """
     inflated, bare = with_margin(scenario), without_margin(scenario)
     if zones(inflated) == zones(bare):
-        return found_in(inflated)
+        return found_in(inflated, True)
     try:
-        return found_in(inflated)
+        return found_in(inflated, False)
     except PlanningError:
-        found = found_in(bare)
+        found = found_in(bare, True)
     try:
-        return found_in(with_margin(scenario, _SMALLER_SHARE))
+        return found_in(with_margin(scenario, _SMALLER_SHARE), False)
     except PlanningError:
         return found
 

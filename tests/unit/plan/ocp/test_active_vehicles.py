@@ -15,6 +15,7 @@ from gcs.physics.states import VELOCITY
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.timeline import lay
 from gcs.plan.nlp.mesh import end_refined
+from gcs.plan.nlp.mesh_refinement import FROM_SOLUTION
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import FOOT, LIFT, NEAR_GROUND, NEAR_ZONE, SLOT, active_vehicles, offsets_at
@@ -167,7 +168,7 @@ def rows_left(problem: Problem, times: Array, states: Array) -> list[set[str]]:
     controls = np.zeros((len(times), 4 + len(problem.coordinates)))
     controls[:, 0] = problem.quadrotor.weight_N
     values = np.asarray(path(np.hstack([states, controls]).T, chosen.parameters.T)).T
-    used = stage_functions.path_may_bind(problem, chosen, values)
+    used = stage_functions.path_may_bind(problem, chosen, values, FROM_SOLUTION, len(times))
     rows = stage_functions.path_ids(problem, chosen)
     return [set(map(str, itertools.compress(row, kept))) for row, kept in zip(rows, used, strict=True)]
 

@@ -69,6 +69,19 @@ def test_a_disk_is_passed_on_both_sides(simulation1: Scenario) -> None:
     assert shortest * 0.995 < routes[0].length_m < shortest * 1.03
 
 
+@pytest.mark.parametrize("north_m", [98.0, 99.1, 100.2, 101.3])
+def test_a_wall_thinner_than_a_cell_is_passed_beside(simulation1: Scenario, north_m: float) -> None:
+    """Cells are 1.7 m wide; the wall is 1 m thick and open at its eastern end."""
+    corners = [[north_m, 0.0], [north_m + 1.0, 0.0], [north_m + 1.0, 70.0], [north_m, 70.0]]
+    problem = flight_problem(beyond(simulation1, no_fly=[{"polygon_m": corners}]))
+    (route, *_) = find_routes(problem, survey(problem))
+    east_m = np.interp(north_m + 0.5, *route.place(np.linspace(0.0, 1.0, 5001)).T)
+    assert 70.0 <= east_m < 74.0
+    guess = along(problem, route).state(np.linspace(0.0, 90.0, 2001))
+    beside = np.abs(guess[:, 0] - north_m - 0.5) < 0.5
+    assert guess[beside, 1].min() > 69.5  # its corners are not rounded off through the wall
+
+
 def test_every_vehicle_is_folded_into_the_map(simulation1: Scenario) -> None:
     """A follower 10 m east makes a disk reach 10 m further west for the leader."""
     two = [
@@ -132,6 +145,9 @@ def test_a_time_that_is_too_short_for_the_detour_says_how_long_it_takes(simulati
     route = find_routes(problem, survey(problem))[0]
     with pytest.raises(PlanningError) as failed:
         optimise(problem, along(problem, route))
+    with pytest.raises(PlanningError) as plain:
+        best_class(problem, lambda _: None, explained=False)
+    assert "t_f" not in plain.value.message
     answer = explain_infeasible(problem, route, [failed.value])
     assert isinstance(answer, Infeasible)
     needed_s = float(answer.message.split("t_f ≥ ")[1].split(" s")[0])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.errors import ScenarioError
+from gcs.errors import PlanningError, ScenarioError
 from gcs.flight.assessment.judge import Truth, Verdict, judge
 from gcs.flight.monitoring.progress import FlightTimes
 from gcs.mission.returns.fence_rally import build_fence
@@ -17,6 +17,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.trajectory.distances import zone_distances_m
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.zone_margin import first_with_margin
 from gcs.plan.verification.navigation_margins import thin_margins
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
@@ -99,6 +100,27 @@ def test_where_there_is_no_room_the_plan_is_made_with_less_and_says_so(beside: C
     assert any("no-fly zone" in sentence for sentence in thin_margins(plan, report))
     start = {"north_m": 2.0, "east_m": -4.0, "radius_m": 4.0}
     assert verify(beside(start)).ok  # 1 m from the pad: the take-off cannot keep more
+
+
+@pytest.mark.parametrize(("kept", "told"), [("none", [False, True]), ("bare", [False, True, False]), ("all", [False])])
+def test_only_the_failure_that_is_read_is_explained(simulation1: Scenario, kept: str, told: list[bool]) -> None:
+    """With the whole margin there may be no plan, and with none; then the second failure is the answer."""
+    scenario = meadow(alone(simulation1), no_fly=[CORNER], sensors={"grade": "gnss"})
+    asked: list[bool] = []
+
+    def found_in(inflated: Scenario, explained: bool) -> str:
+        asked.append(explained)
+        is_bare = inflated.no_fly == scenario.no_fly
+        if kept == "all" or (kept == "bare" and is_bare):
+            return kept
+        raise PlanningError("bare" if is_bare else "inflated")
+
+    if kept == "none":
+        with pytest.raises(PlanningError, match="bare"):
+            first_with_margin(scenario, found_in)
+    else:
+        assert first_with_margin(scenario, found_in) == kept
+    assert asked == told
 
 
 def test_a_margin_that_the_start_does_not_have_is_a_mistake(beside: Callable[..., Plan]) -> None:
