@@ -164,7 +164,7 @@ def _farthest_from_ground_line(plan: Plan, line: LegLine, span_s: tuple[float, f
     """The largest distance above or below a line that follows the ground: one that is reached, a bound, and when.
 
     Between two instants it changes by no more than the leader's speeds and the steepest ground allow. Intervals are
-    halved where that is not enough.
+    halved where that does not decide, or is far more than what is reached.
     """
     assert line.ground is not None
     every = plan.leader_trajectory.state
@@ -173,6 +173,7 @@ def _farthest_from_ground_line(plan: Plan, line: LegLine, span_s: tuple[float, f
     start_s, end_s = edges_s[:-1], edges_s[1:]
     velocity = PPoly(every.c[..., POSITION], every.x).derivative()
     slope, steepest = line.rows[2], steepness(line.ground)
+    allowed_m = line.limits.height_m + LENGTH_TOLERANCE_M
     seen, bound, when_s = -np.inf, -np.inf, span_s[0]
     while len(start_s):
         middle_s = 0.5 * (start_s + end_s)
@@ -184,7 +185,8 @@ def _farthest_from_ground_line(plan: Plan, line: LegLine, span_s: tuple[float, f
         worst = int(np.argmax(off_m))
         if off_m[worst] > seen:
             seen, when_s = float(off_m[worst]), float(middle_s[worst])
-        wide = (most_m > seen + _NEAR_M) & (end_s - start_s > _SHORTEST_S)
+        undecided = (off_m <= allowed_m) & (most_m > allowed_m)
+        wide = (undecided | (most_m > seen + _NEAR_M)) & (end_s - start_s > _SHORTEST_S)
         bound = max(bound, float(most_m[~wide].max(initial=-np.inf)))
         start_s, end_s = np.append(start_s[wide], middle_s[wide]), np.append(middle_s[wide], end_s[wide])
     return seen, bound, when_s
