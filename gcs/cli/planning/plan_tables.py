@@ -93,13 +93,16 @@ def say_lines(screen: Screen, plan: Plan) -> None:
 
 def say_gates(screen: Screen, plan: Plan) -> None:
     """Print the gates that a route passes on one side, and the key that buys their middle."""
+    from gcs.plan.search.gate_centring import DEFAULT_PERCENT
     from gcs.plan.trajectory.gates import gates_of
 
+    asked = plan.scenario.objective.gate_cost_percent
     for gate, near_m, far_m in gates_of(plan):
         screen.say(
             f"between no-fly zones {gate.zone + 1} and {gate.far_zone + 1} the vehicles pass {near_m:.2f} m from the "
-            f"one and {far_m:.2f} m from the other; [objective] gate_cost_percent is what {gate.aside_m:.1f} m more "
-            "room may cost"
+            f"one and {far_m:.2f} m from the other: [objective] gate_cost_percent = "
+            f"{DEFAULT_PERCENT if asked is None else asked:g} pays for no more; a greater one for up to "
+            f"{gate.aside_m:.1f} m more room"
         )
 
 

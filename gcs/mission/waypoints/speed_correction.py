@@ -314,6 +314,7 @@ class _Problem:
     def slopes(self, now: _Trial) -> Array:
         """The Jacobian at a trial: lateness (N * shares) by each unknown (N + 1)."""
         x, legs, parts = now.x, len(now.x) - 1, len(SHARES)
+        report(partial(_progress, now))
         before = self._durations(x)
         slopes = np.zeros((legs * parts, legs + 1))
         for first in range(min(_EVERY, legs)):

@@ -44,7 +44,7 @@ def test_late_waypoints_are_passed_in_time(name: str) -> None:
     assert np.abs(before).max() > 1.0
     assert np.abs(found.late_s).max() < 0.5
     assert np.allclose(late_s(name, found.speeds_mps, course) - found.lead_s, found.late_s)
-    assert 0.0 <= found.lead_s <= 3.0
+    assert 0.0 <= found.lead_s <= 2.0
     assert (found.speeds_mps >= 0.3).all()
     assert (found.speeds_mps <= course.fastest_mps + 1e-9).all()
 
