@@ -31,8 +31,9 @@ def test_the_leader_follows_the_ground(tmp_path: Path) -> None:
     times = (0.0, *(passage.arrives_s for passage in plan.passages), plan.flight_s)
     near = []
     for line, (begin_s, end_s) in zip(plan.lines, pairwise(times), strict=True):
-        off_m = line.off(plan.leader_trajectory.state(np.arange(begin_s, end_s, 1e-3)))[1]
-        near.append(replace(line.limits, height_m=float(off_m.max()) + 1e-4 - 0.8e-3))  # with the tolerance of lengths
+        off_m = line.off(plan.leader_trajectory.state(np.arange(begin_s, end_s, 1e-3)))[:2]
+        beside_m, above_m = (float(off.max()) + 1e-4 - 0.8e-3 for off in off_m)  # less the tolerance of lengths
+        near.append(replace(line.limits, corridor_m=beside_m, height_m=above_m))
     report = verify(replace(plan, leg_limits=tuple(near)))
     assert report.ok, [str(check) for check in report.failures]
 
