@@ -135,14 +135,14 @@ def say_battery(screen: Screen, plan: Plan) -> None:
     from gcs.plan.trajectory.energy import charge_needed
 
     power, reserve = plan.scenario.vehicle.power, plan.scenario.preflight.reserve
-    needed = charge_needed(plan)
+    needed = charge_needed(plan) + (np.array(plan.used_before) if plan.used_before else 0.0)
     row = int(np.argmax(needed))
     most, usable = float(needed[row]), 1.0 - reserve
     of = (
         f"{power.battery_Wh:.4g} Wh" if power else f"{plan.scenario.preflight.endurance_s / 60:g} min of hover, assumed"
     )
     screen.say(f"battery: at most {most:.0%} used of {of} (vehicle {plan.sysids[row]}), {reserve:.0%} of it in reserve")
-    if most <= usable:
+    if most <= usable or plan.begin_state is not None:
         return
     whole_s = plan.t_end_s - plan.t_start_s
     ground_s = whole_s - plan.flight_s

@@ -301,7 +301,7 @@ def flown_by(text: str, vehicle: str, folder: Path) -> str:
 def named_beside(text: str, file: Path, folder: Path) -> str:
     """The text of a scenario in `folder` with the path of a file from there, in place of its absolute path."""
     absolute, beside = file.resolve().as_posix(), Path(os.path.relpath(file, folder)).as_posix()
-    return text.replace(*(json.dumps(path, ensure_ascii=False) for path in (absolute, beside)), 1)
+    return text.replace(json.dumps(absolute, ensure_ascii=False), json.dumps(beside, ensure_ascii=False), 1)
 
 
 def _found(vehicle: str) -> str:
