@@ -139,6 +139,7 @@ class PreparedExport:
     def write(self, folder: Path | str) -> ExportIndex:
         """Write the files and their index. Raises `UsageError` for a folder of other files, and OSError."""
         material, made = self.material, self.made
+        say_at("making the files")
         with replaced(Path(folder)) as files:
             for name, text in made.files.items():
                 files.write(name, text)

@@ -219,6 +219,7 @@ def _least_m(found: ReturnPlan) -> float:
 
 def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], found: ReturnPlan) -> ReturnPlan:
     """The returns with those of the ground station verified as well."""
+    report("looking at the returns by the ground station")
     found = replace(found, no_way=tuple(without_way(plan, cases)))
     if found.worst is None:
         return found
