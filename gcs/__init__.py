@@ -29,10 +29,13 @@ if TYPE_CHECKING:
     from gcs.flight.run import fly as fly
     from gcs.flight.setup.simulator_process import Emulated as Emulated
     from gcs.link.session.connection import Connection as Connection
+    from gcs.mission.export.bspline_smoothing import SmoothPath as SmoothPath
     from gcs.mission.export.export import export as export
     from gcs.mission.export.flight_volumes import VolumeOrder as VolumeOrder
     from gcs.mission.export.index import ExportIndex as ExportIndex
     from gcs.mission.export.setpoint_stream import build_stream as build_stream
+    from gcs.mission.formats.registry import Content as Content
+    from gcs.mission.formats.registry import Format as Format
     from gcs.mission.model import Altitude as Altitude
     from gcs.mission.model import SetpointStream as SetpointStream
     from gcs.mission.model import VehicleMission as VehicleMission
@@ -47,6 +50,7 @@ if TYPE_CHECKING:
     from gcs.mission.proving.track_report import TrackReport as TrackReport
     from gcs.mission.proving.track_report import UnsafeSpan as UnsafeSpan
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
+    from gcs.mission.waypoints.timed_legs import TimedLegs as TimedLegs
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
     from gcs.plan.cost_terms import cost_terms as cost_terms
@@ -84,12 +88,14 @@ _HOME = {
     "BreakOff": "gcs.mission.proving.break_off",
     "Check": "gcs.plan.verification.proof.verdict",
     "Connection": "gcs.link.session.connection",
+    "Content": "gcs.mission.formats.registry",
     "CostTerm": "gcs.plan.cost_terms",
     "Emulated": "gcs.flight.setup.simulator_process",
     "ExportIndex": "gcs.mission.export.index",
     "FlightReports": "gcs.flight.recording.record_table",
-    "FlyHome": "gcs.plan.plan_changer",
     "Flown": "gcs.flight.run",
+    "FlyHome": "gcs.plan.plan_changer",
+    "Format": "gcs.mission.formats.registry",
     "GcsError": "gcs.errors",
     "MeshRound": "gcs.plan.trajectory.plan",
     "NamedStates": "gcs.physics.states",
@@ -102,16 +108,18 @@ _HOME = {
     "PreparedReturns": "gcs.plan.prepared_returns",
     "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
-    "Reshape": "gcs.plan.plan_changer",
     "Report": "gcs.plan.verification.verify",
+    "Reshape": "gcs.plan.plan_changer",
     "Scale": "gcs.plan.plan_changer",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
+    "SmoothPath": "gcs.mission.export.bspline_smoothing",
+    "TimedLegs": "gcs.mission.waypoints.timed_legs",
     "TrackCheck": "gcs.mission.proving.track_report",
     "TrackLimits": "gcs.mission.proving.prove",
     "TrackReport": "gcs.mission.proving.track_report",
-    "UnsafeSpan": "gcs.mission.proving.track_report",
     "Truth": "gcs.flight.assessment.judge",
+    "UnsafeSpan": "gcs.mission.proving.track_report",
     "VehicleMission": "gcs.mission.model",
     "Verdict": "gcs.flight.assessment.judge",
     "VolumeOrder": "gcs.mission.export.flight_volumes",

@@ -98,13 +98,13 @@ class PlanningError(GcsError):
 
 
 class OutOfTime(PlanningError):
-    """Planning has no time left (`limit_s` of `make_plan`, `gcs plan --limit`); the reason says what it was doing."""
+    """The work has no time left (`limit_s` of `make_plan`, `--limit`); the reason says what it was doing."""
 
     @classmethod
     def because(cls, reason: str, *, hint: str = "", legs: Iterable[int] = ()) -> Self:
         """The failure "no plan in the time given"."""
         more = "give more time (--limit), or plan less: fewer points or loops, one objective, a shorter flight"
-        return super().because(f"the time limit of planning has passed, while {reason}", hint=hint or more, legs=legs)
+        return super().because(f"the time limit has passed, while {reason}", hint=hint or more, legs=legs)
 
 
 class Infeasible(PlanningError):

@@ -9,6 +9,7 @@ from typing import Any
 import gcs
 from gcs.errors import GcsError
 from gcs.scenario.schema.scenario import Scenario
+from gcs.types import Array
 from tools.markdown import rows
 
 CHAPTERS = {
@@ -49,13 +50,17 @@ CHAPTERS = {
     ),
     "Export": (
         "export",
+        "Format",
+        "Content",
         "Autopilot",
         "Altitude",
         "ExportIndex",
         "VolumeOrder",
         "build_missions",
+        "TimedLegs",
         "VehicleMission",
         "build_stream",
+        "SmoothPath",
         "SetpointStream",
     ),
     "Fleet": ("Connection",),
@@ -98,7 +103,7 @@ def _fields(thing: type) -> Iterator[tuple[str, str]]:
             continue
         default = "" if field.default is dataclasses.MISSING else f" = {_value(field.default)}"
         remark = f"; {said[field.name]}" if field.name in said else ""
-        yield f"`{field.name}`", f"`{field.type}{default}`{remark}"
+        yield f"`{field.name}`", f"`{_type(field.type)}{default}`{remark}"
 
 
 def _members(thing: type) -> Iterator[tuple[str, str]]:
@@ -125,11 +130,19 @@ def _call(name: str, function: Callable[..., Any]) -> str:
             continue
         if parameter.kind is parameter.KEYWORD_ONLY and "*" not in words:
             words.append("*")
-        type_ = "" if parameter.annotation is parameter.empty else f": {parameter.annotation}"
+        type_ = "" if parameter.annotation is parameter.empty else f": {_type(parameter.annotation)}"
         default = "" if parameter.default is parameter.empty else f" = {_value(parameter.default)}"
         words.append(f"{parameter.name}{type_}{default}")
-    returns = "" if signature.return_annotation is signature.empty else f" -> {signature.return_annotation}"
+    returns = "" if signature.return_annotation is signature.empty else f" -> {_type(signature.return_annotation)}"
     return f"{name}({', '.join(words)}){returns}"
+
+
+def _type(annotation: Any) -> str:
+    """A type as it stands in the code, also where it was evaluated."""
+    if isinstance(annotation, str):
+        return annotation
+    text = inspect.formatannotation(annotation).replace(inspect.formatannotation(Array), "Array")
+    return re.sub(r"\b(?:\w+\.)+(?=[A-Z])", "", text)
 
 
 def _value(default: Any) -> str:

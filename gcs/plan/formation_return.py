@@ -31,7 +31,7 @@ from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route, find_routes, survey
 from gcs.plan.search.shape_schedule import automatic_moves, with_fixed_turns
 from gcs.plan.trajectory.constraint_id import Kind
-from gcs.plan.trajectory.energy import battery_model
+from gcs.plan.trajectory.energy import used_until
 from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
@@ -355,10 +355,6 @@ def _whole(plan: Plan, attempt: _Attempt, found: Optimum, began: float) -> Plan:
     end_offsets = shape.at(float(np.nextafter(shape.end_s, -np.inf)))
     phases = phases_of(scenario)
     arrival = next(n for n, phase in enumerate(phases) if phase.name == PhaseKind.MISSION) + 1
-    battery = battery_model(plan)
-    used = [float(np.interp(problem.start_s, battery.t_s, row)) for row in battery.used]
-    if plan.used_before:
-        used = (np.array(used) + plan.used_before).tolist()
     return Plan(
         scenario,
         joined([found.trajectory.vehicle, *leader_to_ground(scenario)]),
@@ -370,5 +366,5 @@ def _whole(plan: Plan, attempt: _Attempt, found: Optimum, began: float) -> Plan:
         tuple(sorted((*attempt.moves, *automatic), key=lambda move: move.start_s)),
         {"return": time.perf_counter() - began},
         tuple(problem.start_state.tolist()),
-        used_before=tuple(np.clip(used, 0.0, 1.0).tolist()),
+        used_before=used_until(plan, problem.start_s),
     )

@@ -13,7 +13,7 @@ from rich.table import Table
 from gcs.autopilots.traits import Autopilot, titles
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.errors import NotWritten, UsageError
+from gcs.errors import NotWritten, OutOfTime, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, Content, select_formats
 
 if TYPE_CHECKING:
@@ -112,6 +112,12 @@ def export(
         ),
     ] = 0.0,
     unverified: shared.UnverifiedOption = False,
+    limit: Annotated[
+        float,
+        shared.option(
+            "Longest time of planning and exporting together.", metavar="SECONDS", limits=(1.0, 86_400.0, "s")
+        ),
+    ] = 1800.0,
     json: shared.JsonOption = False,
     debug: shared.DebugOption = False,
 ) -> int:
@@ -137,7 +143,7 @@ def export(
     from gcs.mission.export.flight_volumes import VolumeOrder
     from gcs.mission.model import Altitude
     from gcs.scenario.values.si import autopilots
-    from gcs.util.long_work import shown
+    from gcs.util.long_work import shown, within
 
     names = [name for given in formats or () for name in given.replace(",", " ").split()]
     options = ExportOptions(
@@ -161,11 +167,19 @@ def export(
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True, refuse=refuse)
-    with shown(screen.say):
-        ready = prepared(plan, options, report)
-    _say_separations(screen, ready.separations)
-    index = ready.write(to)
+    try:
+        with within(limit):
+            plan, report = plan_for(
+                mission, screen, watch, unverified=unverified, from_the_air=True, limit_s=limit, refuse=refuse
+            )
+            with shown(screen.say):
+                ready = prepared(plan, options, report)
+            _say_separations(screen, ready.separations)
+            with shown(screen.say):
+                index = ready.write(to)
+    except OutOfTime as over:
+        hint = "give more time (--limit); --untimed and --format setpoints take less"
+        raise OutOfTime(f"nothing is written: {over.reason}", hint=hint) from None
     watch.lap("export")
     for line in listed_files(list(index.sha256)):
         screen.say(f"  {to}/{line}")

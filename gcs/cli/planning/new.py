@@ -14,6 +14,7 @@ from gcs.cli.shared.shared_options import DebugOption, JsonOption, argument, one
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
+    from gcs.scenario.schema.scenario import Scenario
     from gcs.scenario.sources.template import Flight
     from gcs.types import JsonObject
 
@@ -222,6 +223,7 @@ def new(
     from gcs.frames import Origin
     from gcs.scenario.sources.bundled_missions import FILE_NAME
     from gcs.scenario.sources.flight_margins import VEHICLE_TYPE, type_limits
+    from gcs.scenario.sources.load import load_scenario
     from gcs.scenario.sources.template import FirstFlight, flown_by, scenario_text, straight_to
     from gcs.util.atomic_write import atomic_write
 
@@ -255,23 +257,22 @@ def new(
     if vehicle is not None:
         text = flown_by(text, vehicle, folder)
     atomic_write(file, text)
-    if spacing is not None and isinstance(flight, FirstFlight) and flight.count > 1:
-        limit = f"separation_min_m is {flight.separation_m:g} m, less, for room to change the shape"
+    scenario = load_scenario(folder)
+    if spacing is not None and positions is None and len(scenario.formation.sysids) > 1:
+        limit = f"separation_min_m is {scenario.limits.separation_min_m:g} m, less, for room to change the shape"
         screen.say(f"vehicles stand {spacing:g} m apart; {limit}")
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None and survey is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
-    share = _say_battery(folder, flight or FirstFlight(), screen)
+    share = _say_battery(scenario, flight or FirstFlight(), screen)
     screen.say(f"next: gcs plan {folder}")
     screen.result({"scenario": file, "battery_share_estimate": share, **left_out})
 
 
-def _say_battery(folder: Path, flight: Flight, screen: Screen) -> float:
+def _say_battery(scenario: Scenario, flight: Flight, screen: Screen) -> float:
     """Print what a flight needs of its batteries by the estimate, and what would fit; return the share of one."""
-    from gcs.scenario.sources.load import load_scenario
     from gcs.scenario.values.battery_estimate import battery_estimate
 
-    scenario = load_scenario(folder)
     need, count = battery_estimate(scenario), len(scenario.formation.sysids)
     each = "one" if count == 1 else f"{count}, one for each vehicle"
     if not need.is_enough:

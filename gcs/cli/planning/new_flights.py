@@ -23,7 +23,7 @@ from gcs.mission.drawings.to_scenario.route_flight import route_flight, route_te
 from gcs.mission.drawings.to_scenario.survey_area import survey_area
 from gcs.scenario.sources.flight_sheets import read_flight_sheets
 from gcs.scenario.sources.sheet_flight import SheetFlight
-from gcs.scenario.sources.template import FirstFlight, Flight, ImpossibleFlight, draft, scenario_text
+from gcs.scenario.sources.template import FirstFlight, Flight, ImpossibleFlight, draft, named_beside, scenario_text
 from gcs.scenario.values.navigation_error import vehicle_size_m
 
 if TYPE_CHECKING:
@@ -207,11 +207,12 @@ def text_of_survey(
     elif not altitude_is:
         screen.say(ALTITUDE_UNKNOWN)
     try:
-        return scenario_text(folder, place, flight=flight, vehicle=vehicle), left_out, flight
+        text = scenario_text(folder, place, flight=flight, vehicle=vehicle)
     except ImpossibleFlight as error:
         reason = "\n".join(f"{areas.place(one, drawn.drawing)}: {one.whole}" for one in error.mistakes)
         text = f"{file}: such a survey is not possible: {reason}"
         raise UsageError(text, hint="give a smaller --count, or another --angle; or draw the area larger") from None
+    return text if terrain is None else named_beside(text, terrain, folder), left_out, flight
 
 
 def _sentences(flight: SurveyFlight, areas: AreaTables) -> list[str]:

@@ -93,13 +93,16 @@ def say_lines(screen: Screen, plan: Plan) -> None:
 
 def say_gates(screen: Screen, plan: Plan) -> None:
     """Print the gates that a route passes on one side, and the key that buys their middle."""
+    from gcs.plan.search.gate_centring import DEFAULT_PERCENT
     from gcs.plan.trajectory.gates import gates_of
 
+    asked = plan.scenario.objective.gate_cost_percent
     for gate, near_m, far_m in gates_of(plan):
         screen.say(
             f"between no-fly zones {gate.zone + 1} and {gate.far_zone + 1} the vehicles pass {near_m:.2f} m from the "
-            f"one and {far_m:.2f} m from the other; [objective] gate_cost_percent is what {gate.aside_m:.1f} m more "
-            "room may cost"
+            f"one and {far_m:.2f} m from the other: [objective] gate_cost_percent = "
+            f"{DEFAULT_PERCENT if asked is None else asked:g} pays for no more; a greater one for up to "
+            f"{gate.aside_m:.1f} m more room"
         )
 
 
@@ -132,24 +135,25 @@ def say_battery(screen: Screen, plan: Plan) -> None:
     from gcs.plan.trajectory.energy import charge_needed
 
     power, reserve = plan.scenario.vehicle.power, plan.scenario.preflight.reserve
-    needed = charge_needed(plan)
+    needed = charge_needed(plan) + (np.array(plan.used_before) if plan.used_before else 0.0)
     row = int(np.argmax(needed))
     most, usable = float(needed[row]), 1.0 - reserve
     of = (
         f"{power.battery_Wh:.4g} Wh" if power else f"{plan.scenario.preflight.endurance_s / 60:g} min of hover, assumed"
     )
     screen.say(f"battery: at most {most:.0%} used of {of} (vehicle {plan.sysids[row]}), {reserve:.0%} of it in reserve")
-    if most <= usable:
+    if most <= usable or plan.begin_state is not None:
         return
     whole_s = plan.t_end_s - plan.t_start_s
     ground_s = whole_s - plan.flight_s
-    fits_s = whole_s * usable / most - ground_s  # of flight: the power is nearly that of hover at any speed
-    ways = [f"a battery of {most / usable * power.battery_Wh:.0f} Wh ([vehicle.power])" if power else ""]
-    if fits_s > 0.0:
+    fits_s = math.floor(whole_s * usable / most - ground_s)  # of flight: the power is nearly that of hover at any speed
+    # Rounded so that it does fit.
+    ways = [f"a battery of {math.ceil(most / usable * power.battery_Wh)} Wh ([vehicle.power])" if power else ""]
+    if fits_s > 0:
         mean_mps = _length_m(plan) / fits_s
-        ways.append(f"{math.ceil(plan.flight_s / fits_s)} sorties of {fits_s:.0f} s")
+        ways.append(f"{math.ceil(plan.flight_s / fits_s)} sorties of {fits_s} s")
         if mean_mps < _EASY * math.hypot(*plan.scenario.limits.speed_ned_mps[:2]):
-            ways.append(f"[time] flight_s = {fits_s:.0f}, {mean_mps:.1f} m/s in the mean")
+            ways.append(f"[time] flight_s = {fits_s}, {mean_mps:.1f} m/s in the mean")
         if plan.scenario.survey is not None:
             ways.append("more vehicles, or a wider swath or less overlap, for fewer passes")
     screen.warn(f"the flight needs {most:.0%} of a full battery, {usable:.0%} may be used. This would fit:")
@@ -170,6 +174,7 @@ def _length_m(plan: Plan) -> float:
 def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     """Print the coverage of a plan's survey, and return it for `--json`; nothing where there is no survey."""
     from gcs.plan.verification.coverage import coverage
+    from gcs.scenario.schema.scenario import Terrain
 
     found = coverage(plan)
     if found is None:
@@ -180,6 +185,8 @@ def say_coverage(screen: Screen, plan: Plan) -> JsonObject:
     percent = int(1e3 * found.share) / 10.0
     height = plan.scenario.survey and plan.scenario.survey.height_above_ground_m
     seen = f" (swath by the height flown, {found.swath_m:g} m from {height:g} m)" if height else ""
+    if not height and plan.scenario.terrain != Terrain():
+        seen = f" ({found.swath_m:g} m from every height; [survey] height_above_ground_m has the height flown count)"
     screen.say(
         f"coverage{seen}: {percent:g} % of {area_ha:.2f} ha proved, {found.overlap:.0%} of it flown over more than "
         f"once; {found.ha_per_battery:.2f} ha per battery, {found.reserve:.0%} of it in reserve"

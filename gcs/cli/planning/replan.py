@@ -49,6 +49,7 @@ def replan(
     """
     screen = Screen(json=json)
     from gcs.cli.planning.plan import plan_data, show_plan
+    from gcs.cli.planning.plan_tables import say_battery
     from gcs.cli.shared.plan_argument import Stopwatch, plan_path, solve_line
     from gcs.plan.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.replanning.replanner import Replanner
@@ -76,6 +77,8 @@ def replan(
         save_overview(made.scenario, made, picture)
     watch.lap("write")
     show_plan(screen, made, report)
+    if made.used_before:  # else what is left is not known
+        say_battery(screen, made)
     screen.say(f"time: {watch}")
     screen.say(f"plan: {path}")
     screen.result(

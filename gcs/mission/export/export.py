@@ -33,6 +33,7 @@ from gcs.mission.waypoints.placement import Deviation
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.values.si import local_origin
+from gcs.util.long_work import report as say_at
 
 _BATCH = 20  # vehicles sampled at once: a thousand at full rate would need gigabytes of memory
 
@@ -138,6 +139,7 @@ class PreparedExport:
     def write(self, folder: Path | str) -> ExportIndex:
         """Write the files and their index. Raises `UsageError` for a folder of other files, and OSError."""
         material, made = self.material, self.made
+        say_at("making the files")
         with replaced(Path(folder)) as files:
             for name, text in made.files.items():
                 files.write(name, text)
@@ -146,7 +148,9 @@ class PreparedExport:
                 for stem, value in values(material) if rows else ():
                     firmware = material.by_stem.get(stem, material.autopilots[0])
                     for row in rows:
-                        files.write(row.file_name(stem, firmware), row.write(value))
+                        name = row.file_name(stem, firmware)
+                        say_at(f"writing {name}")
+                        files.write(name, row.write(value))
             index = ExportIndex(
                 material.plan.scenario.name,
                 material.plan.hash,

@@ -154,6 +154,7 @@ def _searched(plan: Plan, firmware: FleetFirmware, *, lanes: bool = False) -> Re
     rows = [known.traits.returns for known in every]
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
+    report("looking for the ways home of every vehicle")
     routes = ReturnRoutes(plan)
     routed = routed_returns(plan, routes, instants_s(plan, _ROUTED_S))
     rally = rtl_cases.rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
@@ -185,6 +186,7 @@ def _searched(plan: Plan, firmware: FleetFirmware, *, lanes: bool = False) -> Re
             judged_m = judged_separation_m(plan.scenario)
             order = lane_order(looked_at, levels_m[:LEVELS], limits.separation_min_m, judged_m)
         altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
+        report(f"looking at the returns of every vehicle at {share:.0%} of its speed")
         worst = _worst(plan, firmware, speeds, altitudes_m, rally) if vehicles > 1 else None
         fine = rtl_cases.return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
         found = ReturnPlan(
@@ -217,6 +219,7 @@ def _least_m(found: ReturnPlan) -> float:
 
 def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], found: ReturnPlan) -> ReturnPlan:
     """The returns with those of the ground station verified as well."""
+    report("looking at the returns by the ground station")
     found = replace(found, no_way=tuple(without_way(plan, cases)))
     if found.worst is None:
         return found

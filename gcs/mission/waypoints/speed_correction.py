@@ -226,10 +226,10 @@ def _solved(problem: _Problem, now: _Trial, rounds: int) -> _Trial:
     """The best trial that so many damped steps lead to."""
     damping = 0.3
     for number in range(rounds):
-        report(partial(_progress, now))
-        slopes = problem.slopes(now.x)
+        slopes = problem.slopes(now)
         better = None
         for _ in range(_TRIES):
+            report(partial(_progress, now))
             better = problem.stepped(now, slopes, damping)
             if better is not None:
                 break
@@ -294,6 +294,7 @@ class _Problem:
             bets = now.bets
             if not bets.any():
                 break
+            report(partial(_progress, now))
             x = now.x.copy()
             x[:-1][bets] = np.ceil((x[:-1] + np.log(now.obeyed))[bets] / _LOGARITHM_GRID) * _LOGARITHM_GRID
             now = self.at(self.inside(x))
@@ -310,12 +311,14 @@ class _Problem:
         bets = self.bet * trial.faster
         return replace(trial, cost=float(weighed @ weighed / len(SHARES) + pulled @ pulled + bets @ bets))
 
-    def slopes(self, x: Array) -> Array:
-        """The Jacobian: lateness (N * shares) by each unknown (N + 1)."""
-        legs, parts = len(x) - 1, len(SHARES)
+    def slopes(self, now: _Trial) -> Array:
+        """The Jacobian at a trial: lateness (N * shares) by each unknown (N + 1)."""
+        x, legs, parts = now.x, len(now.x) - 1, len(SHARES)
+        report(partial(_progress, now))
         before = self._durations(x)
         slopes = np.zeros((legs * parts, legs + 1))
         for first in range(min(_EVERY, legs)):
+            report(partial(_progress, now))
             tried = np.arange(first, legs, _EVERY)
             step = np.zeros(legs + 1)
             step[tried] = np.where(x[tried] + _TRIAL > self._high[tried], -_TRIAL, _TRIAL)

@@ -9,7 +9,7 @@ from gcs.errors import Infeasible
 from gcs.physics.states import POSITION
 from gcs.plan.formation.shape import Shape
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part, with_times_of_changes
-from gcs.plan.trajectory.energy import battery_model
+from gcs.plan.trajectory.energy import used_until
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
@@ -32,6 +32,7 @@ def rest_of(plan: Plan, at_s: float) -> Plan:
         route_s=route_s,
         leg_limits=plan.leg_limits[len(plan.leg_limits) - len(route_s) - 1 :] if plan.leg_limits else (),
         zones_since_s=(),
+        used_before=used_until(plan, at_s),
     )
 
 
@@ -50,7 +51,7 @@ def plan_of(plan: Plan, sysids: tuple[int, ...], at_s: float) -> Plan:
         leader_trajectory=_moved(rest.leader_trajectory, to_leader),
         shape=Shape(rest.shape.functions, table[:, rows] - table[:, [leads]]),
         begin_state=tuple(_moved(rest.leader_trajectory, to_leader).state(at_s).tolist()),
-        used_before=_used_before(plan, at_s, rows),
+        used_before=tuple(rest.used_before[row] for row in rows) if rest.used_before else (),
     )
 
 
@@ -81,15 +82,6 @@ def with_empty_places(old: Plan, new: Plan) -> Plan:
         begin_state=tuple(leader.state(new.t_start_s).tolist()),
         used_before=tuple(used.tolist()) if new.used_before else (),
     )
-
-
-def _used_before(plan: Plan, at_s: float, rows: list[int]) -> tuple[float, ...]:
-    """What the vehicles of these rows took from their batteries until then; empty where no power is known."""
-    if plan.scenario.vehicle.power is None:
-        return ()
-    model, before = battery_model(plan), plan.used_before or (0.0,) * len(plan.sysids)
-    used = [float(np.interp(at_s, model.t_s, model.used[row])) + before[row] for row in rows]
-    return tuple(np.clip(used, 0.0, 1.0).tolist())
 
 
 def _constant_offset(rest: Plan, leads: int) -> Array:

@@ -82,6 +82,7 @@ def continued(old: Plan, new: Plan) -> Plan:
         begin_state=old.begin_state,
         route_s=(*passed, *new.route_s) if len(passed) + len(new.route_s) == len(old.route_s) else new.route_s,
         leg_limits=(),
+        used_before=old.used_before,
         zones_since_s=(*(old.zones_since_s or (-np.inf,) * known), *(at_s,) * (now - known)),
     )
 

@@ -23,6 +23,7 @@ from gcs.plan.search.initial_guess import along
 from gcs.plan.search.leg_guess import on_time, routes_through
 from gcs.plan.search.open_lines import open_where_blocked
 from gcs.plan.search.routes import every_route
+from gcs.plan.trajectory.energy import used_until
 from gcs.plan.trajectory.leg_lines import remaining_lines
 from gcs.plan.trajectory.phases import Phase, PhaseKind
 from gcs.plan.trajectory.plan import MeshRound, Plan
@@ -81,6 +82,7 @@ def plan_from_flight(plan: Plan, problem: Problem, found: Optimum, timings_s: di
         tuple(problem.start_state.tolist()),
         route_s=found.point_s,
         leg_limits=tuple(line.limits for line in found.lines),
+        used_before=used_until(plan, problem.start_s),
     )
 
 

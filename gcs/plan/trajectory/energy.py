@@ -42,6 +42,18 @@ def charge_needed(plan: Plan, limits: PreflightTable | None = None) -> Array:
     return taken_Wh / power.battery_Wh
 
 
+def used_until(plan: Plan, t_s: float) -> tuple[float, ...]:
+    """Return the shares (V) of a full battery that a plan, and what was flown before it, take until an instant.
+
+    Empty where they are not known: without [vehicle.power], and of a plan that begins in the air and does not say.
+    """
+    if plan.scenario.vehicle.power is None or (plan.begin_state is not None and not plan.used_before):
+        return ()
+    model = battery_model(plan)
+    used = np.array([np.interp(t_s, model.t_s, row) for row in model.used])
+    return tuple(np.clip(used + (plan.used_before or 0.0), 0.0, 1.0).tolist())
+
+
 @dataclass(frozen=True)
 class BatteryModel:
     """The expected use of a full battery, as shares of it.

@@ -3,7 +3,7 @@
 Checks at instants are exact. A hold is bounded at every instant, from the leader's polynomials.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +23,7 @@ from gcs.types import Array
 
 TIME_TOLERANCE_S = 1e-3
 _FIRST_S, _SHORTEST_S = 0.05, 5e-5  # between instants at which the height above the ground is computed
-_NEAR_M = 0.002  # how much the bound may be above what is reached
+_NEAR = 0.002  # how much a bound may be above what is reached
 _PARTS = 16  # of a hold's polynomials, each bounded on its own
 _ORDER = 3
 _PLACE_AND_YAW = [0, 1, 2, 8]
@@ -78,7 +78,8 @@ def _line_checks(plan: Plan, sysid: int) -> list[Check]:
             if kind is Kind.LEG_HEIGHT and line.ground is not None:
                 seen, bound, t_s = _farthest_from_ground_line(plan, line, (start_s, end_s))
             else:
-                seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), rows)
+                allowed = most + (float(np.radians(tolerance)) if kind is Kind.LEG_YAW else tolerance)
+                seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), allowed, rows)
             margin, proved = (float(np.degrees(m) if kind is Kind.LEG_YAW else m) for m in (most - seen, most - bound))
             if kind not in worst or proved < worst[kind][0]:
                 name = ConstraintId(kind, of=line.number)
@@ -136,12 +137,17 @@ def _hold(plan: Plan, passage: Passage) -> Iterator[_Margin]:
         (Kind.HOLD_DISTANCE, "m", POSITION, passage.position_ned_m, LENGTH_TOLERANCE_M),
         (Kind.HOLD_SPEED, "m/s", VELOCITY, np.zeros(3), SPEED_TOLERANCE_MPS),
     ):
-        seen, bound, t_s = _farthest(plan, columns, at_rest, (start_s, end_s))
+        seen, bound, t_s = _farthest(plan, columns, at_rest, (start_s, end_s), tolerance)
         yield kind, unit, -seen, tolerance, t_s, -bound
 
 
 def _farthest(
-    plan: Plan, columns: slice | list[int], from_here: Array, span_s: tuple[float, float], rows: Array | None = None
+    plan: Plan,
+    columns: slice | list[int],
+    from_here: Array,
+    span_s: tuple[float, float],
+    allowed: float,
+    rows: Array | None = None,
 ) -> tuple[float, float, float]:
     """The largest distance of three states from constants over a span: one that is reached, a bound, and when.
 
@@ -152,39 +158,54 @@ def _farthest(
     motion = PPoly(np.einsum("dpk,rk->dpr", every.c[..., columns], picked), every.x)
     joints_s = motion.x[(motion.x > span_s[0]) & (motion.x < span_s[1])]
     parts = [np.linspace(a, b, _PARTS, endpoint=False) for a, b in pairwise([span_s[0], *joints_s, span_s[1]])]
-    edges_s = np.append(np.concatenate(parts), span_s[1])
-    model = enclosed(motion, edges_s[:-1], edges_s[1:], _ORDER) - (picked @ from_here)[:, None]
-    bound = float(np.linalg.norm(model.size(), axis=0).max())
-    middle = np.linalg.norm(model.middle, axis=0)
-    worst = int(np.argmax(middle))
-    return float(middle[worst]), bound, float(0.5 * (edges_s[worst] + edges_s[worst + 1]))
+
+    def away(start_s: Array, end_s: Array) -> tuple[Array, Array]:
+        model = enclosed(motion, start_s, end_s, _ORDER) - (picked @ from_here)[:, None]
+        return np.linalg.norm(model.middle, axis=0), np.linalg.norm(model.size(), axis=0)
+
+    return _greatest(away, np.append(np.concatenate(parts), span_s[1]), allowed)
 
 
 def _farthest_from_ground_line(plan: Plan, line: LegLine, span_s: tuple[float, float]) -> tuple[float, float, float]:
     """The largest distance above or below a line that follows the ground: one that is reached, a bound, and when.
 
-    Between two instants it changes by no more than the leader's speeds and the steepest ground allow. Intervals are
-    halved where that is not enough.
+    Between two instants it changes by no more than the leader's speeds and the steepest ground allow.
     """
     assert line.ground is not None
     every = plan.leader_trajectory.state
     joints_s = every.x[(every.x > span_s[0]) & (every.x < span_s[1])]
     edges_s = np.unique(np.concatenate([np.arange(span_s[0], span_s[1], _FIRST_S), joints_s, [span_s[1]]]))
-    start_s, end_s = edges_s[:-1], edges_s[1:]
     velocity = PPoly(every.c[..., POSITION], every.x).derivative()
     slope, steepest = line.rows[2], steepness(line.ground)
-    seen, bound, when_s = -np.inf, -np.inf, span_s[0]
-    while len(start_s):
-        middle_s = 0.5 * (start_s + end_s)
-        off_m = line.off(every(middle_s))[1]
+
+    def away(start_s: Array, end_s: Array) -> tuple[Array, Array]:
+        off_m = line.off(every(0.5 * (start_s + end_s)))[1]
         speeds = enclosed(velocity, start_s, end_s, _ORDER)
         horizontal_mps = np.linalg.norm(speeds[:2].size(), axis=0)
         along_mps = (speeds[0] * slope[0] + speeds[1] * slope[1] + speeds[2] * slope[2]).size()
-        most_m = off_m + 0.5 * (end_s - start_s) * (along_mps + steepest * horizontal_mps)
-        worst = int(np.argmax(off_m))
-        if off_m[worst] > seen:
-            seen, when_s = float(off_m[worst]), float(middle_s[worst])
-        wide = (most_m > seen + _NEAR_M) & (end_s - start_s > _SHORTEST_S)
-        bound = max(bound, float(most_m[~wide].max(initial=-np.inf)))
+        return off_m, off_m + 0.5 * (end_s - start_s) * (along_mps + steepest * horizontal_mps)
+
+    return _greatest(away, edges_s, line.limits.height_m + LENGTH_TOLERANCE_M)
+
+
+def _greatest(
+    away: Callable[[Array, Array], tuple[Array, Array]], edges_s: Array, allowed: float
+) -> tuple[float, float, float]:
+    """The greatest of a quantity between the first edge and the last: one that is reached, a bound, and when.
+
+    `away` gives it in the middle of intervals, and its bounds there. Intervals are halved where a bound does not decide
+    whether it is `allowed`, or is far more than what is reached.
+    """
+    start_s, end_s = edges_s[:-1], edges_s[1:]
+    seen, bound, when_s = -np.inf, -np.inf, float(edges_s[0])
+    while len(start_s):
+        middle_s = 0.5 * (start_s + end_s)
+        reached, most = away(start_s, end_s)
+        worst = int(np.argmax(reached))
+        if not reached[worst] <= seen:  # also for what is no number
+            seen, when_s = float(reached[worst]), float(middle_s[worst])
+        undecided = (reached <= allowed) & (most > allowed)
+        wide = (undecided | (most > seen + _NEAR)) & (end_s - start_s > _SHORTEST_S)
+        bound = float(np.maximum(bound, most[~wide].max(initial=-np.inf)))
         start_s, end_s = np.append(start_s[wide], middle_s[wide]), np.append(middle_s[wide], end_s[wide])
     return seen, bound, when_s

@@ -298,6 +298,12 @@ def flown_by(text: str, vehicle: str, folder: Path) -> str:
     return _of_type(text, Path(os.path.relpath(vehicle, folder)).as_posix())
 
 
+def named_beside(text: str, file: Path, folder: Path) -> str:
+    """The text of a scenario in `folder` with the path of a file from there, in place of its absolute path."""
+    absolute, beside = file.resolve().as_posix(), Path(os.path.relpath(file, folder)).as_posix()
+    return text.replace(json.dumps(absolute, ensure_ascii=False), json.dumps(beside, ensure_ascii=False), 1)
+
+
 def _found(vehicle: str) -> str:
     """A vehicle type as a scenario in any folder names it. Raises ScenarioError for a file with mistakes."""
     if vehicle in presets():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,15 @@ def test_the_leader_follows_the_ground(tmp_path: Path) -> None:
     assert np.abs(above_m - 30.0).max() <= 1.0 + 1e-3
     assert np.ptp(flown[:, 2]) > 15.0
     assert all(line.ground is not None and line.limits.height_m == 1.0 for line in plan.lines)
+    # As a re-plan may fly: a tenth of a millimetre from the limit, which is decided.
+    times = (0.0, *(passage.arrives_s for passage in plan.passages), plan.flight_s)
+    near = []
+    for line, (begin_s, end_s) in zip(plan.lines, pairwise(times), strict=True):
+        off_m = line.off(plan.leader_trajectory.state(np.arange(begin_s, end_s, 1e-3)))[:2]
+        beside_m, above_m = (float(off.max()) + 1e-4 - 0.8e-3 for off in off_m)  # less the tolerance of lengths
+        near.append(replace(line.limits, corridor_m=beside_m, height_m=above_m))
+    report = verify(replace(plan, leg_limits=tuple(near)))
+    assert report.ok, [str(check) for check in report.failures]
 
 
 @pytest.mark.slow

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,16 @@ def test_every_command_has_a_sentence_and_examples_that_its_options_take() -> No
 
 def test_every_public_name_is_told_once() -> None:
     assert sorted(name for names in CHAPTERS.values() for name in names) == gcs.__all__
+
+
+def test_a_class_that_a_public_function_takes_is_public() -> None:
+    asked = {}
+    for function in (inspect.unwrap(getattr(gcs, name)) for name in gcs.__all__ if name.islower()):
+        taken = " ".join(str(parameter.annotation) for parameter in inspect.signature(function).parameters.values())
+        known = vars(sys.modules[function.__module__])
+        asked |= {word: known.get(word) for word in re.findall(r"\w+", taken)}
+    ours = {word for word, kind in asked.items() if inspect.isclass(kind) and kind.__module__.startswith("gcs.")}
+    assert {"Plan", "Format", "TimedLegs"} <= ours <= set(gcs.__all__)
 
 
 def test_every_key_is_there_with_its_meaning() -> None:

@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -24,7 +23,7 @@ from gcs.scenario.schema.mistake import Mistake
 from gcs.scenario.schema.scenario import Performance
 from gcs.scenario.schema.toml_lines import Key
 from gcs.scenario.sources.flight_margins import HOVERS_S, ground_phases_s, type_limits
-from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, scenario_text
+from gcs.scenario.sources.template import FirstFlight, ImpossibleFlight, named_beside, scenario_text
 from gcs.scenario.values.formations import places_up_m, turned
 from gcs.types import Array
 
@@ -297,10 +296,8 @@ def route_text(folder: Path, flight: RouteFlight, vehicle: str | None = None) ->
         if any(one.key == _DEM for one in error.mistakes):
             hint = DEM_HINT
         raise ImpossibleFlight(text, hint=hint, reason=error.reason) from None
-    if (file := flight.route.ground.file) is not None:
-        beside = Path(os.path.relpath(file, folder)).as_posix()
-        text = text.replace(_text(file.resolve().as_posix()), _text(beside), 1)
-    return text
+    file = flight.route.ground.file
+    return text if file is None else named_beside(text, file, folder)
 
 
 def _with_name(drawn: DrawnPoint) -> str:

@@ -12,6 +12,7 @@ import pytest
 from gcs.cli import main
 from gcs.cli.missions.export import listed_files
 from gcs.errors import NotWritten
+from gcs.util.long_work import within
 
 
 def gcs(*arguments: object) -> int:
@@ -123,3 +124,14 @@ def test_the_files_of_forty_vehicles_are_one_line_each_kind() -> None:
     setpoints = sorted(f"uav{n}.setpoints" for n in range(1, 41))
     assert listed_files(["map.kml", *setpoints]) == ["map.kml", "uav1.setpoints to uav40.setpoints, 40 files"]
     assert listed_files(setpoints[:20]) == setpoints[:20]
+
+
+def test_an_export_without_time_left_writes_nothing_and_names_the_option(
+    column_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with within(-1.0):
+        assert gcs("export", column_skein, "--to", tmp_path / "out", "--limit", 100) == 4
+    told = capsys.readouterr().err
+    assert "error: nothing is written: the time limit has passed, while " in told
+    assert "next: give more time (--limit)" in told
+    assert not (tmp_path / "out").exists()

@@ -1,5 +1,6 @@
 """What `gcs plan` says of the battery, and what would fit where it is too small."""
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -40,12 +41,12 @@ def test_one_that_does_not_fit_says_what_would(simulation1_plan: Plan, capsys: p
     # 60 % of the time from ground to ground, less what is not flight
     whole_s = plan.t_end_s - plan.t_start_s
     fits_s = 0.6 * whole_s - (whole_s - plan.flight_s)
-    assert f"sorties of {fits_s:.0f} s" in told.out
+    assert f"sorties of {math.floor(fits_s)} s" in told.out
     assert "flight_s" not in told.out  # 10.9 m/s in the mean
     (enough_Wh,) = map(float, re.findall(r"a battery of (\d+) Wh \(", told.out))
     power = plan.scenario.vehicle.power
     assert power is not None
-    assert enough_Wh == pytest.approx(power.battery_Wh * 1.25 / 0.75, abs=0.5)
+    assert 0.0 <= enough_Wh - power.battery_Wh * 1.25 / 0.75 < 1.0
 
 
 def test_no_vehicle_flies_a_plan_that_empties_its_battery(

@@ -28,6 +28,7 @@ def test_places_that_are_left_out_are_named(simulation1_plan: Plan, capsys: pyte
     found = say_coverage(Screen(), surveyed(simulation1_plan))["coverage"]
     told = capsys.readouterr()
     assert "% of 4.00 ha proved" in told.out and "ha per battery" in told.out
+    assert "(4 m from every height; [survey] height_above_ground_m" in told.out  # over uneven ground
     assert "m² of the survey are not covered" in told.out + told.err
     assert 0.0 < found["share"] < 1.0
     assert sum(gap["area_m2"] for gap in found["uncovered"]) == pytest.approx((1.0 - found["share"]) * 4e4)
@@ -45,8 +46,8 @@ def test_nearly_everything_is_not_everything(
         say_coverage(Screen(), plan)
         return capsys.readouterr().out
 
-    assert "coverage: 99.9 % of 4.00 ha" in told(shapely.MultiPolygon([shapely.box(0, 0, 1, 4)]))
-    assert "coverage: 100 % of 4.00 ha" in told(shapely.MultiPolygon())
+    assert ": 99.9 % of 4.00 ha" in told(shapely.MultiPolygon([shapely.box(0, 0, 1, 4)]))
+    assert ": 100 % of 4.00 ha" in told(shapely.MultiPolygon())
 
 
 def test_nothing_is_said_without_a_survey(simulation1_plan: Plan, capsys: pytest.CaptureFixture[str]) -> None:

@@ -32,9 +32,19 @@ def test_a_drawing_becomes_a_scenario_and_its_losses_are_printed(capsys: pytest.
     assert scenario.end.position_m == scenario.start.position_m
 
 
-def test_one_vehicle_flies_in_no_formation() -> None:
-    assert main.run(["new", "mast", "--route", str(DRAWN / "valley.plan"), "--count", "1"]) == 0
+def test_one_vehicle_flies_in_no_formation(capsys: pytest.CaptureFixture[str]) -> None:
+    one = ["new", "mast", "--route", str(DRAWN / "valley.plan"), "--count", "1", "--spacing", "3"]
+    assert main.run(one) == 0
     assert load_scenario("mast").title == "mast: one quadrotor along valley.plan"
+    assert "separation_min_m" not in capsys.readouterr().out
+
+
+def test_the_separation_beside_a_typed_spacing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    near = ["new", "near", "--route", str(DRAWN / "valley.plan"), "--count", "3", "--spacing", "3"]
+    assert main.run(near) == 0
+    limit_m = load_scenario("near").limits.separation_min_m
+    assert limit_m < 3.0
+    assert f"vehicles stand 3 m apart; separation_min_m is {limit_m:g} m, less" in capsys.readouterr().out
 
 
 def test_programs_get_every_sentence(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -203,6 +204,8 @@ def test_over_an_elevation_model_the_height_is_that_above_the_ground(capsys: pyt
         assert place.height_above_ground_m == 30.0
         assert up_m - float(ground.height_m(np.array(north_m), np.array(east_m))) == pytest.approx(30.0, abs=0.01)
     told = capsys.readouterr().out
+    written = Path("field/scenario.toml").read_text(encoding="utf-8")
+    assert f'file = "{os.path.relpath(RIDGE, "field")}"' in written  # the folder may be moved with its model
     assert "flown 30 m above the ground" in told and f"that of --terrain: {scenario.origin.alt_amsl_m:g} m" in told
 
 

@@ -23,11 +23,14 @@ from gcs.plan.nlp.violations import Violation
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.planner import make_plan
+from gcs.plan.replanning.formation_rest import plan_of, rest_of
 from gcs.plan.replanning.parametric_nlp import parametric_nlp, tightened
+from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.replanning.warm_start import multipliers
 from gcs.plan.trajectory.constraint_id import ConstraintId, Kind
+from gcs.plan.trajectory.energy import charge_needed, used_until
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import verify
@@ -154,6 +157,17 @@ def test_a_new_plan_is_stored_and_exported_as_any(plan: Plan, replanner: Replann
     assert gcs.build_stream(read, 5.0).t_s[0] == AT_S
     with pytest.raises(gcs.GcsError, match="begins in the air"):
         gcs.export(read, tmp_path / "missions", formats=["plan"])
+
+
+def test_what_was_flown_before_counts_for_the_battery(plan: Plan, replanner: Replanner) -> None:
+    new = replanner.replan(planned(plan), AT_S)
+    (check,) = [each for each in verify(new).checks if each.constraint.kind is Kind.BATTERY]
+    assert 1.0 - plan.scenario.preflight.reserve - check.worst == pytest.approx(charge_needed(plan).max(), rel=0.01)
+    assert new.used_before == rest_of(plan, AT_S).used_before
+    assert plan_of(plan, plan.sysids[1:2], AT_S).used_before == new.used_before[1:2]
+    flown = continued(plan, new)  # from the ground on
+    assert not flown.used_before
+    assert used_until(flown, AT_S) == pytest.approx(new.used_before)
 
 
 def test_a_new_plan_is_changed_again(plan: Plan, replanner: Replanner) -> None:

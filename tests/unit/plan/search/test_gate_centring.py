@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcs.cli.planning.plan_tables import say_gates
+from gcs.cli.shared.console import Screen
 from gcs.plan.planner import make_plan
 from gcs.plan.search import free_final_time
 from gcs.plan.search.gate_centring import DEFAULT_PERCENT
@@ -51,7 +53,11 @@ def through_gate(scenario: Scenario, width_m: float, *, mirrored: bool = False, 
     [(3.0, False), pytest.param(3.0, True, marks=pytest.mark.slow), pytest.param(2.5, False, marks=pytest.mark.slow)],
 )
 def test_a_drawn_leg_passes_the_middle_of_a_gate(
-    simulation1: Scenario, width_m: float, mirrored: bool, monkeypatch: pytest.MonkeyPatch
+    simulation1: Scenario,
+    width_m: float,
+    mirrored: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     scenario = through_gate(simulation1, width_m, mirrored=mirrored)
     plan = make_plan(scenario)
@@ -70,6 +76,9 @@ def test_a_drawn_leg_passes_the_middle_of_a_gate(
     assert (gate.zone, gate.far_zone) == (0, 1)
     assert (near_m, far_m) == pytest.approx(_beside(shortest, width_m), abs=0.1)
     assert gate.aside_m == pytest.approx(0.5 * (far_m - near_m), abs=0.2)
+    say_gates(Screen(), shortest)
+    told = f": [objective] gate_cost_percent = 0.1 pays for no more; a greater one for up to {gate.aside_m:.1f} m more"
+    assert f"{near_m:.2f} m from the one and {far_m:.2f} m from the other{told}" in capsys.readouterr().out
 
 
 @pytest.mark.slow

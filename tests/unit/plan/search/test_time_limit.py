@@ -22,7 +22,7 @@ from tests.unit.plan.search.test_routes import DISK, beyond
 
 
 def test_a_plan_without_time_is_refused_in_a_sentence_that_names_the_option(simulation1: Scenario) -> None:
-    with pytest.raises(gcs.OutOfTime, match="no plan: the time limit of planning has passed, while ") as late:
+    with pytest.raises(gcs.OutOfTime, match="no plan: the time limit has passed, while ") as late:
         gcs.make_plan(meadow(alone(simulation1)), limit_s=0.0)
     assert "--limit" in str(late.value.hint)
     assert left_s() == math.inf
