@@ -14,6 +14,7 @@ from gcs.frames import geodetic_to_ned
 from gcs.mission.drawings.drawing import Datum
 from gcs.mission.drawings.route_formats import read_drawing
 from gcs.plan.planner import make_plan
+from gcs.plan.replanning.formation_rest import rest_of
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.coverage import coverage
 from gcs.plan.verification.verify import verify
@@ -204,3 +205,12 @@ def test_survey_is_proved_to_see_all_of_it_and_to_turn_outside(plan_of: Callable
     turns = [number for number, name in enumerate(names) if name is not None and name.startswith(("after", "before"))]
     places = plan.states(np.array(plan.route_s)[turns])[..., :2].reshape(-1, 2)
     assert not shapely.contains_xy(found.area, *places.T).any()
+
+
+@pytest.mark.slow
+def test_the_rest_of_a_plan_after_its_last_change_is_verified_in_the_places_that_vehicles_took(
+    plan_of: Callable[[str], Plan],
+) -> None:
+    """Who took which place is seen in the shape in which the rest begins."""
+    plan = plan_of("changes/scenario.toml")
+    assert verify(rest_of(plan, plan.scheduled_moves[-1].end_s + 1.0)).ok
