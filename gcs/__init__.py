@@ -54,8 +54,12 @@ if TYPE_CHECKING:
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
     from gcs.plan.plan_changer import Avoid as Avoid
     from gcs.plan.plan_changer import FlyHome as FlyHome
+    from gcs.plan.plan_changer import GoOn as GoOn
+    from gcs.plan.plan_changer import GoTo as GoTo
+    from gcs.plan.plan_changer import Hold as Hold
     from gcs.plan.plan_changer import Reshape as Reshape
     from gcs.plan.plan_changer import Scale as Scale
+    from gcs.plan.plan_changer import Slower as Slower
     from gcs.plan.plan_file import load_plan as load_plan
     from gcs.plan.plan_file import load_returns as load_returns
     from gcs.plan.plan_file import save_plan as save_plan
@@ -91,6 +95,9 @@ _HOME = {
     "FlyHome": "gcs.plan.plan_changer",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
+    "GoOn": "gcs.plan.plan_changer",
+    "GoTo": "gcs.plan.plan_changer",
+    "Hold": "gcs.plan.plan_changer",
     "MeshRound": "gcs.plan.trajectory.plan",
     "NamedStates": "gcs.physics.states",
     "NoFlyZone": "gcs.scenario.schema.places",
@@ -107,6 +114,7 @@ _HOME = {
     "Scale": "gcs.plan.plan_changer",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
+    "Slower": "gcs.plan.plan_changer",
     "TrackCheck": "gcs.mission.proving.track_report",
     "TrackLimits": "gcs.mission.proving.prove",
     "TrackReport": "gcs.mission.proving.track_report",
