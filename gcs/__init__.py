@@ -58,8 +58,12 @@ if TYPE_CHECKING:
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
     from gcs.plan.plan_changer import Avoid as Avoid
     from gcs.plan.plan_changer import FlyHome as FlyHome
+    from gcs.plan.plan_changer import GoOn as GoOn
+    from gcs.plan.plan_changer import GoTo as GoTo
+    from gcs.plan.plan_changer import Hold as Hold
     from gcs.plan.plan_changer import Reshape as Reshape
     from gcs.plan.plan_changer import Scale as Scale
+    from gcs.plan.plan_changer import Slower as Slower
     from gcs.plan.plan_file import load_plan as load_plan
     from gcs.plan.plan_file import load_returns as load_returns
     from gcs.plan.plan_file import save_plan as save_plan
@@ -97,6 +101,9 @@ _HOME = {
     "FlyHome": "gcs.plan.plan_changer",
     "Format": "gcs.mission.formats.registry",
     "GcsError": "gcs.errors",
+    "GoOn": "gcs.plan.plan_changer",
+    "GoTo": "gcs.plan.plan_changer",
+    "Hold": "gcs.plan.plan_changer",
     "MeshRound": "gcs.plan.trajectory.plan",
     "NamedStates": "gcs.physics.states",
     "NoFlyZone": "gcs.scenario.schema.places",
@@ -113,6 +120,7 @@ _HOME = {
     "Scale": "gcs.plan.plan_changer",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
+    "Slower": "gcs.plan.plan_changer",
     "SmoothPath": "gcs.mission.export.bspline_smoothing",
     "TimedLegs": "gcs.mission.waypoints.timed_legs",
     "TrackCheck": "gcs.mission.proving.track_report",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,19 +15,25 @@ from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation_return import plan_return
+from gcs.plan.paced_plan import PUSHES_MPS2, Left, gone_on, slowed, stopped
 from gcs.plan.replanning.formation_rest import plan_of, rest_of
 from gcs.plan.replanning.parametric_nlp import with_zones
 from gcs.plan.replanning.plan_pieces import continued, jump_between
 from gcs.plan.replanning.remaining_plan import shape_part, with_times_of_changes
 from gcs.plan.replanning.replanner import Replanner
+from gcs.plan.trajectory.constraint_id import Kind
 from gcs.plan.trajectory.ground_phases import shape_from_ground
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, refusal, verify
+from gcs.scenario.environment.no_fly import ZoneName
 from gcs.scenario.schema.scenario import ChangeTable, NoFlyZone, Scenario
 from gcs.scenario.values.si import landing_points_ned_m
 
 ZONES_MAX = 4  # that may come up in one flight
+HOVERS_S = 300.0, 120.0, 40.0  # for how long a formation holds; the longest that its batteries last
+ROUND_RATES = 0.7, 0.5  # of speeds, after a hold, where a zone came up in the way
+_LOOK_S = 0.5
 _REHEARSED = 0.3  # of the mission: where a re-plan is rehearsed
 
 
@@ -75,6 +83,46 @@ class FlyHome:
 
 
 @dataclass(frozen=True)
+class Slower:
+    """The rest of the plan at this share of its speeds."""
+
+    factor: float
+
+    def __str__(self) -> str:
+        return f"fly at {self.factor:g} times its speed"
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The formation brakes as one, hovers in its shape, and lands there if no order follows for five minutes."""
+
+    zones: tuple[NoFlyZone, ...] = ()  # that came up, before which it brakes
+
+    def __str__(self) -> str:
+        return "brake together before the zone" if self.zones else "hold together"
+
+
+@dataclass(frozen=True)
+class GoTo:
+    """The formation flies straight to a place of its leader, and hovers there as after `Hold`; m from the origin."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+
+    def __str__(self) -> str:
+        return f"go to ({self.north_m:g}, {self.east_m:g}) at {self.height_m:g} m"
+
+
+@dataclass(frozen=True)
+class GoOn:
+    """The formation goes on with the plan that it left to hold or to go elsewhere; a slower one at its first speed."""
+
+    def __str__(self) -> str:
+        return "go on with its plan"
+
+
+@dataclass(frozen=True)
 class CloseRanks:
     """The vehicles `sysids` fly on without those that left the formation, which may be in `zones` from now on."""
 
@@ -85,7 +133,8 @@ class CloseRanks:
         return f"close ranks and fly on with {len(self.sysids)} vehicle{'s' if len(self.sysids) > 1 else ''}"
 
 
-PlanOrder = Avoid | Scale | Reshape | FlyHome | CloseRanks
+PlanOrder = Avoid | Scale | Reshape | Slower | Hold | GoTo | GoOn | FlyHome | CloseRanks
+PACED = (Slower, Hold, GoTo, GoOn)  # that need no optimiser, unless a zone came up
 
 
 @dataclass(frozen=True)
@@ -95,6 +144,8 @@ class Proposal:
     plan: Plan
     report: Report
     took_s: float
+    left: Left | None = None  # the plan that `GoOn` would go on with
+    pace: float = 1.0  # speeds over those of the first plan, by `Slower`
 
 
 class PlanChanger:
@@ -104,6 +155,8 @@ class PlanChanger:
         self.flown = plan
         self._known = len(plan.scenario.no_fly)  # zones of the plan that the programs were built for
         self._base = plan
+        self._left: Left | None = None
+        self._pace = 1.0
         self._rest: tuple[CloseRanks, Replanner] | None = None  # programs that an earlier attempt built
         self._way_home: Plan | None = None  # of an earlier instant: the next one is found sooner near it
 
@@ -111,13 +164,22 @@ class PlanChanger:
     def _replanner(self) -> Replanner:
         return Replanner(self._base, spare_disks=ZONES_MAX)
 
-    def rehearse(self) -> float:
-        """Build the programs, and return the seconds that a re-plan and its verification take. Raises PlanningError."""
-        mission = self._base.phase(PhaseKind.MISSION)
-        at_s = mission.start_s + _REHEARSED * mission.duration_s
-        replanner, began_s = self._replanner, time.perf_counter()
-        verify(replanner.replan(self._base.leader_trajectory.state(at_s), at_s))
-        return time.perf_counter() - began_s
+    def rehearse(self) -> dict[bool, float]:
+        """Build the programs; return the seconds that a plan by the optimiser takes (False), and one without it (True).
+
+        A route has no programs to build, and a formation that holds needs none: what they take is not known then.
+        """
+        mission, found = self._base.phase(PhaseKind.MISSION), {}
+        at_s, began_s = mission.start_s + _REHEARSED * mission.duration_s, time.perf_counter()
+        with suppress(PlanningError):
+            verify(stopped(self._base, at_s, None, None, HOVERS_S[0], PUSHES_MPS2[0])[0])
+            found[True] = time.perf_counter() - began_s
+        if self._left is None and not self._base.scenario.route:
+            with suppress(PlanningError):
+                replanner, began_s = self._replanner, time.perf_counter()
+                verify(replanner.replan(self._base.leader_trajectory.state(at_s), at_s))
+                found[False] = time.perf_counter() - began_s
+        return found
 
     def change(self, order: PlanOrder, at_s: float) -> Proposal:
         """The plan from `at_s` on that carries out an order. Raises PlanningError or UsageError with the reason.
@@ -125,44 +187,120 @@ class PlanChanger:
         Its first state and shape are those of the flown plan; it is verified.
         """
         began_s = time.perf_counter()
-        plan = self._answering(order, at_s)
+        plan, left, rate = self._answering(order, at_s)
         report = verify(plan)
         if not report.ok:
             raise PlanningError(f"the new plan failed verification: {refusal(report).message}", hint=_OTHERWISE)
         if not (jump := jump_between(self.flown, plan)).allowed:
             raise PlanningError(f"the new plan would begin with a jump of {jump}", hint=_OTHERWISE)
-        return Proposal(plan, report, time.perf_counter() - began_s)
+        return Proposal(plan, report, time.perf_counter() - began_s, left, rate)
 
-    def adopt(self, plan: Plan) -> None:
+    def adopt(self, found: Proposal) -> None:
         """Go on from this plan: the vehicles fly it."""
-        self._rest = None
-        if plan.sysids != self.flown.sysids:
-            self.flown = self._base = plan
-            self._known, self._way_home = len(plan.scenario.no_fly), None
-            self.__dict__.pop("_replanner", None)
-            return
-        self.flown = continued(self.flown, plan)
-        if plan.moves != self._base.moves:  # the programs are for one schedule of shapes
-            self._base, self._known = plan, len(plan.scenario.no_fly)
+        plan, self._rest, self._pace = found.plan, None, found.pace
+        was, self._left = self._left, found.left
+        others = plan.sysids != self.flown.sysids
+        self.flown = plan if others else continued(self.flown, plan)
+        # The programs are for one end, one schedule of shapes and some vehicles; those of a plan that was left stay.
+        known = self._base.moves, self._base.scenario.end, self._base.flight_s
+        if others or (found.left is None and (was or known != (plan.moves, plan.scenario.end, plan.flight_s))):
+            self._base, self._known, self._way_home = plan, len(plan.scenario.no_fly), None
             self.__dict__.pop("_replanner", None)
 
-    def _answering(self, order: PlanOrder, at_s: float) -> Plan:
-        if isinstance(order, Avoid):
-            return self._around(order, at_s)
-        if isinstance(order, CloseRanks):
-            return self._without_the_lost(order, at_s)
-        if isinstance(order, FlyHome):
-            self._way_home = plan_return(self.flown, at_s, self._way_home)
-            return self._way_home
-        return self._reshaped(order, at_s)
+    def _answering(self, order: PlanOrder, at_s: float) -> tuple[Plan, Left | None, float]:
+        """The plan, what it leaves, and its pace."""
+        left, rate = self._left, self._pace
+        match order:
+            case Avoid():
+                return *self._round(order, at_s), rate
+            case CloseRanks():
+                if left is not None:
+                    left = replace(left, plan=plan_of(left.plan, order.sysids, left.at_s))
+                return self._without_the_lost(order, at_s), left, rate
+            case FlyHome():
+                self._way_home = plan_return(self.flown, at_s, self._way_home)
+                return self._way_home, None, 1.0
+            case Hold() | GoTo():
+                return *self._stopped(order, at_s), rate
+            case Slower():
+                return self._at(at_s, order.factor), None, rate * order.factor
+            case GoOn() if left is not None:
+                return self._gone_on(left, at_s, ()), None, rate
+            case GoOn():
+                if rate == 1.0:
+                    raise UsageError("the formation flies its plan", hint="it goes on after hold, go or slower")
+                return self._at(at_s, 1.0 / rate), None, 1.0
+            case _:
+                return self._reshaped(order, at_s), left, rate
 
-    def _around(self, order: Avoid, at_s: float) -> Plan:
-        zones = (*self.flown.scenario.no_fly[self._known :], order.zone)
+    def _at(self, at_s: float, factor: float) -> Plan:
+        if self._left is not None:
+            raise UsageError("the formation holds", hint="order resume, then slower")
+        return _first_verified(slowed(self.flown, at_s, factor, push) for push in PUSHES_MPS2)
+
+    def _stopped(self, order: Hold | GoTo, at_s: float) -> tuple[Plan, Left]:
+        old, place = self.flown, None
+        zones = order.zones if isinstance(order, Hold) else ()
+        if isinstance(order, GoTo):
+            place = np.array([order.north_m, order.east_m, -order.height_m])
+        known = tuple(zone for zone in old.scenario.no_fly if zone not in zones)
+        kept: list[Left] = []
+
+        def attempts() -> Iterator[Plan]:
+            for push in PUSHES_MPS2:
+                for hover_s in HOVERS_S:
+                    plan, left = stopped(old, at_s, self._left, place, hover_s, push)
+                    kept.append(replace(left, before_zone=bool(zones)))
+                    plan = replace(plan, scenario=with_zones(plan.scenario, (*known, *zones)))
+                    yield plan
+                    if any(check.constraint.kind is not Kind.BATTERY for check in verify(plan).failures):
+                        break  # a shorter hover needs less charge, and nothing else
+
+        return _first_verified(attempts()), kept[-1]
+
+    def _gone_on(self, left: Left, at_s: float, zones: tuple[NoFlyZone, ...]) -> Plan:
+        """The plan that was left, from `at_s` on; where a zone that came up is in its way, round it."""
+        came_up = [zone for zone in self.flown.scenario.no_fly if zone not in left.plan.scenario.no_fly]
+        came_up += [zone for zone in zones if zone not in came_up]
+        known = left.plan.scenario.no_fly
+
+        def attempts() -> Iterator[Plan]:
+            for push in PUSHES_MPS2:
+                plan = gone_on(self.flown, at_s, left, push)
+                plan = replace(plan, scenario=with_zones(plan.scenario, (*known, *came_up)))
+                yield plan
+                if any(isinstance(check.constraint.of, ZoneName) for check in verify(plan).failures):
+                    return  # at any pace
+
+        plan = _first_verified(attempts())
+        if not came_up or verify(plan).ok:
+            return plan
+        # A way round is longer, and from rest it takes time to come up to speed: the rest is flown more slowly.
+        state = self.flown.leader_trajectory.state(at_s)
+        for rate in ROUND_RATES:
+            slow = gone_on(self.flown, at_s, left, PUSHES_MPS2[0], rate)
+            slow = replace(slow, scenario=with_zones(slow.scenario, known))
+            plan = Replanner(slow, spare_disks=len(came_up)).replan(state, at_s, came_up)
+            if jump_between(self.flown, plan).allowed:
+                break
+        return plan
+
+    def _round(self, order: Avoid, at_s: float) -> tuple[Plan, Left | None]:
+        left, zone = self._left, order.zone
+        if left is None or not left.before_zone:
+            kept = _with_zone(self.flown, at_s, zone)
+            t_s = np.arange(at_s, kept.t_end_s, _LOOK_S)
+            if left is not None or (kept.zone_distances_m(t_s).min() > 0.0 and verify(kept).ok):
+                return kept, left
+        elif at_s > left.from_s:
+            return self._gone_on(left, at_s, (zone,)), None
+        zones = self.flown.scenario.no_fly[self._known :]
+        zones = zones if zone in zones else (*zones, zone)
         if len(zones) > ZONES_MAX:
             raise UsageError(
                 f"{len(zones)} zones came up in this flight; there is room for {ZONES_MAX}", hint=_OTHERWISE
             )
-        return self._replanner.replan(self.flown.leader_trajectory.state(at_s), at_s, zones)
+        return self._replanner.replan(self.flown.leader_trajectory.state(at_s), at_s, zones), None
 
     def _without_the_lost(self, order: CloseRanks, at_s: float) -> Plan:
         """The same track for those that remain; where one of them would meet one that left, another track."""
@@ -201,6 +339,27 @@ class PlanChanger:
 
 
 _OTHERWISE = "the old plan is flown on; order hold, return or land"
+
+
+def _with_zone(plan: Plan, at_s: float, zone: NoFlyZone) -> Plan:
+    """The rest of a plan as it is, with one more zone."""
+    rest = rest_of(plan, at_s)
+    others = tuple(one for one in rest.scenario.no_fly if one != zone)
+    return replace(rest, scenario=with_zones(rest.scenario, (*others, zone)))
+
+
+def _first_verified(plans: Iterator[Plan]) -> Plan:
+    """The first plan that is verified; the last one, or what it raised, where none is."""
+    last: Plan | None = None
+    try:
+        for last in plans:
+            if verify(last).ok:
+                return last
+    except Infeasible:
+        if last is None:
+            raise
+    assert last is not None
+    return last
 
 
 def _with_change(scenario: Scenario, table: ChangeTable, at_s: float) -> Scenario:

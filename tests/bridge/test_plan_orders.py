@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gcs.errors import FlightError
 from gcs.flight.contingency.choices import OnLoss
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
 from gcs.flight.monitoring.progress import FlightPart
-from gcs.plan.plan_changer import Avoid, FlyHome, PlanOrder
+from gcs.plan.plan_changer import Avoid, FlyHome, GoOn, GoTo, Hold, PlanOrder, Slower
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
@@ -20,11 +22,18 @@ pytestmark = pytest.mark.slow
 
 
 def asked_at(t_s: float, order: PlanOrder) -> Any:
-    done = []
+    return all_asked((t_s, order))
+
+
+def all_asked(*steps: tuple[float, PlanOrder]) -> Any:
+    """Each order at its plan time; the next one no sooner than the last one is answered."""
+    left = list(steps)
 
     def during(_: World, flight: FlightSequence) -> None:
-        if not done and (flight.monitor.plan_time_s or -1.0) > t_s:
-            done.append(flight.ask(order, by="the test"))
+        if left and (flight.monitor.plan_time_s or -1.0) > left[0][0]:
+            with suppress(FlightError):
+                flight.ask(left[0][1], by="the test")
+                left.pop(0)
 
     return during
 
@@ -54,7 +63,7 @@ def test_the_formation_brakes_before_a_zone_that_it_cannot_fly_round(hop: Plan) 
     zone = Avoid(float(goal[0]), float(goal[1]), 12.0)
     flown = fly(hop, during=asked_at(3.0, zone), enough=lambda flight: (flight.monitor.plan_time_s or 0.0) > 26.0)
     assert any("not avoid" in event.rule for event in flown.events), flown.events
-    assert flown.orders(1)[0] == "hold"
+    assert any("brake together before the zone" in event.rule for event in flown.events), flown.events
     flying = (flown.t_s > 0.0) & (flown.t_s < 26.0)
     away_m = np.linalg.norm(flown.places[:, flying, :2] - [zone.north_m, zone.east_m], axis=-1).min() - zone.radius_m
     assert away_m > 0.0
@@ -70,6 +79,33 @@ def test_a_formation_flies_home_together_and_lands_on_its_pads(hop: Plan) -> Non
     now = flown.flight.plan.states(flown.t_s[flying])[..., :3]
     assert np.linalg.norm(now - flown.places[:, flying], axis=-1).max() < 0.5
     assert flown.flight.monitor.nearest[FlightPart.FLIGHT].distance_m > 4.0
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        ((4.0, Slower(0.6)), (16.0, GoOn())),
+        ((8.0, Hold()), (30.0, GoOn())),
+        ((6.0, GoTo(20.0, 25.0, 12.0)), (45.0, GoOn())),
+        ((8.0, Hold()), (25.0, FlyHome())),
+    ],
+    ids=lambda steps: ", ".join(str(order) for _, order in steps),
+)
+def test_a_formation_flies_at_another_pace_holds_goes_elsewhere_and_goes_on(
+    hop: Plan, steps: tuple[tuple[float, PlanOrder], ...]
+) -> None:
+    flown = fly(hop, during=all_asked(*steps))
+    assert flown.error is None, flown.error
+    changes = [event for event in flown.events if event.what.startswith(NEW_PLAN)]
+    assert [change.rule.split(", asked by")[0] for change in changes] == [str(order) for _, order in steps]
+    assert not flown.orders(1)[:-1], "nobody left the formation"
+    plan = flown.flight.plan
+    flying = (flown.t_s > 0.0) & (flown.t_s < plan.landing_s)
+    off_m = np.linalg.norm(plan.states(flown.t_s[flying])[..., :3] - flown.places[:, flying], axis=-1)
+    assert off_m.max() < 0.5
+    assert flown.flight.monitor.nearest[FlightPart.FLIGHT].distance_m > 4.0
+    ends = hop.pads_ned_m if isinstance(steps[-1][1], FlyHome) else hop.landing_points_ned_m
+    np.testing.assert_allclose(flown.places[:, -1, :2], ends[:, :2], atol=0.5)
 
 
 @pytest.mark.parametrize("dies", [3, 1], ids=["a follower", "the leader"])

@@ -7,15 +7,17 @@ round it comes first: while it is planned as well as after a refusal.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gcs.errors import FlightError
 from gcs.physics.states import VELOCITY
-from gcs.plan.plan_changer import Avoid, PlanOrder
+from gcs.plan.plan_changer import PACED, Avoid, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import nearest_zone_m
+from gcs.scenario.schema.scenario import NoFlyZone
 from gcs.scenario.values.navigation_error import navigation_error
 
 MARGIN_S = 0.25  # between an answer and the first setpoint of the new plan, beside the lead of setpoints
@@ -44,15 +46,15 @@ class PlanChange:
     def __init__(self, rate_hz: float, lead_s: float, plans_s: float = 0.0) -> None:
         """`rate_hz`: of setpoints, which are sent `lead_s` ahead; `plans_s`: how long a re-plan takes, as rehearsed."""
         self._rate_hz, self._lead_s = rate_hz, lead_s
-        self._took_s = [plans_s]
+        self._took_s = {False: [plans_s], True: [0.0]}  # with and without an optimiser
         self.pending: Planning | None = None
         self._not_avoided: tuple[Avoid, ...] = ()  # zones that came up and that the flown plan does not lead round
         self.brakes_at_s = math.inf  # plan time at which the formation has to brake
         self.blocked = ""  # why the old plan must not be gone on with, in words
 
-    def rehearsed(self, took_s: float) -> None:
-        """A re-plan takes so long."""
-        self._took_s = [took_s]
+    def rehearsed(self, took_s: Mapping[bool, float]) -> None:
+        """A re-plan takes so long: of orders that need an optimiser (False) and of those that need none."""
+        self._took_s.update({paced: [one_s] for paced, one_s in took_s.items()})
 
     def ask(self, order: PlanOrder, by: str, now_s: float, plan: Plan) -> Planning:
         """Begin an order to a formation that flies `plan`. Raises FlightError while another one is being planned."""
@@ -64,7 +66,7 @@ class PlanChange:
         if isinstance(order, Avoid):
             self._not_avoided += (order,)
             self._watch(plan, now_s)
-        self.pending = Planning(order, by, now_s, now_s, self._begin_s(now_s))
+        self.pending = Planning(order, by, now_s, now_s, self._begin_s(order, now_s))
         return self.pending
 
     def would_begin_s(self, order: PlanOrder, now_s: float) -> float:
@@ -74,12 +76,12 @@ class PlanChange:
                 f"whether the formation would {order} is not known: it is being asked to {self.pending.order}.",
                 hint="wait for its answer in the events",
             )
-        return self._begin_s(now_s)
+        return self._begin_s(order, now_s)
 
     def begin(self, now_s: float) -> None:
         """Planning begins now: an order may have waited for what the planner did before."""
         if self.pending is not None:
-            self.pending = replace(self.pending, tried_s=now_s, begin_s=self._begin_s(now_s))
+            self.pending = replace(self.pending, tried_s=now_s, begin_s=self._begin_s(self.pending.order, now_s))
 
     def in_time(self, now_s: float) -> bool:
         """Take in that the plan was made now. Without time to send it, `pending` begins again later, or it is too late.
@@ -88,14 +90,15 @@ class PlanChange:
         """
         planning = self.pending
         assert planning is not None
-        self._took_s = [*self._took_s, now_s - planning.tried_s][-_LAST:]
-        if now_s + self._lead_s + MARGIN_S / 2.0 <= planning.begin_s:
+        paced = isinstance(planning.order, PACED)
+        self._took_s[paced] = [*self._took_s[paced], now_s - planning.tried_s][-_LAST:]
+        if self.can_begin(planning.begin_s, now_s):
             self.pending = None
             return True
         if planning.attempt == ATTEMPTS:
             self.pending = None
         else:
-            begin_s = self._begin_s(now_s)
+            begin_s = self._begin_s(planning.order, now_s)
             self.pending = replace(planning, tried_s=now_s, begin_s=begin_s, attempt=planning.attempt + 1)
         return False
 
@@ -110,6 +113,11 @@ class PlanChange:
             return "the old plan is flown on, it does not enter the zone"
         self._watch(plan, now_s)
         return f"all brake at t = {self.brakes_at_s:.1f} s: {self.blocked}"
+
+    @property
+    def zones(self) -> tuple[NoFlyZone, ...]:
+        """Zones that came up and that the flown plan enters, or may enter."""
+        return tuple(zone.zone for zone in self._not_avoided)
 
     def brakes(self, now_s: float) -> bool:
         """Whether the formation has to brake now; once."""
@@ -133,10 +141,27 @@ class PlanChange:
         self.brakes_at_s = max(enters_s - speed_mps / _BRAKE_MPS2 - _CALM_S, now_s)
         self.blocked = f"the plan enters the new no-fly zone at t = {enters_s:.1f} s"
 
-    def _begin_s(self, now_s: float) -> float:
+    def would_be_late(self, now_s: float) -> bool:
+        """Whether all attempts at a plan round a zone may not be made before the formation has to brake."""
+        return now_s + ATTEMPTS * SLOWER * max(self._took_s[False]) + self._lead_s > self.brakes_at_s
+
+    def brake_begins_s(self, now_s: float) -> float:
+        """From when on the formation brakes as one before the zones that came up: the plan is flown on until then."""
+        soonest_s = now_s + SLOWER * max(self._took_s[True]) + self._lead_s + MARGIN_S
+        return self._on_grid(max(soonest_s, self.brakes_at_s - 1.0 / self._rate_hz))
+
+    def can_begin(self, begin_s: float, now_s: float) -> bool:
+        """Whether a plan that is ready now can be flown from an instant on."""
+        return now_s + self._lead_s + MARGIN_S / 2.0 <= begin_s
+
+    def _begin_s(self, order: PlanOrder, now_s: float) -> float:
         least_s = self._lead_s + MARGIN_S
-        ahead_s = max(min(SLOWER * max(self._took_s) + least_s, self.brakes_at_s - now_s), least_s)
-        return math.ceil((now_s + ahead_s) * self._rate_hz) / self._rate_hz
+        soonest_s = SLOWER * max(self._took_s[isinstance(order, PACED)]) + least_s
+        ahead_s = max(min(soonest_s, self.brakes_at_s - now_s), least_s)
+        return self._on_grid(now_s + ahead_s)
+
+    def _on_grid(self, t_s: float) -> float:
+        return math.ceil(t_s * self._rate_hz) / self._rate_hz
 
 
 def enters_at_s(plan: Plan, order: Avoid, from_s: float) -> float:

@@ -4,6 +4,7 @@
 """
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -22,9 +23,11 @@ from gcs.flight.execution.hover_charge import model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event, PlanForecast
 from gcs.flight.recording.flight_folder import later_plans
+from gcs.flight.setup.own_process import in_own_process
 from gcs.flight.setup.plan_worker import PlanWorker, Replacement
 from gcs.flight.setup.planner_process import PlannerProcess
-from gcs.plan.plan_changer import CloseRanks, PlanOrder
+from gcs.mission.returns.rtl_altitudes import plan_returns
+from gcs.plan.plan_changer import Avoid, CloseRanks, Hold, PlanOrder
 from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone
@@ -33,6 +36,7 @@ from gcs.util.steady_loop import follows
 
 _GONE = frozenset({State.LOST, State.RETURNING, State.LANDING})
 _WHO = 80  # characters of who asked
+_OURSELVES = "this program"  # as who asked
 NEW_PLAN = "fly a new plan"
 
 
@@ -57,6 +61,7 @@ class PlanOrders:
         self._worker = PlannerProcess(PlanWorker, fleet.plan, folder)
         self._count = 1 if folder is None else 1 + len(later_plans(folder))  # of a flight that is taken up again
         self._asked: asyncio.Queue[Planning] = asyncio.Queue()
+        self._ways_back: asyncio.Future[None] | None = None  # being made for the flown plan
         self._answer: asyncio.Future[str] | None = None
 
     def ask(self, order: PlanOrder, by: str) -> tuple[int, ...]:
@@ -101,7 +106,7 @@ class PlanOrders:
             while True:
                 await self._carry_out(await self._asked.get())
         finally:
-            await ended(beside)
+            await ended(beside, *([] if self._ways_back is None else [self._ways_back]))
             await self._worker.close()
             for left in () if self._folder is None else self._folder.glob("plan-*.made"):
                 left.unlink(missing_ok=True)
@@ -114,6 +119,8 @@ class PlanOrders:
 
     async def _carry_out(self, planning: Planning) -> None:
         """Plan until a plan is in time, and fly it; or refuse."""
+        if isinstance(planning.order, Avoid) and self._change.would_be_late(self._now_s()):
+            await self._brake_together()
         order, began_s = planning.order, time.perf_counter()  # emulated time stands
         self._change.begin(self._now_s())
         try:
@@ -136,8 +143,24 @@ class PlanOrders:
             self._answered(FlightError(f"the formation does not {order}: {why}; {instead}."))
             if isinstance(order, CloseRanks):
                 self._stay_open(order)
+            elif math.isfinite(self._change.brakes_at_s):
+                await self._brake_together()
             return
         await self._adopt()
+
+    async def _brake_together(self) -> None:
+        """Have the formation brake as one before new zones; else each vehicle does so by itself when it is due."""
+        order, began_s = Hold(self._change.zones), time.perf_counter()
+        now_s = self._now_s()
+        planning = Planning(order, _OURSELVES, now_s, now_s, self._change.brake_begins_s(now_s))
+        try:
+            made: Replacement = await self._worker.call("change", order, planning.begin_s, f"plan-{self._count + 1}")
+        except Exception as failure:
+            self._tell("do not brake as one", _reason(failure))
+            return
+        if not self._why_not(order) and self._change.can_begin(planning.begin_s, self._now_s()):
+            self._fly(planning, made, time.perf_counter() - began_s)
+            await self._adopt()
 
     def _fly(self, planning: Planning, made: Replacement, took_s: float) -> None:
         fleet, new = self._fleet, made.plan
@@ -157,19 +180,28 @@ class PlanOrders:
         data = {"order": str(planning.order), "asked_t_s": planning.asked_s, "begins_t_s": new.t_start_s}
         data |= {"planned_s": took_s, "file": None if file is None else file.name}
         self._tell(f"{NEW_PLAN} from t = {new.t_start_s:.2f} s on", words, data)
-        self._answered(f"a new plan is flown from t = {new.t_start_s:.2f} s on: {words}")
+        if planning.by != _OURSELVES:
+            self._answered(f"a new plan is flown from t = {new.t_start_s:.2f} s on: {words}")
 
     async def _adopt(self) -> None:
-        """Ways back and needs of the new plan: made after it is flown, because they take longer."""
+        """The planner goes on from the new plan; its ways back are made beside the next order."""
+        await self._worker.call("adopt")
+        if self._ways_back is not None:
+            await ended(self._ways_back)
+        self._ways_back = asyncio.ensure_future(self._make_ways_back())
+        if not follows(self._loop) and self._asked.empty():
+            await self._rehearse()
+
+    async def _make_ways_back(self) -> None:
+        """Ways back and needs of the flown plan: they take longer to make than a plan."""
+        plan = self._fleet.plan
         kinds = tuple(Autopilot(vehicle.session.autopilot) for vehicle in self._fleet.vehicles.values())
         try:
-            returns = await self._worker.call("adopt", kinds)
+            returns = await in_own_process(plan_returns, plan, kinds)
         except Exception as failure:
             self._tell("have no new return altitudes", _reason(failure))
             return
-        self._contingency.return_from(self._fleet.plan, returns, await model_of(self._fleet.plan))
-        if not follows(self._loop):
-            await self._rehearse()
+        self._contingency.return_from(plan, returns, await model_of(plan))
 
     async def _look_ahead(self) -> None:
         """Close the ranks when a vehicle left, and brake in time."""
@@ -193,7 +225,7 @@ class PlanOrders:
         zones = tuple(zone for sysid in sorted(gone) for zone in self._zones_of(sysid, rest))
         order = CloseRanks(rest, zones)
         try:
-            self.ask(order, "this program")
+            self.ask(order, _OURSELVES)
         except FlightError:
             self._stay_open(order)
 

@@ -18,6 +18,7 @@ from typing import Protocol
 from gcs.errors import FlightError, GcsError, UsageError
 from gcs.flight.contingency.order_words import order_of
 from gcs.flight.monitoring.progress import AskedOrder, InFlight
+from gcs.plan.plan_changer import Hold, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 
 NAME = "orders.sock"
@@ -106,15 +107,30 @@ async def _serve(flight: Ordered, reader: asyncio.StreamReader, writer: asyncio.
     told = Told.of(line)
     try:
         order = order_of(told.words, flight.plan.scenario, in_degrees=told.in_degrees)
-        obey = flight.ask(order, told.vehicles, by="gcs tell")
-        if isinstance(order, AskedOrder):
-            _send(writer, f"ordered to {order.value}: {_vehicles(obey)}")
-        else:
-            _send(writer, f"{_vehicles(obey)}: {order}; a new plan is being made", is_last=False)
-            _send(writer, await flight.answer())
+        if isinstance(order, Hold) and told.vehicles:
+            order = AskedOrder.HOLD
+        try:
+            await _obeyed(flight, order, told.vehicles, writer)
+        except FlightError as refusal:
+            if not isinstance(order, Hold):
+                raise
+            _send(writer, f"{refusal.message} Each brakes by itself.", is_last=False)
+            await _obeyed(flight, AskedOrder.HOLD, (), writer)
     except GcsError as refusal:
         _send(writer, refusal.message, hint=refusal.hint, is_refusal=True)
     await writer.drain()
+
+
+async def _obeyed(
+    flight: Ordered, order: AskedOrder | PlanOrder, vehicles: tuple[int, ...], writer: asyncio.StreamWriter
+) -> None:
+    """Give an order, and send what comes of it. Raises FlightError where it is refused."""
+    obey = flight.ask(order, vehicles, by="gcs tell")
+    if isinstance(order, AskedOrder):
+        _send(writer, f"ordered to {order.value}: {_vehicles(obey)}")
+    else:
+        _send(writer, f"{_vehicles(obey)}: {order}; a new plan is being made", is_last=False)
+        _send(writer, await flight.answer())
 
 
 def _vehicles(sysids: Collection[int]) -> str:

@@ -4,7 +4,16 @@ import { post } from "./orders.js";
 import { unpacked } from "./scene_data.js";
 import { ZoneDrawing } from "./zone_drawing.js";
 
-const HINTS = { avoid: "north,east,radius in m", scale: "0.6", shape: "name of a shape", home: "" };
+const HINTS = {
+  avoid: "north,east,radius in m",
+  go: "north,east,height in m",
+  slower: "0.7",
+  hold: "",
+  resume: "",
+  scale: "0.6",
+  shape: "name of a shape",
+  home: "",
+};
 
 export class PlanOrders {
   constructor(element, scene, world) {
@@ -43,7 +52,7 @@ export class PlanOrders {
     const kind = this.kind.value;
     this.of.value = "";
     this.of.placeholder = HINTS[kind];
-    this.of.hidden = kind === "home";
+    this.of.hidden = !HINTS[kind];
     this.element.querySelector(".draw").hidden = kind !== "avoid";
     const names = kind === "shape" ? this.shapes : [];
     this.element.querySelector("datalist").replaceChildren(...names.map((name) => new Option(name)));

@@ -26,7 +26,7 @@ def follower_state_and_control(
     place, speed, acceleration, jerk, snap = offsets
     angular = equations_of_motion(x, u, q, xp=xp)
     # What thrust does, in NED and turned over: f = U1 * e(attitude) with e = (0, 0, 1) when level.
-    force = _thrust_vector(x, angular[9:12], thrust, xp)
+    force = thrust_vector(x, angular[9:12], thrust, xp)
     lift = u[0] * xp.cos(x[6]) * xp.cos(x[7]) - q.mass_kg * acceleration[2] - q.drag_Nspm[2] * speed[2]
     moved: list[Jet] = []
     for axis in range(3):
@@ -46,15 +46,26 @@ def follower_state_and_control(
             factor = q.drag_Nspm[axis] * toward
             f0, f1, f2 = (f + factor * (b - a) for f, a, b in zip(moved[axis], here, there, strict=True))
             moved[axis] = f0, f1, f2
-    ahead, left = _turned(moved[0], moved[1], x[8], x[11], angular[11], xp)
-    down = moved[2]
+    place_and_speed = (*(x[i] + place[i] for i in range(3)), *(x[3 + i] + speed[i] for i in range(3)))
+    return under_force(place_and_speed, (moved[0], moved[1], moved[2]), lift, (x[8], x[11], angular[11]), q, xp)
+
+
+def under_force(
+    place_and_speed: Parts, force: tuple[Jet, Jet, Jet], lift: Scalar, yaw: Jet, q: Quadrotor, xp: Maths = np
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+    """Return the 12 state and 4 control components of a vehicle whose thrust exerts a force.
+
+    `force` (NED) is turned over, so that it is (0, 0, U1) when level, and tilts the vehicle; `lift` is its vertical
+    part by which the height is exact.
+    """
+    ahead, left = _turned(force[0], force[1], *yaw, xp)
+    down = force[2]
     pitch = _angle(ahead, down, xp)
     roll = _angle(left, _length(ahead, down, xp), xp)
     state = (
-        *(x[i] + place[i] for i in range(3)),
-        *(x[3 + i] + speed[i] for i in range(3)),
-        *(roll[0], pitch[0], x[8] + 0.0 * roll[0]),
-        *(roll[1], pitch[1], x[11] + 0.0 * roll[0]),
+        *place_and_speed,
+        *(roll[0], pitch[0], yaw[0] + 0.0 * roll[0]),
+        *(roll[1], pitch[1], yaw[1] + 0.0 * roll[0]),
     )
     # What Eq. 1 gives without moments is what they have to make up for.
     idle = equations_of_motion(state, (0.0 * lift, 0.0, 0.0, 0.0), q, xp=xp)
@@ -63,15 +74,42 @@ def follower_state_and_control(
         lift / (xp.cos(roll[0]) * xp.cos(pitch[0])),
         (roll[2] - idle[9]) * (ix / q.arm_m),
         (pitch[2] - idle[10]) * (iy / q.arm_m),
-        (angular[11] - idle[11]) * iz,
+        (yaw[2] - idle[11]) * iz,
     )
     return state, control
+
+
+def leader_jets(x: Parts, u: Parts, thrust: Jet, q: Quadrotor) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Return acceleration, jerk and snap (3, ...) of Eq. 1 (NED) with this thrust, and the yaw's acceleration."""
+    rates = equations_of_motion(x, u, q)
+    force = thrust_vector(x, rates[9:12], thrust, np)
+    gusts = wind_jets(-x[2], -x[5], -rates[5], q)
+    found = []
+    for axis, (f0, f1, f2) in enumerate(force):
+        k, m = q.drag_Nspm[axis], q.mass_kg
+        w0, w1, w2 = gusts[axis]
+        a = (q.gravity_mps2 if axis == 2 else 0.0) - (f0 + k * (x[3 + axis] - w0)) / m
+        j = -(f1 + k * (a - w1)) / m
+        found.append((a, j, -(f2 + k * (j - w2)) / m))
+    acceleration, jerks, snap = (np.stack(one) for one in zip(*found, strict=True))
+    return acceleration, jerks, snap, rates[11]
+
+
+def wind_jets(height: Scalar, climb: Scalar, climb_rate: Scalar, q: Quadrotor) -> tuple[Jet, Jet, Jet]:
+    """The planned wind (NED) at a height, each axis with two derivatives."""
+    north, east, down = (part + 0.0 * height for part in q.wind.at(height))
+    none = 0.0 * height
+    if not q.wind.has_shear:
+        return (north, none, none), (east, none, none), (down, none, none)
+    _, slope, bend = _wind_share(height, climb, climb_rate, q, np)
+    n, e = q.wind.north_mps, q.wind.east_mps
+    return (north, n * slope, n * bend), (east, e * slope, e * bend), (down, none, none)
 
 
 def jerk(x: Parts, u: Parts, thrust_rate: Scalar, q: Quadrotor, xp: Maths = np) -> tuple[Scalar, Scalar, Scalar]:
     """The derivative of the acceleration of Eq. 1 (NED), at a state `x` (12), a control `u` (4) and the rate of U1."""
     moved = equations_of_motion(x, u, q, xp=xp)[3:6]
-    force = _thrust_vector(x, (0.0, 0.0, 0.0), (u[0], thrust_rate, 0.0), xp)
+    force = thrust_vector(x, (0.0, 0.0, 0.0), (u[0], thrust_rate, 0.0), xp)
     gust = q.wind.shares(-x[2], xp)[1] * -x[5] if q.wind.has_shear else 0.0
     air = (moved[0] - gust * q.wind.north_mps, moved[1] - gust * q.wind.east_mps, moved[2])
     north, east, down = ((force[axis][1] + q.drag_Nspm[axis] * air[axis]) * (-1.0 / q.mass_kg) for axis in range(3))
@@ -84,7 +122,7 @@ def _wind_share(height: Scalar, climb: Scalar, climb_rate: Scalar, q: Quadrotor,
     return share, slope * climb, bend * (climb * climb) + slope * climb_rate
 
 
-def _thrust_vector(x: Parts, angular: Parts, thrust: Jet, xp: Maths) -> tuple[Jet, Jet, Jet]:
+def thrust_vector(x: Parts, angular: Parts, thrust: Jet, xp: Maths) -> tuple[Jet, Jet, Jet]:
     """U1 * e with its first two derivatives, for each axis.
 
     e = Rz(yaw) (sin pitch cos roll, -sin roll, cos pitch cos roll).

@@ -14,6 +14,7 @@ from gcs.frames import geodetic_to_ned
 from gcs.mission.drawings.drawing import Datum
 from gcs.mission.drawings.route_formats import read_drawing
 from gcs.plan.planner import make_plan
+from gcs.plan.replanning.formation_rest import rest_of
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.coverage import coverage
 from gcs.plan.verification.verify import verify
@@ -222,3 +223,12 @@ def test_hundred_becomes_a_sphere_and_a_picture_of_geese(plan_of: Callable[[str]
     assert np.ptp(away_m) < 0.1 * away_m.max()
     assert np.ptp(picture, axis=0) == pytest.approx([0.0, 142.8, 46.8], abs=0.01)
     assert sorted(map(tuple, np.round(last, 6) + 0.0)) == sorted(map(tuple, np.round(first, 6) + 0.0))
+
+
+@pytest.mark.slow
+def test_the_rest_of_a_plan_after_its_last_change_is_verified_in_the_places_that_vehicles_took(
+    plan_of: Callable[[str], Plan],
+) -> None:
+    """Who took which place is seen in the shape in which the rest begins."""
+    plan = plan_of("changes/scenario.toml")
+    assert verify(rest_of(plan, plan.scheduled_moves[-1].end_s + 1.0)).ok

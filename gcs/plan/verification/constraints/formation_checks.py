@@ -55,8 +55,8 @@ def expected_places(plan: Plan) -> list[tuple[float, float, Array]]:
 
 def landing_points(plan: Plan) -> Array:
     """Ground points (V, 3) under the final shape of the scenario's formation."""
-    if plan.scenario.formation.frame == "course":
-        return plan.landing_points_ned_m  # the scenario does not fix its final heading
+    if plan.scenario.formation.frame == "course" or (plan.begin_state is not None and bends(plan)):
+        return plan.landing_points_ned_m  # the scenario does not fix its final heading, or the size of one that stops
     return landing_points_ned_m(plan.scenario, expected_places(plan)[-1][2])
 
 
@@ -149,14 +149,16 @@ def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s
     fixed = np.arange(len(targets))
     if change.assignment == "fixed":
         return fixed
-    # Rotated and scaled, or before the plan begins, the shape does not tell which vehicle is where.
-    if bends(plan) or began_before(plan, end_s):
+    ended = [move.end_s for move in plan.scheduled_moves if began_before(plan, move.start_s)]
+    seen_s = plan.t_start_s if began_before(plan, end_s) and end_s == ended[-1] else end_s
+    # Rotated and scaled, or before the last change that the plan begins with, the shape does not tell who is where.
+    if bends(plan) or began_before(plan, seen_s):
         limits, leader = plan.scenario.limits, plan.leader
         try:
             return reshape(places, targets, leader, limits.separation_min_m).places
         except Infeasible:
             return fixed
-    taken = np.asarray(KDTree(targets).query(plan.shape.at(end_s))[1])
+    taken = np.asarray(KDTree(targets).query(plan.shape.at(seen_s))[1])
     # Two on one place: the check names the vehicle that is off.
     return taken if len(np.unique(taken)) == len(taken) else fixed
 

@@ -16,7 +16,7 @@ import pytest
 from gcs.errors import FlightError, UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.flight.setup.order_socket import NAME, Told, newest_flying, taking_orders, tell
-from gcs.plan.plan_changer import PlanOrder, Scale
+from gcs.plan.plan_changer import Hold, PlanOrder, Scale
 from gcs.scenario.schema.scenario import Scenario
 
 
@@ -63,10 +63,21 @@ def test_a_refusal_has_its_reason(tmp_path: Path, simulation1: Scenario) -> None
     flight = Flight(simulation1)
     flight.refuses = True
     with pytest.raises(FlightError, match="no vehicle would"):
-        told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("hold",)))))
+        told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("home",)))))
     with pytest.raises(FlightError, match="is no order"):
         told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("dance",)))))
     assert len(flight.asked) == 1
+
+
+def test_a_formation_that_cannot_hold_as_one_brakes_one_by_one(tmp_path: Path, simulation1: Scenario) -> None:
+    class Late(Flight):
+        async def answer(self) -> str:
+            raise FlightError("no plan was made in time.", hint="land")
+
+    flight = Late(simulation1)
+    answers = told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("hold",)))))
+    assert answers[1:] == ["no plan was made in time. Each brakes by itself.", "ordered to hold: vehicles 1, 2"]
+    assert [order for order, _, _ in flight.asked] == [Hold(), AskedOrder.HOLD]
 
 
 def test_the_socket_is_open_to_the_same_user_alone(tmp_path: Path, simulation1: Scenario) -> None:
@@ -108,5 +119,5 @@ def test_the_socket_of_a_flight_that_was_killed_is_passed_over_and_taken(tmp_pat
         left.bind(str(killed / NAME))
     flight = Flight(simulation1)
     assert told(flying, flight, lambda: newest_flying(tmp_path)) == flying
-    assert told(killed, flight, lambda: list(tell(killed, Told(("hold",))))) == ["ordered to hold: vehicles 1, 2"]
-    assert flight.asked == [(AskedOrder.HOLD, (), "gcs tell")]
+    assert told(killed, flight, lambda: list(tell(killed, Told(("land",))))) == ["ordered to land: vehicles 1, 2"]
+    assert flight.asked == [(AskedOrder.LAND, (), "gcs tell")]
