@@ -99,7 +99,8 @@ class FlightSequence:
         self._hooks = (hooks or FlightHooks()).spared()
         self.sessions = sessions
         self.options = options
-        self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
+        autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
+        self.monitor = Monitor(plan, landing_profiles(autopilots), autopilots)
         self.completion = Completion(plan)
         self.step = Step.READY
         views = self.monitor.views
