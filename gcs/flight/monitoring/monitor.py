@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.traits import local_frame
-from gcs.flight.monitoring.expected_motion import ExpectedMotion
+from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.monitoring.lateness import Lateness
 from gcs.flight.monitoring.progress import FlightPart, NearestPair
 from gcs.frames import LocalFrame
@@ -73,14 +73,15 @@ class Monitor:
         landings: Mapping[int, LandingProfile] | None = None,
         autopilots: Mapping[int, int] | None = None,
     ) -> None:
-        """`landings`: how vehicles land by themselves, by system id; without one a vehicle lands as planned.
+        """`autopilots` (MAV_AUTOPILOT) say in which local frames vehicles report; without one its metres are true ones.
 
-        `autopilots` (MAV_AUTOPILOT) say in which local frames vehicles report; without one its metres are true ones.
+        `landings`: how vehicles land by themselves, by system id; None: as their autopilots do. Without either a
+        vehicle lands as planned.
         """
-        self.plan = plan
-        self.expected = ExpectedMotion(plan, landings)
-        self.t0_unix_s: float | None = None
         known, origin = autopilots or {}, local_origin(plan.scenario)
+        self.plan = plan
+        self.expected = ExpectedMotion(plan, landing_profiles(known) if landings is None else landings)
+        self.t0_unix_s: float | None = None
         self.views = {
             sysid: VehicleView(sysid, frame=local_frame(known.get(sysid), origin, pad_ned_m))
             for sysid, pad_ned_m in zip(plan.sysids, plan.pads_ned_m, strict=True)
