@@ -22,7 +22,7 @@ from gcs.types import Array
 
 T0_UNIX_S, BOOT_UNIX_S = 1_700_000_100.0, 1_700_000_000.0
 SIGMA_M = 0.02
-ARMED = {"autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}
+ARMED = {"type": 2, "autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}
 
 
 def told(
