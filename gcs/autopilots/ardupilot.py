@@ -219,4 +219,5 @@ ARDUPILOT = columns.AutopilotTraits(
     # Vehicles leave at a GNSS time of day, and the target moves by their clock alone. This is a tenth of the model's
     # error, for scheduling and clocks; no two vehicles were recorded side by side.
     apart_s=0.02,
+    earth_radius_m=6_378_100.0,
 )

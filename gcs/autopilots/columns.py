@@ -354,6 +354,7 @@ class AutopilotTraits:
     parameter_file: ParameterFileStyle
     navigator: Navigator  # the model that predicts its flight of waypoints
     apart_s: float  # two vehicles with the same mission may differ by so much in time
+    earth_radius_m: float  # of the sphere on which it counts the metres of its local frame
 
 
 def _parts(mode: int) -> tuple[int, int]:

@@ -227,4 +227,5 @@ PX4 = columns.AutopilotTraits(
     # Where each brakes is in the model's reactions. Recorded arrivals lie outside of these by at most 0.205 s RMS. Two
     # vehicles may so differ by 0.6 s, twice the square root of two times that. The rest is for a start of their own.
     apart_s=2.2,
+    earth_radius_m=6_371_000.0,
 )

@@ -35,6 +35,7 @@ def setpoint_in(
     flat[0] = flat_now[0]
     yaw_rad = float(flat_now[0, 3])
     turn = _turn(yaw_rad) if frame in _TURNED else np.eye(3)
+    counts = instruments.frame.counts
     if not mask & SetpointMask.IGNORE_POSITION:
         place = _place(message, instruments, turn, flat_now, home_ned_m)
         if place is None:
@@ -43,9 +44,9 @@ def setpoint_in(
     elif mask & _NOTHING == _NOTHING or not _known(message):
         return None
     if not mask & SetpointMask.IGNORE_VELOCITY:
-        flat[1, :3] = _vector(turn, fields["vx"], fields["vy"], fields["vz"])
+        flat[1, :3] = _vector(turn, fields["vx"], fields["vy"], fields["vz"]) / counts
     if not mask & SetpointMask.IGNORE_ACCELERATION:
-        flat[2, :3] = _vector(turn, fields["afx"], fields["afy"], fields["afz"])
+        flat[2, :3] = _vector(turn, fields["afx"], fields["afy"], fields["afz"]) / counts
     if not mask & SetpointMask.IGNORE_YAW:
         flat[0, 3] = fields["yaw"]
     if not mask & SetpointMask.IGNORE_YAW_RATE:
@@ -77,9 +78,9 @@ def _place(message: Message, instruments: Instruments, turn: Array, flat_now: Ar
     if not _known(message):
         return None
     if message.name == "SET_POSITION_TARGET_LOCAL_NED":
-        offset = _vector(turn, fields["x"], fields["y"], fields["z"])
-        start = flat_now[0, :3] if fields["coordinate_frame"] in _OFFSETS else instruments.pad_ned_m
-        return np.asarray(start + offset)
+        offset = _vector(turn, fields["x"], fields["y"], fields["z"]) / instruments.frame.counts
+        begins = flat_now[0, :3] if fields["coordinate_frame"] in _OFFSETS else instruments.frame.begins_ned_m
+        return np.asarray(begins + offset)
     amsl_m = fields["alt"]
     if fields["coordinate_frame"] in _ABOVE_HOME:
         amsl_m += instruments.origin.alt_amsl_m - float(home_ned_m[2])

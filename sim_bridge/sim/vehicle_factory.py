@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from gcs.autopilots.traits import local_frame
 from gcs.errors import UsageError
 from gcs.frames import Origin
 from gcs.physics.wind import STILL
@@ -93,7 +94,7 @@ class VehicleFactory:
             airframes=self.airframes,
             geodetic=self._geodetic,
             row=row,
-            pad_ned_m=pad_ned_m,
+            frame=local_frame(personality.autopilot, self._origin, pad_ned_m),
             origin=self._origin,
             boot_offset_ms=self.boot_ms[row] if boot_s is None else -round(boot_s * 1000.0),
             epoch_unix_us=round(self._epoch_s * 1e6),

@@ -23,6 +23,7 @@ from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.execution.flight_guard import FlightGuard
 from gcs.flight.execution.hover_charge import check_hover, model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
+from gcs.flight.execution.parameter_watch import watch_parameters
 from gcs.flight.execution.plan_orders import PlanOrders
 from gcs.flight.execution.scenario_events import ScenarioEvents
 from gcs.flight.execution.streamer import Streamer
@@ -37,7 +38,6 @@ from gcs.flight.execution.takeoff_landing import (
 from gcs.flight.execution.telemetry_watch import TelemetryWatch
 from gcs.flight.execution.text_watch import TextWatch
 from gcs.flight.monitoring.completion import Completion
-from gcs.flight.monitoring.expected_motion import landing_profiles
 from gcs.flight.monitoring.fleet_time import FleetTime
 from gcs.flight.monitoring.monitor import Monitor
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
@@ -97,11 +97,9 @@ class FlightSequence:
         self.held: Holdings | None = None
         self._returns, self.predicted = returns, tracks
         self._hooks = (hooks or FlightHooks()).spared()
-        self.sessions = sessions
-        self.options = options
-        self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
-        self.completion = Completion(plan)
-        self.step = Step.READY
+        self.sessions, self.options = sessions, options
+        self.monitor = Monitor(plan, autopilots={sysid: session.autopilot for sysid, session in sessions.items()})
+        self.completion, self.step = Completion(plan), Step.READY
         views = self.monitor.views
         kinds = {i: flight_behaviour(i, sessions[i].autopilot, sessions[i].kind) for i in plan.sysids}
         self.vehicles = {
@@ -145,7 +143,8 @@ class FlightSequence:
 
     async def guarded(self, flying: Work[T]) -> T:
         """Return what `flying` returns; if it fails, the vehicles land first."""
-        stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
+        stops = [self._texts.start(), watch_parameters(self.sessions, self.loads, self._report)]
+        stops += map(self.listen, self.vehicles.values())
         try:
             return await self._guard.run(self._watched(flying))
         finally:
@@ -352,13 +351,13 @@ class FlightSequence:
             return
         self._report(order.sysid, f"did not {order.what}", order.reason)
 
-    def _report(self, sysid: int, what: str, rule: str, action: Action | None = None) -> None:
+    def _report(self, sysid: int, what: str, rule: str, action: Action | None = None, *, alarm: bool = False) -> None:
         try:
             now_s = self.time.now_s() or 0.0
         except Exception:  # the reports of a landing must not need the clocks
             now_s = 0.0
         t_s = now_s - (self.monitor.t0_unix_s or math.nan)
-        self._hooks.on_event(Event(now_s, t_s, sysid, what, rule, action=action))
+        self._hooks.on_event(Event(now_s, t_s, sysid, what, rule, action=action, alarm=alarm))
 
     def _ends_early(self, reason: str) -> None:
         if self._contingency is not None:

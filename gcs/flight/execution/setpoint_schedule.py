@@ -16,6 +16,7 @@ import numpy as np
 
 from gcs.flight.contingency.manoeuvres import ReferenceTrajectory, Values
 from gcs.flight.execution.leader_follower import SentSetpoints
+from gcs.frames import LocalFrame
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import SetpointMask, WireFrame
@@ -165,7 +166,7 @@ class Streamed:
 
     station: Station
     clock: VehicleClock
-    pad_ned_m: Array  # (3,) origin of its own local frame
+    frame: LocalFrame
     reference: ReferenceTrajectory
     unheard_s: float = 0.0
     fleet_unix_s: Callable[[], float | None] = lambda: None
@@ -203,7 +204,7 @@ def numbered_message(scheduler: Scheduler, vehicle: Streamed, k: int) -> Message
         return None
     vehicle.sent.add(scheduler.t0_unix_s + t_s, values)
     stamp_ms = vehicle.clock.boot_ms(scheduler.t0_unix_s + t_s) or 0
-    return setpoint_message(vehicle.station, stamp_ms, vehicle.pad_ned_m, values)
+    return setpoint_message(vehicle.station, stamp_ms, vehicle.frame, values)
 
 
 def send_due(
@@ -229,9 +230,10 @@ def wait_s(scheduler: Scheduler, vehicles: Iterable[Streamed], now_s: float, lon
 _FIELDS = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")
 
 
-def setpoint_message(station: Station, time_boot_ms: int, pad_ned_m: Array, values: Values) -> Message:
-    """SET_POSITION_TARGET_LOCAL_NED with position, velocity, acceleration and yaw."""
-    place = np.array(values[:3]) - pad_ned_m
+def setpoint_message(station: Station, time_boot_ms: int, frame: LocalFrame, values: Values) -> Message:
+    """SET_POSITION_TARGET_LOCAL_NED with position, velocity, acceleration and yaw, in the vehicle's own frame."""
+    place = frame.own_m(np.array(values[:3]))
+    rates = np.array(values[3:9]) * np.tile(frame.counts, 2)
     return Message(
         "SET_POSITION_TARGET_LOCAL_NED",
         {
@@ -240,7 +242,7 @@ def setpoint_message(station: Station, time_boot_ms: int, pad_ned_m: Array, valu
             "target_component": station.compid,
             "coordinate_frame": int(WireFrame.LOCAL_NED),
             "type_mask": int(SetpointMask.POSITION_VELOCITY_ACCELERATION_YAW),
-            **dict(zip(_FIELDS, (*place.tolist(), *values[3:]), strict=True)),
+            **dict(zip(_FIELDS, (*place.tolist(), *rates.tolist(), values[9]), strict=True)),
             "yaw_rate": 0.0,
         },
     )

@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from gcs.autopilots.columns import FlightBehaviour
 from gcs.autopilots.traits import flight_behaviour
 from gcs.errors import PeerError, PeerTimeout
 from gcs.flight.execution.setpoint_schedule import setpoint_message
+from gcs.frames import LocalFrame
 from gcs.link.session.vehicle_api import Flyable, Setpoint
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
@@ -133,5 +132,5 @@ class SessionControl:
             unix_s = session.clock.now_unix_s(host_s(loop))
             stamp_ms = 0 if unix_s is None else session.clock.boot_ms(unix_s) or 0
             values = (*sp.position_ned_m, *sp.velocity_ned_mps, *sp.acceleration_ned_mps2, sp.yaw_ned_rad)
-            session.send(setpoint_message(session.station, stamp_ms, np.zeros(3), values))
+            session.send(setpoint_message(session.station, stamp_ms, LocalFrame(), values))
             await asyncio.sleep(_REPEAT_S)

@@ -57,7 +57,7 @@ class Streamer:
             v.sysid: Streamed(
                 v.session.station,
                 v.session.clock,
-                plan.pads_ned_m[v.row],
+                v.view.frame,
                 timed,
                 unheard_s,
                 time.now_s,

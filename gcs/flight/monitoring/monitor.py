@@ -13,15 +13,18 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
-from gcs.flight.monitoring.expected_motion import ExpectedMotion
+from gcs.autopilots.traits import local_frame
+from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.monitoring.lateness import Lateness
 from gcs.flight.monitoring.progress import FlightPart, NearestPair
+from gcs.frames import LocalFrame
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, local_motion
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 
 _HEARD_S = 2.0  # an older report is no position
@@ -39,6 +42,7 @@ class VehicleView:
     error_m: float = math.nan  # distance to the expected position at the same time; NaN where none is expected
     lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
     standing_error_ned_m: Array | None = None  # (3,): of its report on the pad, when it was armed
+    frame: LocalFrame = field(default_factory=LocalFrame)  # in which it reports and takes setpoints
 
     @property
     def place_ned_m(self) -> Array:
@@ -63,12 +67,25 @@ class VehicleView:
 class Monitor:
     """Reported positions in, deviations and separations out."""
 
-    def __init__(self, plan: Plan, landings: Mapping[int, LandingProfile] | None = None) -> None:
-        """`landings`: how vehicles land by themselves, by system id; without one a vehicle lands as planned."""
+    def __init__(
+        self,
+        plan: Plan,
+        landings: Mapping[int, LandingProfile] | None = None,
+        autopilots: Mapping[int, int] | None = None,
+    ) -> None:
+        """`autopilots` (MAV_AUTOPILOT) say in which local frames vehicles report; without one its metres are true ones.
+
+        `landings`: how vehicles land by themselves, by system id; None: as their autopilots do. Without either a
+        vehicle lands as planned.
+        """
+        known, origin = autopilots or {}, local_origin(plan.scenario)
         self.plan = plan
-        self.expected = ExpectedMotion(plan, landings)
+        self.expected = ExpectedMotion(plan, landing_profiles(known) if landings is None else landings)
         self.t0_unix_s: float | None = None
-        self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
+        self.views = {
+            sysid: VehicleView(sysid, frame=local_frame(known.get(sysid), origin, pad_ned_m))
+            for sysid, pad_ned_m in zip(plan.sysids, plan.pads_ned_m, strict=True)
+        }
         self.plan_time_s: float | None = None
         self.in_formation: Collection[int] = plan.sysids  # the vehicles of the formation error
         self.aloft: Collection[int] = ()  # the vehicles of the separation: none before the take-off
@@ -95,8 +112,8 @@ class Monitor:
         if unix_s is None or motion is None:
             return
         view = self.views[self.plan.sysids[row]]
-        view.position_ned_m = np.array(motion[:3]) + self.plan.pads_ned_m[row]
-        view.velocity_ned_mps = np.array(motion[3:])
+        view.position_ned_m = view.frame.common_ned_m(np.array(motion[:3]))
+        view.velocity_ned_mps = np.array(motion[3:]) / view.frame.counts
         view.unix_s = unix_s
         if self.t0_unix_s is not None:
             self._compare(row, view, unix_s - self.t0_unix_s)

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from gcs.autopilots.traits import mode_name
+from gcs.autopilots.traits import local_frame, mode_name
 from gcs.errors import FileFormatError, counted
 from gcs.flight.assessment.judge import Tracks, load_truth
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
@@ -247,14 +247,16 @@ def _on_earth(one: _Heard) -> tuple[NDArray[np.bool_], tuple[Array, Array, Array
     Places are None in an unknown frame.
     """
     motion, is_global = np.array(one.motion), np.array(one.is_global)
-    origin = one.origin or _frame_origin(motion, np.array(one.stamps)[:, 1], is_global)
+    origin = one.origin or _frame_origin(one.autopilot, motion, np.array(one.stamps)[:, 1], is_global)
     if is_global.any() and (origin is None or 2 * is_global.sum() >= len(is_global)):
         return is_global, (motion[is_global, 0], motion[is_global, 1], motion[is_global, 2]), origin
-    places = motion[~is_global, :3]
-    return ~is_global, None if origin is None else ned_to_geodetic(places, origin), origin
+    if origin is None:
+        return ~is_global, None, None
+    frame = local_frame(one.autopilot, origin, np.zeros(3))
+    return ~is_global, ned_to_geodetic(frame.common_ned_m(motion[~is_global, :3]), origin), origin
 
 
-def _frame_origin(motion: Array, boot_s: Array, is_global: NDArray[np.bool_]) -> Origin | None:
+def _frame_origin(autopilot: int, motion: Array, boot_s: Array, is_global: NDArray[np.bool_]) -> Origin | None:
     """Return the origin of a local frame from the global and the local position (N, 6) that are nearest in time."""
     if is_global.all() or not is_global.any():
         return None
@@ -265,7 +267,8 @@ def _frame_origin(motion: Array, boot_s: Array, is_global: NDArray[np.bool_]) ->
     if apart_s[nearest] > _TOGETHER_S:
         return None
     place = Origin(*(float(part) for part in globals_[nearest, :3]))
-    return Origin(*(float(part) for part in ned_to_geodetic(-locals_[after[nearest], :3], place)))
+    moved_m = local_frame(autopilot, place, np.zeros(3)).common_ned_m(locals_[after[nearest], :3])
+    return Origin(*(float(part) for part in ned_to_geodetic(-moved_m, place)))
 
 
 def steady_times(noted_s: Array, boot_s: Array) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.parameter_names import in_units_of, spellings
-from gcs.autopilots.traits import traits_of
+from gcs.autopilots.traits import local_frame, traits_of
 from gcs.errors import FileFormatError
 from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.monitoring.progress import PlanTime
@@ -28,6 +28,7 @@ from gcs.link.wire.message import Message, is_autopilots_beat, local_motion
 from gcs.mavlink import ModeFlag
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import NavigationError, navigation_error
+from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 from gcs.util.bounded_file import MIB, RECORD_FILE, read_file
 from gcs.util.bounded_parquet import open_parquet
@@ -230,13 +231,15 @@ def _table(expected: ExpectedMotion, plan_time: PlanTime, rows: list[Row]) -> pa
     plan = expected.plan
     columns = list(zip(*rows, strict=True)) or [()] * 14
     unix_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
+    autopilots, origin = np.array(columns[11], dtype=np.int64), local_origin(plan.scenario)
     t_s = plan_time.t_s(unix_s)
     reported = np.array(columns[2:8], dtype=np.float64).reshape(6, -1).T
     planned = np.full((len(t_s), 6), np.nan)
     for row, sysid in enumerate(plan.sysids):
         mine = sysids == sysid
-        reported[mine, :3] += plan.pads_ned_m[row]
         if mine.any():
+            frame = local_frame(int(autopilots[mine][-1]), origin, plan.pads_ned_m[row])
+            reported[mine] = np.hstack([frame.common_ned_m(reported[mine, :3]), reported[mine, 3:] / frame.counts])
             motion = expected.of_vehicle(row, t_s[mine])
             planned[mine] = np.where(expected.covers(row, t_s[mine])[:, None], motion, np.nan)
     data: dict[str, object] = {"t_s": t_s, "unix_s": unix_s, "sysid": sysids}

@@ -30,7 +30,7 @@ def _home_position(sources: Sources) -> Fields | None:
     yaw_rad = float(instruments.estimate[8])
     return {
         **on_earth(instruments.place(home_ned_m), "latitude", "longitude", "altitude"),
-        **dict(zip("xyz", (home_ned_m - instruments.pad_ned_m).tolist(), strict=True)),
+        **dict(zip("xyz", instruments.frame.own_m(home_ned_m).tolist(), strict=True)),
         "q": quaternion(0.0, 0.0, yaw_rad) if sources.personality.streams.home_has_attitude else [math.nan] * 4,
         **dict.fromkeys(("approach_x", "approach_y", "approach_z"), 0.0),
         "time_usec": instruments.boot_ms * 1000,
@@ -41,7 +41,7 @@ def _global_origin(sources: Sources) -> Fields | None:
     if not sources.reached(Milestone.PLACED):
         return None
     instruments = sources.instruments
-    place = on_earth(instruments.place(instruments.pad_ned_m), "latitude", "longitude", "altitude")
+    place = on_earth(instruments.place(instruments.frame.begins_ned_m), "latitude", "longitude", "altitude")
     return {**place, "time_usec": instruments.boot_ms * 1000}
 
 

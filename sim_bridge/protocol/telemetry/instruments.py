@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.frames import LocalFrame, Origin, ned_to_geodetic, to_degE7
 from gcs.types import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.failsafe import Failsafe, Readings
@@ -49,7 +49,7 @@ class Instruments:
     airframes: Airframes
     geodetic: GeodeticPositions
     row: int
-    pad_ned_m: Array  # (3,): origin of the vehicle's LOCAL_NED
+    frame: LocalFrame  # LOCAL_NED of the vehicle
     origin: Origin
     boot_offset_ms: int
     epoch_unix_us: int

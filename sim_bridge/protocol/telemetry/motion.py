@@ -53,8 +53,8 @@ def _local_position(sources: Sources) -> Fields | None:
         return None
     instruments = sources.instruments
     state = instruments.estimate
-    x, y, z = (state[:3] - instruments.pad_ned_m).tolist()
-    vx, vy, vz = state[3:6].tolist()
+    x, y, z = instruments.frame.own_m(state[:3]).tolist()
+    vx, vy, vz = (state[3:6] * instruments.frame.counts).tolist()
     return {"time_boot_ms": instruments.boot_ms, "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz}
 
 
@@ -97,7 +97,7 @@ def _altitude(sources: Sources) -> Fields:
         "time_usec": instruments.boot_ms * 1000,
         "altitude_monotonic": amsl_m,
         "altitude_amsl": amsl_m,
-        "altitude_local": float(instruments.pad_ned_m[2]) - down_m,
+        "altitude_local": float(instruments.frame.begins_ned_m[2]) - down_m,
         "altitude_relative": relative_m,
         "altitude_terrain": math.nan,
         "bottom_clearance": math.nan,
@@ -108,7 +108,7 @@ def _local_target(sources: Sources) -> Fields | None:
     if sources.personality.streams.targets_in_guided_only and sources.autopilot.mode.intent is not Intent.GUIDED:
         return None
     mask, flat = _target(sources)
-    x, y, z = (flat[0, :3] - sources.instruments.pad_ned_m).tolist()
+    x, y, z = sources.instruments.frame.own_m(flat[0, :3]).tolist()
     fields = {"time_boot_ms": sources.instruments.boot_ms, "coordinate_frame": int(WireFrame.LOCAL_NED)}
     return {**fields, "type_mask": mask, "x": x, "y": y, "z": z, **_rates(flat)}
 

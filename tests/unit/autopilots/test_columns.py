@@ -81,12 +81,13 @@ def test_a_profile_that_is_none_is_refused(heights: tuple[float, ...], speeds: t
         LandingProfile(heights, speeds)
 
 
-# Horizontal, vertical and median vertical deviation of six real vehicles, m. Below the landing points, which the flat
-# ground of the simulators does not have, nothing is compared. The estimates of PX4's simulator drift.
+# Horizontal deviation from where they began to land, vertical and median vertical deviation of six real vehicles, m.
+# Below the landing points, which the flat ground of the simulators does not have, nothing is compared. The estimates of
+# PX4's simulator drift.
 FLOWN = {
     "arducopter-4.5.6-stream": (0.1, 0.7, 0.4),
     "px4-1.17dev-stream": (0.9, 1.2, 1.0),
-    "mixed-stream": (0.9, 3.0, 0.6),
+    "mixed-stream": (1.0, 3.0, 0.6),
     "arducopter-4.5.6-follow-wind": (0.1, 1.1, 0.6),
 }
 
@@ -104,7 +105,7 @@ def test_recorded_landings_keep_to_the_profile(name: str, tmp_path: Path) -> Non
         states = expected.of_vehicle(row, t_s)
         down = (states[:, 2] < plan.landing_points_ned_m[row, 2] - 0.2) & (t_s < plan.t_end_s)
         off = places[down] - states[down, :3]
-        beside.append(np.linalg.norm(off[:, :2], axis=1).max())
+        beside.append(np.linalg.norm(off[:, :2] - off[0, :2], axis=1).max())  # of where it began to land
         above.append(np.abs(off[:, 2]).max())
         planned = plan.states(t_s[down])[row, :, 2]
         unlike_plan.append(np.abs(places[down, 2] - planned).max())

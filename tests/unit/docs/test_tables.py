@@ -308,6 +308,11 @@ HABITS = {
         ("tests/unit/autopilots/test_traits.py", "test_altitudes_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
     ],
+    "metres of a local frame": [
+        ("tests/unit/autopilots/test_local_frame.py", "test_a_local_position_is_where_the_receiver_says"),
+        (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
+        ("tests/unit/flight/monitoring/test_monitor.py", "test_a_report_counts_metres_as_its_autopilot_does"),
+    ],
     "uid 0": [("tests/unit/link/session/test_routing_table.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
     "unknown parameter": [(PARAMETERS, "test_unknown_names_are_answered_by_silence_and_named")],
     "renamed parameters": [

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from gcs.autopilots.traits import local_frame
 from gcs.flight.assessment.criterion import Criterion, CriterionName, FlightOutcome
 from gcs.flight.assessment.judge import Truth, Verdict, judge, judge_reports, reported_tracks
 from gcs.flight.monitoring.progress import OFF_PLAN, Event, FlightTimes, PlanTime, flown_plan_time
@@ -16,11 +17,12 @@ from gcs.link.wire.message import Message
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.navigation_error import NavigationError
+from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 
 T0_UNIX_S, BOOT_UNIX_S = 1_700_000_100.0, 1_700_000_000.0
 SIGMA_M = 0.02
-ARMED = {"autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}
+ARMED = {"type": 2, "autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}
 
 
 def told(
@@ -36,12 +38,14 @@ def told(
             Message("SYSTEM_TIME", {"time_unix_usec": round((BOOT_UNIX_S + 1.0) * 1e6), "time_boot_ms": 1000}, sysid, 1)
         )
         messages.append(Message("HEARTBEAT", ARMED, sysid, 1))
+        frame = local_frame(ARMED["autopilot"], local_origin(plan.scenario), plan.pads_ned_m[row])
         for n in range(0, len(t_s), every):
             has_fix = fixes is None or bool(fixes[n])
             acc = {"fix_type": 3 if has_fix else 0, "h_acc": round(SIGMA_M * 1e3), "v_acc": round(SIGMA_M * 1e3)}
             messages.append(Message("GPS_RAW_INT", acc, sysid, 1))
-            at = (states[row, n, POSITION] + errors_m[row] - plan.pads_ned_m[row]) * (1.0, 1.0, high)
-            values = zip(("x", "y", "z", "vx", "vy", "vz"), (*at, *states[row, n, VELOCITY]), strict=True)
+            at = frame.own_m(states[row, n, POSITION] + errors_m[row]) * (1.0, 1.0, high)
+            rates = states[row, n, VELOCITY] * frame.counts
+            values = zip(("x", "y", "z", "vx", "vy", "vz"), (*at, *rates), strict=True)
             boot_ms = round((T0_UNIX_S + t_s[n] - BOOT_UNIX_S) * 1e3)
             messages.append(Message("LOCAL_POSITION_NED", {"time_boot_ms": boot_ms, **dict(values)}, sysid, 1))
     return messages

@@ -9,6 +9,7 @@ import pytest
 
 from gcs.flight.contingency.manoeuvres import MotionReference, PlanReference
 from gcs.flight.execution.setpoint_schedule import Grid, Scheduler, Streamed, due_messages, wait_s
+from gcs.frames import LocalFrame
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mission.export.setpoint_stream import build_stream
@@ -34,16 +35,18 @@ def test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock(simulation1
     scheduler = Scheduler(grid, T0)
     k = int(np.searchsorted(stream.t_s, 20.0))
     scheduler.start(3, k, len(grid.t_s))
-    vehicle = Streamed(Station(3, 1), clock_at(7.0, 120.0), plan.pads_ned_m[row], PlanReference(stream, row))
+    counts = np.array([1.003, 0.998, 1.0])
+    frame = LocalFrame(plan.pads_ned_m[row], counts)
+    vehicle = Streamed(Station(3, 1), clock_at(7.0, 120.0), frame, PlanReference(stream, row))
     (message,) = due_messages(scheduler, vehicle, 7.0)
     said = message.fields
     assert said["time_boot_ms"] == 120_000
     assert (said["target_system"], said["target_component"]) == (3, 1)
     assert said["type_mask"] == 0x800  # everything but the yaw rate
-    place = np.array([said["x"], said["y"], said["z"]]) + plan.pads_ned_m[row]
+    place = np.array([said["x"], said["y"], said["z"]]) / counts + plan.pads_ned_m[row]
     np.testing.assert_allclose(place, stream.position_ned_m[row, k], atol=1e-9)
-    assert [said["vx"], said["vy"], said["vz"]] == stream.velocity_ned_mps[row, k].tolist()
-    assert [said["afx"], said["afy"], said["afz"]] == stream.acceleration_ned_mps2[row, k].tolist()
+    assert [said["vx"], said["vy"], said["vz"]] == (stream.velocity_ned_mps[row, k] * counts).tolist()
+    assert [said["afx"], said["afy"], said["afz"]] == (stream.acceleration_ned_mps2[row, k] * counts).tolist()
     assert said["yaw"] == stream.yaw_ned_rad[row, k]
     assert due_messages(scheduler, vehicle, 7.0) == []
 
@@ -52,7 +55,7 @@ def test_the_next_deadline_in_local_time() -> None:
     grid = Grid.of(np.arange(0.0, 10.0, 0.02), 50.0)
     scheduler = Scheduler(grid, T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), AT_REST)
+    vehicle = Streamed(Station(3, 1), clock_at(7.0, 99.99), LocalFrame(), AT_REST)
     assert wait_s(scheduler, [vehicle], 7.0, 1.0) == pytest.approx(0.01, abs=1e-6)
     assert wait_s(scheduler, [vehicle], 7.0, 0.004) == 0.004
     scheduler.due(3, T0)
@@ -78,7 +81,7 @@ def test_streams_end_at_rest(simulation1_plan: Plan) -> None:
 def test_a_vehicle_whose_time_is_unknown_is_sent_nothing() -> None:
     scheduler = Scheduler(Grid((0.0, 0.1), 0.1), T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), AT_REST)
+    vehicle = Streamed(Station(3, 1), VehicleClock(), LocalFrame(), AT_REST)
     assert due_messages(scheduler, vehicle, 1e9) == []
 
 
@@ -90,7 +93,7 @@ def test_while_a_vehicle_is_not_heard_its_setpoints_go_on_by_the_time_of_the_oth
         vehicle = Streamed(
             Station(3, 1),
             clock_at(7.0, 100.0),
-            np.zeros(3),
+            LocalFrame(),
             AT_REST,
             unheard_s,
             lambda: T0 + min(now_s - 7.0, others_last_s),

@@ -13,12 +13,14 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
+from gcs.autopilots.traits import Autopilot, local_frame
 from gcs.flight.monitoring.completion import Completion
 from gcs.flight.monitoring.monitor import Monitor, VehicleView
 from gcs.flight.monitoring.progress import FlightPart
 from gcs.link.protocols.clock import VehicleClock
 from gcs.link.wire.message import Message
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 
 T0_UNIX_S = 1.7e9
@@ -73,6 +75,18 @@ def test_a_landing_is_compared_with_the_descent_of_the_autopilot_to_its_end(simu
         heard.at(t_s, (0.3, 0.0, 0.4))
         assert heard.monitor.plan_time_s == pytest.approx(t_s, abs=0.01)
         assert list(heard.monitor.errors_m.values()) == pytest.approx([0.5] * len(plan.sysids), abs=0.01)
+
+
+def test_a_report_counts_metres_as_its_autopilot_does(simulation1_plan: Plan) -> None:
+    plan, sysid = simulation1_plan, simulation1_plan.sysids[1]
+    autopilots = dict.fromkeys(plan.sysids, int(Autopilot.ARDUPILOT))
+    heard = Heard(plan, {})
+    heard.monitor = Monitor(plan, autopilots=autopilots)
+    heard.from_pad(1.0, {sysid: (1000.0, 0.0, -20.0)})
+    frame = local_frame(Autopilot.ARDUPILOT, local_origin(plan.scenario), plan.pads_ned_m[1])
+    view = heard.monitor.views[sysid]
+    assert view.position_ned_m.tolist() == frame.common_ned_m(np.array([1000.0, 0.0, -20.0])).tolist()
+    assert abs(view.position_ned_m[0] - plan.pads_ned_m[1, 0] - 1000.0) > 0.5
 
 
 @pytest.mark.parametrize("name", ["x", "z", "vy"])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gcs
+from gcs.autopilots.traits import local_frame
 from gcs.cli.main import run
 from gcs.errors import FileFormatError
 from gcs.flight.assessment import judge
@@ -23,6 +24,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.physics.states import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.values.si import local_origin
 from tests.real_flights import Flight, unpacked
 from tests.unit.docs.test_readme import BLOCKS
 
@@ -40,8 +42,9 @@ def told(plan: Plan, late_s: dict[int, float]) -> list[Message]:
     for t_s in np.arange(0.0, 270.0, 0.5):
         for row, sysid in enumerate(plan.sysids):
             state = plan.states(np.array([t_s - late_s[sysid]]))[row, 0]
-            x, y, z = state[POSITION] - plan.pads_ned_m[row]
-            vx, vy, vz = state[VELOCITY]
+            frame = local_frame(3, local_origin(plan.scenario), plan.pads_ned_m[row])
+            x, y, z = frame.own_m(state[POSITION])
+            vx, vy, vz = state[VELOCITY] * frame.counts
             fields = {
                 "time_boot_ms": round((T0 + t_s - BOOT_S) * 1e3),
                 "x": x,

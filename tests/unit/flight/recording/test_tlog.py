@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.autopilots.traits import local_frame
 from gcs.errors import FileFormatError
 from gcs.flight.recording.load_recording import load_recording, recording_from_telemetry, steady_times
 from gcs.flight.recording.tlog import load_tlog, mend_times
@@ -30,6 +31,7 @@ def frame(message: Message, unix_s: float) -> bytes:
 
 def flight(seconds: int = 20) -> list[tuple[float, Message]]:
     """Vehicle 1 reports its position on Earth, vehicle 2 in its own frame, 3 m east, both going north at 2 m/s."""
+    own = local_frame(BEAT["autopilot"], HERE, np.zeros(3))
     corner = ned_to_geodetic(np.array([0.0, 3.0, 0.0]), HERE)
     origin = {"latitude": round(float(corner[0]) * 1e7), "longitude": round(float(corner[1]) * 1e7)}
     told = [(0.0, Message("GPS_GLOBAL_ORIGIN", {**origin, "altitude": 584_000, "time_usec": 0}, 2, 1))]
@@ -37,8 +39,9 @@ def flight(seconds: int = 20) -> list[tuple[float, Message]]:
         t_s, boot = n / 5, {"time_boot_ms": 7000 + 200 * n}
         lat, lon, alt = (float(part) for part in ned_to_geodetic(np.array([2 * t_s, 0.0, -4.0]), HERE))
         place = {"lat": round(lat * 1e7), "lon": round(lon * 1e7), "alt": round(alt * 1e3), "relative_alt": 4000}
+        north_m = 2 * t_s * own.counts[0]
         there = {**boot, **place, "vx": 200, "vy": 0, "vz": 0, "hdg": 0}
-        local = {**boot, "x": float(np.float32(2 * t_s)), "y": 0.0, "z": -4.0, "vx": 2.0, "vy": 0.0, "vz": 0.0}
+        local = {**boot, "x": float(np.float32(north_m)), "y": 0.0, "z": -4.0, "vx": 2.0, "vy": 0.0, "vz": 0.0}
         beat = BEAT | {"base_mode": 129 if t_s >= 2 else 1, "custom_mode": 9 if t_s >= 15 else 4}
         told += [(t_s, Message("GLOBAL_POSITION_INT", there, 1, 1)), (t_s, Message("LOCAL_POSITION_NED", local, 2, 1))]
         told += [(t_s, Message("HEARTBEAT", beat, sysid, 1)) for sysid in (1, 2) if n % 5 == 0]
@@ -173,7 +176,7 @@ def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
     t_s = np.array([1.0, 7.33])
     for track, east_m in zip(tracks, (0.0, 3.0), strict=True):
         places, rates = track.at(t_s)
-        assert places == pytest.approx(np.array([[2.0, east_m, -4.0], [14.66, east_m, -4.0]]), abs=0.03)
+        assert places == pytest.approx(np.array([[2.0, east_m, -4.0], [14.66, east_m, -4.0]]), abs=0.02)
         assert rates == pytest.approx(np.array([[2.0, 0.0, 0.0]] * 2), abs=1e-6)
     assert [str(event) for event in events] == ["t = 8.0 s: vehicle 1 reports: Compass error"]
     said = [(one.t_s, one.what) for one in remarks if one.sysid == 2]
