@@ -1,16 +1,13 @@
 """Types of arrays and JSON values, which every layer uses."""
 
-from collections.abc import Coroutine
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-T = TypeVar("T")
 Array = NDArray[np.float64]  # of any shape; each use states it
 AnyArray = NDArray[Any]  # of a dtype that only its user knows
 JsonObject = dict[str, Any]  # what json.dumps writes as an object, or json.loads made of one
-Work = Coroutine[Any, Any, T]  # what a call of an `async def` is
 Scalar = Any  # a component in an equation that is written once for arrays, CasADi symbols and Taylor models
 
 

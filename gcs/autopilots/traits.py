@@ -15,9 +15,7 @@ from gcs.autopilots.columns import AutopilotTraits, FlightBehaviour, LinkBehavio
 from gcs.autopilots.px4 import PX4
 from gcs.autopilots.waypoint_models.navigator import Navigator
 from gcs.errors import PeerError
-from gcs.frames import LocalFrame, Origin
 from gcs.mavlink import GENERIC_AUTOPILOT, ROTORCRAFT, MavType
-from gcs.types import Array
 
 
 class Autopilot(IntEnum):
@@ -70,17 +68,6 @@ _UNKNOWN = LinkBehaviour()
 def traits_of(autopilot: int) -> AutopilotTraits | None:
     """Return the row of MAV_AUTOPILOT `autopilot`; None for one that is not in the table."""
     return TRAITS[Autopilot(autopilot)] if autopilot in TRAITS else None
-
-
-def local_frame(autopilot: int | None, origin: Origin, begins_ned_m: Array) -> LocalFrame:
-    """The frame in which a vehicle of this MAV_AUTOPILOT reports and takes setpoints, from `begins_ned_m` (3,) on.
-
-    One that is not in the table counts true metres.
-    """
-    row = None if autopilot is None else traits_of(autopilot)
-    if row is None:
-        return LocalFrame(begins_ned_m)
-    return LocalFrame.on_sphere(begins_ned_m, origin, row.earth_radius_m)
 
 
 def link_behaviour(autopilot: int) -> LinkBehaviour:

@@ -6,12 +6,16 @@ The flight decides and answers. Messages are small, few and checked on both side
 the flight never waits for one.
 """
 
+from __future__ import annotations
+
 import asyncio
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
-from gcs.types import JsonObject
+if TYPE_CHECKING:
+    from gcs.types import JsonObject
 
 MESSAGE_BYTES = 8192
 WORDS = ("hold", "land", "return", "continue")
@@ -36,7 +40,7 @@ class PageAsk:
     client: str = ""  # the address of the browser, by the page's process
 
     @classmethod
-    def of(cls, data: bytes) -> "PageAsk":
+    def of(cls, data: bytes) -> PageAsk:
         """Read a message. Raises ValueError for anything else than one of the four forms."""
         if len(data) > MESSAGE_BYTES:
             raise ValueError("too long")

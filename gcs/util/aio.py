@@ -3,14 +3,16 @@
 import asyncio
 import signal
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager, suppress
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 from gcs.errors import PeerTimeout, ProtocolMisuse
-from gcs.types import T, Work
 from gcs.util.steady_loop import SteadyLoop
+
+T = TypeVar("T")
+Work = Coroutine[Any, Any, T]  # what a call of an `async def` is
 
 LOOK_S = 0.05
 _STOPS = tuple(n for name in ("SIGINT", "SIGTERM", "SIGHUP") if (n := getattr(signal, name, None)) is not None)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from gcs.autopilots.traits import local_frame
+from gcs.autopilots.local_frame import local_frame
 from gcs.errors import UsageError
 from gcs.frames import Origin
 from gcs.physics.wind import STILL

@@ -30,8 +30,7 @@ from gcs.page.page_feed import PageFeed
 from gcs.page.page_orders import PageAsk
 from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.plan import Plan
-from gcs.types import Work
-from gcs.util.aio import ended
+from gcs.util.aio import Work, ended
 
 _STEP_S = 0.1  # between pictures at least
 _CONFIRM_S = 60.0  # an order that was said before that is said again

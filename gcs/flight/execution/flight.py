@@ -67,8 +67,7 @@ from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
-from gcs.types import T, Work
-from gcs.util.aio import alongside, each, ended
+from gcs.util.aio import T, Work, alongside, each, ended
 
 _HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
 

@@ -11,8 +11,7 @@ from gcs.errors import FlightError, GcsError, ProtocolMisuse
 from gcs.flight.execution.fleet_landing import FleetLanding, named
 from gcs.flight.monitoring.progress import OURSELVES, Step
 from gcs.link.session.vehicle_session import VehicleSession
-from gcs.types import T, Work
-from gcs.util.aio import LOOK_S, ended, insisted
+from gcs.util.aio import LOOK_S, T, Work, ended, insisted
 from gcs.util.steady_loop import stalls_of
 
 _ATTEMPTS = 5  # to land, each interrupted by a failure of its own

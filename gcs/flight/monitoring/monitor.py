@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
-from gcs.autopilots.traits import local_frame
+from gcs.autopilots.local_frame import local_frame
 from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.monitoring.lateness import Lateness
 from gcs.flight.monitoring.progress import FlightPart, NearestPair

@@ -13,7 +13,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from gcs.autopilots.traits import local_frame, mode_name
+from gcs.autopilots.local_frame import local_frame
+from gcs.autopilots.traits import mode_name
 from gcs.errors import FileFormatError, counted
 from gcs.flight.assessment.judge import Tracks, load_truth
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks

@@ -17,8 +17,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gcs.autopilots.columns import LandingProfile
+from gcs.autopilots.local_frame import local_frame
 from gcs.autopilots.parameter_names import in_units_of, spellings
-from gcs.autopilots.traits import local_frame, traits_of
+from gcs.autopilots.traits import traits_of
 from gcs.errors import FileFormatError
 from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.monitoring.progress import PlanTime

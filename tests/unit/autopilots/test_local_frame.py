@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gcs.autopilots.traits import Autopilot, local_frame
+from gcs.autopilots.local_frame import local_frame
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import LocalFrame, Origin, geodetic_to_ned
 
 # What vehicles at rest told at the end of `missions/field`: GPS_GLOBAL_ORIGIN, and degE7 of GPS_RAW_INT beside x and y.

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from gcs.autopilots.traits import local_frame
+from gcs.autopilots.local_frame import local_frame
 from gcs.flight.assessment.criterion import Criterion, CriterionName, FlightOutcome
 from gcs.flight.assessment.judge import Truth, Verdict, judge, judge_reports, reported_tracks
 from gcs.flight.monitoring.progress import OFF_PLAN, Event, FlightTimes, PlanTime, flown_plan_time

@@ -13,7 +13,8 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from gcs.autopilots.columns import LandingProfile
-from gcs.autopilots.traits import Autopilot, local_frame
+from gcs.autopilots.local_frame import local_frame
+from gcs.autopilots.traits import Autopilot
 from gcs.flight.monitoring.completion import Completion
 from gcs.flight.monitoring.monitor import Monitor, VehicleView
 from gcs.flight.monitoring.progress import FlightPart

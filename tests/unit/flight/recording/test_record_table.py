@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gcs
-from gcs.autopilots.traits import local_frame
+from gcs.autopilots.local_frame import local_frame
 from gcs.cli.main import run
 from gcs.errors import FileFormatError
 from gcs.flight.assessment import judge

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.autopilots.traits import local_frame
+from gcs.autopilots.local_frame import local_frame
 from gcs.errors import FileFormatError
 from gcs.flight.recording.load_recording import load_recording, recording_from_telemetry, steady_times
 from gcs.flight.recording.tlog import load_tlog, mend_times
