@@ -6,12 +6,14 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
-from gcs.physics.states import POSITION
+from gcs.physics.states import ATTITUDE, POSITION
 from gcs.plan.formation.shape import Shape
 from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part, with_times_of_changes
 from gcs.plan.trajectory.energy import used_until
+from gcs.plan.trajectory.ground_phases import landing_step, straight_down
+from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.values.si import NED_FROM_UP, offsets_ned_m
 from gcs.types import Array
@@ -44,13 +46,14 @@ def plan_of(plan: Plan, sysids: tuple[int, ...], at_s: float) -> Plan:
     rest, rows = rest_of(plan, at_s), [plan.sysids.index(sysid) for sysid in sysids]
     leads = plan.leader if plan.leader in rows else rows[0]
     to_leader = _constant_offset(rest, leads)
+    leader = rest.leader_trajectory if leads == rest.leader else _led_by(rest, leads, to_leader)
     table = rest.shape.basis_ned_m
     return replace(
         rest,
         scenario=_scenario_of(rest.scenario, rows, leads, to_leader),
-        leader_trajectory=_moved(rest.leader_trajectory, to_leader),
+        leader_trajectory=leader,
         shape=Shape(rest.shape.functions, table[:, rows] - table[:, [leads]]),
-        begin_state=tuple(_moved(rest.leader_trajectory, to_leader).state(at_s).tolist()),
+        begin_state=tuple(leader.state(at_s).tolist()),
         used_before=tuple(rest.used_before[row] for row in rows) if rest.used_before else (),
     )
 
@@ -90,11 +93,23 @@ def _constant_offset(rest: Plan, leads: int) -> Array:
         return np.zeros(3)
     if rest.scenario.route or rest.scenario.formation.frame == "course":
         raise Infeasible("the leader of a route, or of a formation that turns with its course, has no successor")
-    times = np.append(np.arange(rest.t_start_s, rest.t_end_s, _EVERY_S), rest.t_end_s)
+    lands_s = rest.phase(PhaseKind.LANDING).start_s
+    times = np.append(np.arange(rest.t_start_s, lands_s, _EVERY_S), lands_s)
     places = rest.shape.offsets(times, rows=np.array([leads]))[0]
     if np.ptp(places, axis=0).max() > _STILL_M:
         raise Infeasible("the leader of a formation whose shape still changes has no successor")
     return np.asarray(places[0])
+
+
+def _led_by(rest: Plan, leads: int, to_leader: Array) -> Trajectory:
+    """The track of another leader: beside the old one, and in the landing down to its own ground."""
+    landing = rest.phase(PhaseKind.LANDING)
+    flown = _moved(trajectory_part(rest.leader_trajectory, rest.t_start_s, landing.start_s), to_leader)
+    state = flown.state(landing.start_s)
+    ground_m = float(rest.landing_points_ned_m[leads, 2])
+    down_m = landing_step(landing.start_s, landing.end_s, float(state[2]), ground_m, rest.scenario)
+    yaw_ned_rad = float(state[ATTITUDE][2])
+    return joined([flown, straight_down(down_m, state[POSITION], yaw_ned_rad, rest.quadrotor)])
 
 
 def _moved(trajectory: Trajectory, by_ned_m: Array) -> Trajectory:

@@ -23,6 +23,7 @@ from gcs.plan.plan_changer import (
     Slower,
 )
 from gcs.plan.plan_file import load_plan, save_plan
+from gcs.plan.planner import make_plan
 from gcs.plan.replanning.plan_pieces import continued, in_pieces, jump_between
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -150,6 +151,25 @@ def test_the_rest_flies_round_where_a_lost_vehicle_may_be(hop: Plan, gone: int) 
     np.testing.assert_allclose(flown.landing_points_ned_m[rows], hop.landing_points_ned_m[rows], atol=1e-3)
     ours.adopt(made)
     assert ours.change(Scale(1.3), 14.0).plan.sysids == rest
+
+
+def test_the_next_leads_a_formation_at_several_heights_to_its_landing(hop: Plan) -> None:
+    """Vehicles that come down from other heights move against each other in the landing."""
+    above = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -3.0], [0.0, 0.0, -1.5]])  # (V, 3)
+    higher = hop.scenario.formation.model_copy(
+        update={
+            "vehicle": tuple(
+                one.model_copy(update={"position_m": (*one.position_m[:2], one.position_m[2] - float(dz))})
+                for one, dz in zip(hop.scenario.formation.vehicle, above[:, 2], strict=True)
+            )
+        }
+    )
+    old = make_plan(hop.scenario.model_copy(update={"formation": higher}))
+    made = PlanChanger(old).change(CloseRanks((2, 3), ()), 10.0)
+    assert made.report.ok
+    assert made.plan.sysids[made.plan.leader] == 2
+    t_s = np.arange(10.0, old.t_end_s, 0.05)
+    np.testing.assert_allclose(made.plan.states(t_s)[..., POSITION], old.states(t_s)[1:, :, POSITION], atol=1e-6)
 
 
 @pytest.mark.parametrize("rest", [(1, 3), (2, 3)])
