@@ -10,7 +10,7 @@ import typer
 
 from gcs.cli.shared import shared_options as shared
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.cli.shared.page_option import PageOption, TilesOption, refuse_tiles
+from gcs.cli.shared.page_option import PageChoices, PageOption, TilesOption, refuse_tiles
 from gcs.errors import UsageError
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, OnLeaderLoss, OnLoss, TimeKeeping
 from gcs.page.page_feed import refuse_without_nicegui
@@ -227,11 +227,7 @@ def fly(
         screen,
         watch,
         asks=not yes_arm,
-        page=page,
-        page_address=page_address,
-        page_control=page_control,
-        page_keep=page_keep,
-        tiles=tiles,
+        page=PageChoices(page_address, page_control, page_keep, tiles) if page else None,
     )
 
 

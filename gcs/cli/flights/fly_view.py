@@ -14,6 +14,7 @@ from gcs.cli.flights.flight_table import FlightTable
 from gcs.cli.flights.live_page import LivePage, live_page
 from gcs.cli.flights.report import verdict_table
 from gcs.cli.shared.console import Screen
+from gcs.cli.shared.page_option import PageChoices
 from gcs.cli.shared.plan_argument import Stopwatch
 from gcs.errors import GcsError, JudgementError, UsageError, counted
 from gcs.flight.assessment.criterion import FlightOutcome
@@ -134,26 +135,22 @@ def fly_and_judge(
     watch: Stopwatch,
     *,
     asks: bool,
-    page: bool = False,
-    page_address: str = "",
-    page_control: bool = False,
-    page_keep: bool = False,
-    tiles: str = "",
+    page: PageChoices | None = None,
 ) -> int:
     """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
     Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation. With
-    `page` the flight is shown on a page as well; at `page_address` also to other machines, which may order with
-    `page_control`. After the flight the page stays while a browser shows it, if standard input is a terminal; with
-    `page_keep` until Ctrl-C in any case.
+    `page` the flight is shown on a page as well; at its `address` also to other machines, which may order with
+    `control`. After the flight the page stays while a browser shows it, if standard input is a terminal; with `keep`
+    until Ctrl-C in any case.
     """
-    question = ""
+    question, keep = "", page is not None and page.keep
     if asks and run.link is not None:
         count = len(run.plan.sysids)
         question = f"This arms and flies {counted(count, 'vehicle')} at {run.link}. Type '{CONFIRMATION}' to continue:"
     with (
-        live_page(run.plan, screen.say, page_address, orders_from_afar=page_control, tiles=tiles)
-        if page
+        live_page(run.plan, screen.say, page.address, orders_from_afar=page.control, tiles=page.tiles)
+        if page is not None
         else nullcontext() as shown,
     ):
         try:
@@ -163,12 +160,12 @@ def fly_and_judge(
             if shown is not None:
                 folder = None if failure.folder is None else Path(failure.folder)
                 shown.report("flight FAILED", f"{failure.message} {failure.hint}".strip(), None, folder)
-                _keep_page(screen, shown, failure, folder, keep=page_keep)
+                _keep_page(screen, shown, failure, folder, keep=keep)
             raise
         _show(screen, flown)
         if shown is not None:
             shown.report(_ended_words(flown.verdict), _failed_words(flown.verdict), flown.verdict, flown.folder)
-            _keep_page(screen, shown, None, flown.folder, keep=page_keep)
+            _keep_page(screen, shown, None, flown.folder, keep=keep)
     if page:
         screen.say(f"the page has ended; gcs replay {flown.folder} --page shows the flight again")
     screen.say(f"time: {watch}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import Screen
@@ -27,6 +28,16 @@ TilesOption = Annotated[
         metavar="URL",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class PageChoices:
+    """How a flight is shown on a page: the options --page-address, --page-control, --page-keep and --tiles."""
+
+    address: str = ""
+    control: bool = False
+    keep: bool = False
+    tiles: str = ""
 
 
 def refuse_tiles(tiles: str, *, page: bool) -> None:

@@ -191,7 +191,7 @@ def _clock(now: _Situation) -> _Measured:
     off_s = now.report.gnss_off_s
     text = f"{1e3 * sync.round_trip_s:.0f} ms round trip"
     if abs(off_s) > AGREE_S + sync.round_trip_s:
-        return _Measured(f"GNSS time is off by {off_s:+.1f} s from the others, {text}", ok=False)
+        return _Measured(f"GNSS time is off by {off_s:+.2f} s from the others, {text}", ok=False)
     return _Measured(text, sync.round_trip_s <= now.limits.round_trip_s)
 
 
