@@ -242,6 +242,7 @@ class PlanChanger:
         old, place = self.flown, None
         zones = order.zones if isinstance(order, Hold) else ()
         if isinstance(order, GoTo):
+            _refuse_outside(order, old.scenario)
             place = np.array([order.north_m, order.east_m, -order.height_m])
         known = tuple(zone for zone in old.scenario.no_fly if zone not in zones)
         kept: list[Left] = []
@@ -336,6 +337,16 @@ class PlanChanger:
         if verify(plan).ok:
             return plan
         return Replanner(plan, spare_disks=0).replan(old.leader_trajectory.state(at_s), at_s)
+
+
+def _refuse_outside(order: GoTo, scenario: Scenario) -> None:
+    """Raises Infeasible for a place where the leader may not be, before anything is planned."""
+    for key in ("north_m", "east_m", "height_m"):
+        wanted_m, (low_m, high_m) = getattr(order, key), getattr(scenario.limits, key)
+        if not low_m <= wanted_m <= high_m:
+            raise Infeasible.because(
+                f"{key} = {wanted_m:g} is outside of [limits], {low_m:g} to {high_m:g} m", hint="go to a place inside"
+            )
 
 
 _OTHERWISE = "the old plan is flown on; order hold, return or land"

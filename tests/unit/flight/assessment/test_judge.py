@@ -17,6 +17,7 @@ from gcs.physics.states import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Terrain
 from gcs.types import Array
 
 T0_UNIX_S = 1.7e9
@@ -127,7 +128,8 @@ def test_a_figure_at_the_edge_of_the_arrival_circle_makes_no_vehicle_late(
     simulation1_plan: Plan, aside_m: float, late_s: float, *, ok: bool
 ) -> None:
     """Forty vehicles in a show: one waits for a minute as far from its goal as the circle is wide, 2 cm inside."""
-    plan = simulation1_plan
+    scenario = simulation1_plan.scenario.model_copy(update={"terrain": Terrain()})
+    plan = replace(simulation1_plan, scenario=scenario)
     end_s, radius_m = plan.flight_s, plan.scenario.judge.arrival_position_m
     joints = np.array([plan.t_start_s, end_s - 90.0, end_s - 80.0, end_s - 20.0, end_s - 10.0, plan.t_end_s + 10.0])
     state = np.zeros((2, 5, 12))
