@@ -61,6 +61,7 @@ _ROUNDS = 5
 _RESERVED_S = 30.0  # from the start, until when reserves grow
 # Reserves at the nodes to limits at which the first plan is active: then a second solve is seldom needed.
 CLEARANCE_RESERVE_M, ZONE_RESERVE_M, RATE_RESERVE = 0.06, 0.01, 0.04
+_LEAST_RESERVE_M = 0.02  # less than the planner's own
 
 
 class Replanner:
@@ -116,7 +117,12 @@ class Replanner:
             trajectory_part(plan.leader_trajectory, whole.start_s, whole.end_s),
         )
         program = finest.program(whole, meshes[-1], planned)
-        solution = run(finest.afresh, program, {"x0": program.scaled(planned)})
+        try:
+            solution = run(finest.afresh, program, {"x0": program.scaled(planned)})
+        except PlanningError:  # a formation that shrinks to fit a gap leaves no such room
+            self._whole = replace(whole, clearance_reserve_m=clearance_reserve_m(whole, _LEAST_RESERVE_M))
+            program = finest.program(self._whole, meshes[-1], planned)
+            solution = run(finest.afresh, program, {"x0": program.scaled(planned)})
         self._old, self._multipliers = program.trajectory(solution.y), multipliers(program, solution)
 
     def replan(
