@@ -41,7 +41,7 @@ OPTIONS: Options = {
 _SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
 # While the shape moves on a schedule the optimum is flat: within IPOPT's own tolerance, costs differ by 0.3 % and
 # heights by 1 m, from processor to processor. A warm start would end 3e-6 above the optimum, 9 cm away.
-_EXACT_OPTIONS = {"ipopt.dual_inf_tol": 1e-8}
+_EXACT_OPTIONS: Options = {"ipopt.dual_inf_tol": 1e-8}
 # With a free time, the active limits change often; a barrier parameter that may grow again converges sooner.
 _TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
 # Over several legs most of the time is spent on solving with the same factors again to refine each step. Steps that
