@@ -16,6 +16,8 @@ from gcs.autopilots.waypoint_models.scurve import Ramp, RampLimits, State, const
 # A change of speed is made only if the cruise has room for so many times its ease at the old speed: 3.6 s by default.
 _EASINGS_PER_CHANGE = 12.0
 _LONGEST_EASE_S = 1.0  # that is counted
+# By so much may the room differ at which an autopilot makes a slow-down: through other parameters, or by rounding.
+ROOM_FACTOR = 1.1
 _SAME_MPS = 1e-6
 
 
@@ -27,6 +29,7 @@ class LegMotion:
         self.length_m = length_m
         self.top_mps = top_mps
         self.elapsed_s = 0.0
+        self.doubtful = False  # whether a slow-down was asked for in about the room that it takes
         self._limits = limits
         self._slow_down_room = slow_down_room
         self._plan_from_rest()
@@ -127,7 +130,10 @@ class LegMotion:
     def _change_within(self, room_m: float) -> Ramp:
         now, limits = self._start.end_mps, self._limits
         wait_s = _EASINGS_PER_CHANGE * min(_LONGEST_EASE_S, limits.ease_s)
-        if self.top_mps < now - _SAME_MPS and self._slow_down_room * wait_s * now < room_m:
+        slower = self.top_mps < now - _SAME_MPS
+        if slower and (1.0 / ROOM_FACTOR) * wait_s * now < room_m <= ROOM_FACTOR * wait_s * now:
+            self.doubtful = True
+        if slower and self._slow_down_room * wait_s * now < room_m:
             # The speed falls by what it would gain from the new speed in half the room: by less where that is short.
             rise = ramp_up(self.top_mps, now, 0.5 * room_m, limits)
             return replace(rise, start_mps=now, end_mps=now - (rise.end_mps - rise.start_mps))

@@ -10,10 +10,17 @@ vehicle falls behind, the time of the target passes more slowly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gcs.autopilots.waypoint_models.ardupilot_leg import Corner, LegMotion, Motion, NavigatorLeg, limit_along
+from gcs.autopilots.waypoint_models.ardupilot_leg import (
+    ROOM_FACTOR,
+    Corner,
+    LegMotion,
+    Motion,
+    NavigatorLeg,
+    limit_along,
+)
 from gcs.autopilots.waypoint_models.disturbance_gain import disturbance_gain_s2
 from gcs.autopilots.waypoint_models.navigator import Ability, NavigatorOrders, NavigatorState, Vector, vector
 from gcs.autopilots.waypoint_models.scurve import RampLimits, ramp_up
@@ -21,8 +28,6 @@ from gcs.autopilots.waypoint_models.tracking import Follower, Following
 
 _NOWHERE_M = 1e-3
 _CM = 100.0  # in a metre
-# By so much may the room differ at which an autopilot makes a slow-down: through other parameters, or by rounding.
-_ROOM = 1.1
 _SLACK = 0.05  # a speed lower by this share does not count as falling behind
 
 
@@ -55,7 +60,7 @@ class ArduPilotNavigator:
     @property
     def reactions(self) -> tuple[ArduPilotNavigator, ...]:
         """A slow-down with about as much room as it takes may be made, by the first, or not, by the second."""
-        return replace(self, slow_down_room=1.0 / _ROOM), replace(self, slow_down_room=_ROOM)
+        return replace(self, slow_down_room=1.0 / ROOM_FACTOR), replace(self, slow_down_room=ROOM_FACTOR)
 
     @property
     def least_obedient(self) -> ArduPilotNavigator:
@@ -125,7 +130,7 @@ class ArduPilotNavigator:
             if t_s >= hold_until_s and not target.finished:
                 completed, obeyed, hold_until_s = target.index, target.obeyed, math.inf
                 target.next_leg()
-            yield vehicle.state(t_s, completed, obeyed)
+            yield vehicle.state(t_s, completed, obeyed, doubtful=target.doubtful)
 
     def _pace(self, motion: Motion, vehicle: Follower) -> float:
         """Return the share of the target's speed that the vehicle sustains, at most 1."""
@@ -133,10 +138,9 @@ class ArduPilotNavigator:
         speed = math.hypot(*velocity)
         if speed <= 0.0:
             return 1.0
-        kept = 0.0
+        kept, position_ps, at, moving = 0.0, self.following.horizontal.position_ps, vehicle.position, vehicle.velocity
         for i in (0, 1, 2):
-            behind = self.following.horizontal.position_ps * (position[i] - vehicle.position[i])
-            kept += (vehicle.velocity[i] - behind) * velocity[i]
+            kept += (moving[i] - position_ps * (position[i] - at[i])) * velocity[i]
         return min(max(_SLACK + kept / (speed * speed), 0.0), 1.0)
 
 
@@ -152,7 +156,7 @@ class _Target:
         self._before: NavigatorLeg | None = None
         self._this = self._leg_to(0, 0)
         self._next = self._leg_ahead()
-        self.arrived = self.finished = False
+        self.arrived = self.finished = self.doubtful = False
         self.motion: Motion = (orders.start_ned_m, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     @property
@@ -176,16 +180,16 @@ class _Target:
                 self._before = None
             else:
                 p, v, a = before.now()
-                back = (p[i] - this.origin[i] for i in (0, 1, 2))
-                position, velocity, acceleration = _plus(position, back), _plus(velocity, v), _plus(acceleration, a)
+                position = _plus(position, _minus(p, this.origin))
+                velocity, acceleration = _plus(velocity, v), _plus(acceleration, a)
         turned = False
         if following is not None:
             begun = following.motion.elapsed_s > 0.0
             if begun or self._corner.may_begin(this, following):
                 following.motion.advance(step_s)
                 p, v, a = following.now()
-                ahead = (p[i] - following.origin[i] for i in (0, 1, 2))
-                position, velocity, acceleration = _plus(position, ahead), _plus(velocity, v), _plus(acceleration, a)
+                position = _plus(position, _minus(p, following.origin))
+                velocity, acceleration = _plus(velocity, v), _plus(acceleration, a)
                 turned = begun and following.motion.elapsed_s >= this.motion.remaining_s
         self.arrived = self.arrived or turned or this.motion.remaining_s <= 0.0
         self.motion = position, velocity, acceleration
@@ -205,6 +209,7 @@ class _Target:
             self._this = self._next
             for leg in (self._before, self._this):
                 leg.motion.set_top(self._top(leg.direction, self.index))
+                self.doubtful = self.doubtful or leg.motion.doubtful
         self._next = self._leg_ahead()
 
     def _leg_ahead(self) -> NavigatorLeg | None:
@@ -228,6 +233,9 @@ class _Target:
         return limit_along(direction, speed, navigator.climb_mps, navigator.sink_mps)
 
 
-def _plus(parts: Vector, more: Iterable[float]) -> Vector:
-    n, e, d = more
-    return parts[0] + n, parts[1] + e, parts[2] + d
+def _plus(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -17,7 +17,8 @@ _STILL = (0.0, 0.0, 0.0)
 class NavigatorState(NamedTuple):
     """A vehicle's motion at time `t_s` after the start, and the waypoint completed in this step, if any.
 
-    With that comes how fast the leg to it ended its cruise, over the speed set for the leg: 1 if that was obeyed.
+    With that comes how fast the leg to it ended its cruise, over the speed set for the leg: 1 if that was obeyed. A
+    flight is doubtful from where the autopilot may react otherwise: until then all `Navigator.reactions` fly alike.
     """
 
     t_s: float
@@ -26,6 +27,7 @@ class NavigatorState(NamedTuple):
     acceleration_ned_mps2: Vector
     completed: int | None = None
     obeyed: float = 1.0
+    doubtful: bool = False
 
 
 @dataclass(frozen=True)

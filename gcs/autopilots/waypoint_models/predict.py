@@ -1,7 +1,6 @@
 """The predicted flight of one vehicle's mission: its navigator model, run until the last waypoint is completed."""
 
 from dataclasses import dataclass
-from itertools import takewhile
 
 import numpy as np
 
@@ -23,6 +22,7 @@ class Prediction:
     passed_s: Array  # (N,) time of the least distance to each waypoint, or of arrival where it stops
     completed_s: Array  # (N,) time at which the autopilot changes to the next leg
     obeyed: Array  # (N,) speed of the cruise of each leg over the speed set for it, at its end
+    doubtful: bool = False  # whether other `Navigator.reactions` may fly it otherwise
 
 
 def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
@@ -33,12 +33,15 @@ def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
     legs_m = np.linalg.norm(np.diff([orders.start_ned_m, *orders.waypoints_ned_m], axis=0), axis=1)
     required_s = float(np.sum(legs_m / orders.speeds_mps) + sum(orders.holds_s))
     limit_s = _TIMEOUT_FACTOR * (required_s + orders.count)
-    rows, completed, obeyed = [], [], []
-    for state in takewhile(lambda state: state.t_s < limit_s, navigator.fly(orders)):
+    rows, completed, obeyed, doubtful = [], [], [], False
+    for state in navigator.fly(orders):
+        if state.t_s >= limit_s:
+            break
         rows.append((state.t_s, *state.position_ned_m, *state.velocity_ned_mps))
         if state.completed is not None:
             completed.append(state.t_s)
             obeyed.append(state.obeyed)
+            doubtful = state.doubtful
             if state.completed + 1 == orders.count:
                 break
     if len(completed) < orders.count:
@@ -50,7 +53,7 @@ def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
     flown = np.array(rows)
     ends = np.array(completed)
     passed = passing_times(flown[:, 0], flown[:, 1:4], orders, ends)
-    return Prediction(flown[:, 0], flown[:, 1:4], flown[:, 4:], passed, ends, np.array(obeyed))
+    return Prediction(flown[:, 0], flown[:, 1:4], flown[:, 4:], passed, ends, np.array(obeyed), doubtful)
 
 
 def passing_times(t_s: Array, position_ned_m: Array, orders: NavigatorOrders, completed_s: Array) -> Array:

@@ -96,6 +96,7 @@ class Px4Navigator(Approach):
         vehicle = Follower(self.following, orders.begins)
         points = (orders.start_ned_m, *orders.waypoints_ned_m)
         index, leave_s, steps = 0, math.inf, 0
+        doubtful = orders.airborne_s < self.home_settles_s
         while True:
             goal = points[index + 1]
             following = goal if orders.stops_at(index) else points[index + 2]
@@ -116,7 +117,7 @@ class Px4Navigator(Approach):
                     index += 1
                 else:
                     leave_s = math.nan  # the last waypoint: it stays
-            yield vehicle.state(t_s, completed)
+            yield vehicle.state(t_s, completed, doubtful=doubtful)
 
     def _is_there(self, vehicle: Follower, goal: Vector) -> bool:
         n, e, d = (goal[i] - vehicle.position[i] for i in range(3))

@@ -13,7 +13,7 @@ commands. Some autopilots then reduce the integral (`unwinding`), and stay slowe
 
 from dataclasses import dataclass
 
-from gcs.autopilots.waypoint_models.navigator import NavigatorState, Vector, vector
+from gcs.autopilots.waypoint_models.navigator import NavigatorState, Vector
 
 _GRAVITY_MPS2 = 9.80665
 
@@ -44,39 +44,54 @@ class Follower:
     """A vehicle in flight; `position`, `velocity`, `acceleration` are lists of three (NED)."""
 
     def __init__(self, following: Following, begins: NavigatorState) -> None:
-        self._loops = (following.horizontal, following.horizontal, following.vertical)
+        drags = (following.drag_ps, following.drag_ps, 0.0)
+        loops = (following.horizontal, following.horizontal, following.vertical)
+        self._axes = tuple(
+            (i, loop.position_ps, loop.velocity_ps, loop.integral_ps2, loop.damping, loop.damps_error, drag)
+            for i, (loop, drag) in enumerate(zip(loops, drags, strict=True))
+        )
         self._lag_s = following.lag_s
-        self._drags = (following.drag_ps, following.drag_ps, 0.0)
         self._vertical_drag_ps = following.drag_ps
         self._unwinding = following.unwinding
         self.position = list(begins.position_ned_m)
         self.velocity = list(begins.velocity_ned_mps)
         self.acceleration = list(begins.acceleration_ned_mps2)
-        self._thrust = [a + k * u for a, k, u in zip(self.acceleration, self._drags, self.velocity, strict=True)]
+        self._thrust = [a + k * u for a, k, u in zip(self.acceleration, drags, self.velocity, strict=True)]
         self._integral = [0.0, 0.0, 0.0]
 
     def step(self, position: Vector, velocity: Vector, acceleration: Vector, step_s: float) -> None:
         """Follow, for `step_s`, a target with this motion."""
-        sink = self._vertical_drag_ps * self.velocity[2] + self._thrust[2]
+        at, moving, thrust, integral = self.position, self.velocity, self._thrust, self._integral
+        sink = self._vertical_drag_ps * moving[2] + thrust[2]
         lift = 1.0 - sink / _GRAVITY_MPS2
-        for i in (0, 1, 2):
-            loop, drag = self._loops[i], self._drags[i]
-            x, u = self.position[i], self.velocity[i]
-            error = velocity[i] + loop.position_ps * (position[i] - x) - u
+        tilted = min(step_s / self._lag_s, 1.0)
+        for i, position_ps, velocity_ps, integral_ps2, damping, damps_error, drag in self._axes:
+            x, u = at[i], moving[i]
+            error = velocity[i] + position_ps * (position[i] - x) - u
             wanted = acceleration[i]
-            felt = self._thrust[i] - drag * u
-            damped = wanted - felt if loop.damps_error else -felt
-            push = wanted + loop.velocity_ps * error + self._integral[i] + loop.damping * damped
+            felt = thrust[i] - drag * u
+            damped = wanted - felt if damps_error else -felt
+            push = wanted + velocity_ps * error + integral[i] + damping * damped
             if self._unwinding and drag and lift < 1.0:
-                error -= self._unwinding / loop.velocity_ps * (1.0 - lift) * push
-            self._integral[i] += loop.integral_ps2 * error * step_s
-            self._thrust[i] += (push - self._thrust[i]) * min(step_s / self._lag_s, 1.0)
-            rate = (lift * self._thrust[i] if i < 2 else self._thrust[i]) - drag * u
-            self.position[i] = x + step_s * (u + 0.5 * step_s * rate)
-            self.velocity[i] = u + step_s * rate
+                error -= self._unwinding / velocity_ps * (1.0 - lift) * push
+            integral[i] += integral_ps2 * error * step_s
+            thrust[i] += (push - thrust[i]) * tilted
+            rate = (lift * thrust[i] if i < 2 else thrust[i]) - drag * u
+            at[i] = x + step_s * (u + 0.5 * step_s * rate)
+            moving[i] = u + step_s * rate
             self.acceleration[i] = rate
 
-    def state(self, t_s: float, completed: int | None, obeyed: float = 1.0) -> NavigatorState:
-        """Return its present motion, with a time, a completed waypoint, and how the speed of its leg was obeyed."""
-        motion = vector(*self.position), vector(*self.velocity), vector(*self.acceleration)
-        return NavigatorState(t_s, *motion, completed, obeyed)
+    def state(
+        self, t_s: float, completed: int | None, obeyed: float = 1.0, *, doubtful: bool = False
+    ) -> NavigatorState:
+        """Return its present motion, with the other fields of a state."""
+        position, velocity, acceleration = self.position, self.velocity, self.acceleration
+        return NavigatorState(
+            t_s,
+            (position[0], position[1], position[2]),
+            (velocity[0], velocity[1], velocity[2]),
+            (acceleration[0], acceleration[1], acceleration[2]),
+            completed,
+            obeyed,
+            doubtful,
+        )

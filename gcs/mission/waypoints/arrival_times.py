@@ -20,9 +20,10 @@ from gcs.autopilots.waypoint_models.predict import Prediction, predict
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.flight_limits import limits_of
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
+from gcs.mission.waypoints.leg_profile import LegProfile, NavigatorLimits, leg_profile
 from gcs.mission.waypoints.mission_items import ImpossibleMission, refuse_too_many
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, short_of_m
-from gcs.mission.waypoints.speed_correction import Corrected, LegProfile, NavigatorLimits, correct, leg_profile
+from gcs.mission.waypoints.speed_correction import Corrected, correct
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs, with_drawn_points
 from gcs.physics.states import POSITION
 from gcs.plan.trajectory.phases import PhaseKind
@@ -242,9 +243,11 @@ def _attempt(plan: Plan, firmware: Autopilot, sampled: _Samples, stops: list[int
         early_s = _GATE_LEAD_S + SLACK_S if gate else 0.0
         part_speeds = np.full((rows, len(kept) - 1), np.nan)
         part_waits = np.zeros((rows, len(kept) - 1))
+        alike = None
         for row in (leader, *(r for r in range(rows) if r != leader)):
             profile, legs = _profile(plan, firmware, sampled, row, kept, early_s)
-            found = correct(navigator, profile, lead_s)
+            found = correct(navigator, profile, lead_s, alike)
+            alike = alike or found.found
             too_near_m = terrain.raise_over_ground(navigator, profile, legs, found, row if rows > 1 else None)
             off_s = max(off_s, _worst_s(found, gate) + _NO_FLY_COST_SPM * too_near_m)
             part_speeds[row, legs], part_waits[row, legs] = found.speeds_mps, profile.holds_s

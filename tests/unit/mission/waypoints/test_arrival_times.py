@@ -122,7 +122,7 @@ def test_parts_of_a_flight_know_the_drawn_points_inside_them() -> None:
 )
 def test_before_a_gate_the_last_waypoint_does_not_count(late_s: list[float], gate: bool, worst_s: float) -> None:
     """There vehicles are early on purpose."""
-    found = Corrected(np.ones(len(late_s)), 0.0, None, np.array(late_s))  # type: ignore[arg-type]
+    found = Corrected(np.ones(len(late_s)), 0.0, None, np.array(late_s), None)  # type: ignore[arg-type]
     assert _worst_s(found, gate) == worst_s
 
 

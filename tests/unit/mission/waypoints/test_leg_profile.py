@@ -11,7 +11,7 @@ import pytest
 
 from gcs.autopilots.waypoint_models.predict import Prediction
 from gcs.mission.machine_independent import ORDER_GRID
-from gcs.mission.waypoints.speed_correction import SHARES, LegProfile, NavigatorLimits, leg_profile
+from gcs.mission.waypoints.leg_profile import SHARES, LegProfile, NavigatorLimits, leg_profile
 from gcs.types import Array
 
 THIRDS = np.array(SHARES)

@@ -13,8 +13,9 @@ from gcs.autopilots.waypoint_models.predict import Prediction
 from gcs.mission.flight_limits import limits_of
 from gcs.mission.waypoints import arrival_times
 from gcs.mission.waypoints.arrival_times import TerrainRaise
+from gcs.mission.waypoints.leg_profile import LegProfile
 from gcs.mission.waypoints.placement import short_of_m
-from gcs.mission.waypoints.speed_correction import Corrected, LegProfile
+from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.phases import phases_of
 from gcs.plan.trajectory.plan import Plan
@@ -70,7 +71,7 @@ def raised(
     monkeypatch.setattr(arrival_times, "predict", Model().predict)
     profile = LegProfile(points_ned_m, np.zeros((len(legs), 3)), np.zeros(len(legs)), 0.5, np.full(len(legs), 8.0))
     made = TerrainRaise(plan, np.linspace(10.0, 40.0, count + 1))
-    found = Corrected(np.full(len(legs), 5.0), 0.0, flown(points_ned_m), np.zeros(len(legs)))
+    found = Corrected(np.full(len(legs), 5.0), 0.0, flown(points_ned_m), np.zeros(len(legs)), None)  # type: ignore[arg-type]
     return made, made.raise_over_ground(None, profile, legs, found, row)  # type: ignore[arg-type]
 
 
