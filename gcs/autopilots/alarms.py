@@ -1,7 +1,7 @@
 """The alarms that an autopilot raises: from its texts, and from bits that all autopilots share.
 
-Texts are parts in lower case, from recordings and the autopilots' published sources; the first row that is found
-counts. A text of no row is shown as the vehicle said it.
+A row matches a STATUSTEXT that contains its text, in lower case; the first row that matches counts. The texts are from
+recordings and from the autopilots' published sources. A STATUSTEXT that no row matches is shown as the vehicle sent it.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from enum import StrEnum
 
 
 class Alarm(StrEnum):
-    """What fails."""
+    """What an alarm is about."""
 
     BATTERY_LOW = "battery low"
     BATTERY_CRITICAL = "battery critical"

@@ -225,7 +225,10 @@ class FailsafeCause(StrEnum):
 
 @dataclass(frozen=True)
 class FailsafeSigns:
-    """How an autopilot shows that its failsafe, not a pilot, changed the mode. Parts of texts are in lower case."""
+    """How an autopilot shows that its failsafe, not a pilot, changed the mode.
+
+    Its texts are parts of STATUSTEXTs in lower case.
+    """
 
     texts: tuple[tuple[str, FailsafeCause], ...] = ()  # parts of STATUSTEXT; the first that is found counts
     not_texts: tuple[str, ...] = ()  # a text with one of these parts says that a failsafe ended

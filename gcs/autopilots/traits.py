@@ -26,7 +26,7 @@ class Autopilot(IntEnum):
 
     @property
     def traits(self) -> AutopilotTraits:
-        """Its row."""
+        """Its row of the table `TRAITS`."""
         return TRAITS[self]
 
     @property

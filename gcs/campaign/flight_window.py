@@ -15,7 +15,7 @@ ATTEMPTS = 3  # of a flight that the machine fails; another one is for the next 
 
 
 class FlightWindow:
-    """A window that rolls over the design: so many flights are submitted as workers have room for, in order."""
+    """A window that rolls over the design: in order, as many flights are submitted as the workers have room for."""
 
     def __init__(self, left: Iterable[Row], results: Iterable[Row] = (), until: float | None = None) -> None:
         """`left` are the rows of the design to fly, `results` those known.

@@ -36,11 +36,6 @@ def pass_rate(passed: int, flights: int, confidence: float = CONFIDENCE) -> Inte
     return Interval(passed / flights, low, high)
 
 
-def largest_share(events: int, flights: int, confidence: float = CONFIDENCE) -> float:
-    """Return the one-sided upper bound of a share: 0 events of 1,000 flights are at most 0.3 %."""
-    return pass_rate(events, flights, 2.0 * confidence - 1.0).high
-
-
 def quantile(figures: Array, share: float, confidence: float = CONFIDENCE) -> Interval:
     """Return a quantile of figures (N,), between two of them: the interval's ends are order statistics.
 

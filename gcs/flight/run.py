@@ -46,6 +46,7 @@ from gcs.flight.recording.record_gaps import needed_bytes, refuse_without_room, 
 from gcs.flight.recording.record_table import write_record
 from gcs.flight.setup.board_before import BoardBefore
 from gcs.flight.setup.build_loads import (
+    PreparedFlight,
     export_for_flight,
     loads_built_aside,
     missions_only,
@@ -132,9 +133,9 @@ def fly(
 
     Without a `link` the vehicles are emulated. With one, `confirmed` is the operator's permission to arm them. `mode`
     is stream (timed setpoints) or mission (the uploaded waypoints). The flight's folder is made under `to`. What the
-    vehicles send is copied to each `udpout:HOST:PORT` of `also_to`. Raises
-    `UsageError` without confirmation, `VerificationError` for a plan that failed verification, and the errors of links,
-    vehicles and flights. It runs its own event loop: call it in a thread where one runs already.
+    vehicles send is copied to each `udpout:HOST:PORT` of `also_to`. Raises `UsageError` without confirmation,
+    `VerificationError` for a plan that failed verification, and the errors of links, vehicles and flights. It runs its
+    own event loop: call it in a thread where one runs already.
     """
     if link is not None and not confirmed:
         raise UsageError("vehicles on a link are not armed without confirmation.", hint="pass confirmed=True")
@@ -324,28 +325,25 @@ class _LinkedFlight:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.options.follow and len(set(autopilots.values())) > 1:
             self._watcher.warn(MIXED_FOLLOWING)
-        emulated = order.link is None
-        self._loaded = missions_only(exported.missions) if emulated else await self._loads(autopilots)
+        self._loaded = missions_only(exported.missions) if order.link is None else await self._loads(autopilots)
+        flown = replace(
+            order.options,
+            mode=order.keeping.mode,
+            lead_s=SIM_LEAD_S if order.link is None else 0.0,
+            telemetry_share=_telemetry_share(order),
+            watched_elsewhere=bool(order.also_to),
+        )
+        prepared = PreparedFlight(
+            self._loaded,
+            self._stream,
+            exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
+            self._noted_tracks(),
+            self.folder,
+        )
         hooks = FlightHooks(
             self.journal.on_event, self.journal.on_step, partial(self._get_ready, fleet, sessions), self._note_sent
         )
-        return FlightSequence(
-            plan,
-            sessions,
-            replace(
-                order.options,
-                mode=order.keeping.mode,
-                lead_s=SIM_LEAD_S if order.link is None else 0.0,
-                telemetry_share=_telemetry_share(order),
-                watched_elsewhere=bool(order.also_to),
-            ),
-            loads=self._loaded,
-            stream=self._stream,
-            returns=exported.safety.returns if exported.autopilots == tuple(map(autopilots.get, plan.sysids)) else None,
-            hooks=hooks,
-            tracks=self._noted_tracks(),
-            folder=self.folder,
-        )
+        return FlightSequence(plan, sessions, flown, prepared, hooks)
 
     def _noted_tracks(self) -> PredictedTracks | None:
         tracks = self._tracks()

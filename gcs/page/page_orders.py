@@ -1,6 +1,6 @@
 """What the page asks of the flight: the word that arms, and orders, each confirmed by a second message.
 
-An order that changes the plan is planned before it is said, which takes longer.
+An order that changes the plan is planned before its effect is shown, which takes longer.
 
 The flight decides and answers. Messages are small, few and checked on both sides. A page that hears no answer says so;
 the flight never waits for one.

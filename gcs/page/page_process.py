@@ -51,7 +51,7 @@ class PageReaders:
         self._count = 0
 
     def drawn(self, view: FormationView, events: int) -> None:
-        """Take in that a view has drawn what it got, and has so many events."""
+        """Note that a view has drawn what it got, and how many events it has."""
         reader = self._readers.setdefault(view, _Reader(events))
         reader.events, reader.is_ready = events, True
 
@@ -82,7 +82,7 @@ class PageReaders:
 def application(state: PageState, send_out: Out) -> FastAPI:
     """Return the page without its guard. `send_out` writes to the flight."""
     orders = PageOrders(lambda data: send_out(PageFrame.ASK, data))
-    state.on_answer = orders.answer
+    state.answer_to(orders.answer)
     readers = PageReaders(state, send_out)
 
     @asynccontextmanager

@@ -25,8 +25,12 @@ class PageState:
     files: dict[str, str] = field(default_factory=dict)  # path of each that may be read, by name
     events: list[bytes] = field(default_factory=list)
     past: list[bytes] = field(default_factory=list)
-    on_answer: Callable[[bytes], None] | None = None  # to an order
+    _on_answer: Callable[[bytes], None] | None = None
     _last_s: float = -float("inf")
+
+    def answer_to(self, on_answer: Callable[[bytes], None]) -> None:
+        """Pass answers to orders on from now on."""
+        self._on_answer = on_answer
 
     def receive(self, pipe: BinaryIO) -> None:
         """Take in frames until the pipe ends."""
@@ -36,8 +40,8 @@ class PageState:
     def take(self, kind: PageFrame, data: bytes) -> None:
         """Take in one frame."""
         if kind is PageFrame.ANSWER:
-            if self.on_answer is not None:
-                self.on_answer(data)
+            if self._on_answer is not None:
+                self._on_answer(data)
             return
         if kind is PageFrame.FILES:
             self.files = json.loads(data)

@@ -10,8 +10,6 @@ from gcs.types import Array
 
 NX, NU = 12, 4  # components of state and control of one vehicle
 POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-STATE_NAMES = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
-CONTROL_NAMES = ("U1", "U2", "U3", "U4")
 
 
 @dataclass(frozen=True)

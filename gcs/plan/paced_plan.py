@@ -44,7 +44,7 @@ _JUST = 1e-9  # s before an instant at which polynomials join
 
 @dataclass(frozen=True)
 class Left:
-    """A plan that is stopped from `from_s` on at its instant `at_s`, to be gone on with; at rest from `rest_s` on."""
+    """A plan that brakes from `from_s` on, waits at its instant `at_s` from `rest_s` on, and can be continued."""
 
     plan: Plan
     at_s: float

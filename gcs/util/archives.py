@@ -55,7 +55,7 @@ def read_member(file: IO[bytes], name: str, largest_bytes: int) -> bytes:
 def read_members(
     file: IO[bytes], wanted: Callable[[str], bool], *, largest_bytes: int, all_bytes: int, most: int
 ) -> dict[str, bytes]:
-    """The wanted members, by name, of an archive with at most so many. Raises `BadArchive`."""
+    """The wanted members, by name, of an archive that has at most `most` of any. Raises `BadArchive`."""
     with _opened(file, most) as archive:
         found = [info for info in archive.infolist() if wanted(info.filename)]
         if len({info.filename for info in found}) < len(found):

@@ -70,7 +70,7 @@ def left_s() -> float:
 
 
 def report(what: str | Callable[[], str]) -> None:
-    """Say what the work is at; a function is only called if somebody is shown it. Costs next to nothing otherwise.
+    """Report what the work is doing now. A function is called only if the report is shown.
 
     Raises OutOfTime where the work has no time left.
     """

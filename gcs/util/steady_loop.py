@@ -16,8 +16,9 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
-from typing import Any, Protocol, TypeVar, TypeVarTuple
+from typing import Protocol, TypeVar, TypeVarTuple
 
+Ready = tuple[selectors.SelectorKey, int]  # and its events
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
@@ -96,7 +97,7 @@ class _Selector(selectors.DefaultSelector):
         self.leader: Leader | None = None
         self.works = 0  # of this machine, for which the leader's time stands
 
-    def select(self, timeout: float | None = None) -> list[Any]:
+    def select(self, timeout: float | None = None) -> list[Ready]:
         if self.leader is not None:
             return self._follow(self.leader, timeout)
         self.stalls.turn(_host_clock_s())
@@ -104,7 +105,7 @@ class _Selector(selectors.DefaultSelector):
         self.stalls.turn(_host_clock_s())
         return found
 
-    def _follow(self, leader: Leader, timeout: float | None) -> list[Any]:
+    def _follow(self, leader: Leader, timeout: float | None) -> list[Ready]:
         found = super().select(0.0)
         if found or (timeout is not None and timeout <= 0.0):
             return found

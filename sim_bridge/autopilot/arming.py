@@ -1,10 +1,11 @@
 """Start-up and arming: the reasons against arming, the spin-up of the motors, and idle disarming."""
 
 import math
+from collections.abc import Mapping
 
 from gcs.mavlink import Severity
 from sim_bridge.autopilot.events import EventQueue, Placed, Said
-from sim_bridge.personality import Boot, Intent, Milestone, Mode, Note, Personality
+from sim_bridge.personality import Boot, Intent, Milestone, Mode, Note, Personality, Setting
 
 _NOTHING: frozenset[Milestone] = frozenset()
 _CHECK_PERIOD_S = 1.0  # between two runs of the arming checks
@@ -77,6 +78,18 @@ class Arming:
         """Arm at `t_s`: the motors turn from now on."""
         self.armed, self._armed_s, self._idle_since_s = True, t_s, t_s
 
+    def disarm(self) -> None:
+        """Stop the motors."""
+        self.armed = False
+
+    def use(self, settings: Mapping[Setting, float]) -> None:
+        """Apply these settings."""
+        self.options = int(settings.get(Setting.AUTO_OPTIONS, 0.0))
+
+    def suffer(self, *, refuses: bool, fails_checks: bool) -> None:
+        """Have these faults from now on, or not any more."""
+        self.refuses, self.fails_checks = refuses, fails_checks
+
     def start_idle(self, t_s: float) -> None:
         """Start the idle timer: the vehicle stands on the ground from `t_s` on."""
         self._idle_since_s = t_s
@@ -148,6 +161,10 @@ class OffboardTimeout:
         self._last_s = -math.inf
         self.timeout_s = 1.0
         self.ever = False
+
+    def use(self, settings: Mapping[Setting, float]) -> None:
+        """Apply these settings."""
+        self.timeout_s = settings[Setting.STREAM_TIMEOUT_S]
 
     def heard(self, t_s: float, counts_at_s: float) -> None:
         """Record a setpoint that arrived at `t_s` and takes effect at `counts_at_s`, then or later."""

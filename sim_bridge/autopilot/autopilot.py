@@ -114,8 +114,7 @@ class EmulatedAutopilot:
         mode = self.personality.modes.of(Intent.TAKEOFF)
         if mode is None:
             return MavResult.UNSUPPORTED
-        self._choose(mode)
-        self.mode_actions.takeoff_m = height_m
+        self._choose(mode, height_m)
         if self.armed:
             self._begin(t_s)
         return MavResult.ACCEPTED
@@ -211,8 +210,8 @@ class EmulatedAutopilot:
 
     def use(self, settings: Mapping[Setting, float]) -> None:
         """Apply these settings."""
-        self.arming.options = int(settings.get(Setting.AUTO_OPTIONS, 0.0))
-        self.setpoints.timeout_s = settings[Setting.STREAM_TIMEOUT_S]
+        self.arming.use(settings)
+        self.setpoints.use(settings)
         self._stream_loss = self.personality.failsafes.stream.get(int(settings.get(Setting.STREAM_LOSS_ACTION, 0.0)))
         self.mode_actions.use(settings)
 
@@ -314,13 +313,12 @@ class EmulatedAutopilot:
             self.event_queue.add_text(Note.MISSION_BEGINS)
         self.mode_actions.begin(t_s, self.mode.intent)
 
-    def _choose(self, mode: Mode) -> None:
-        """Enter a mode by command, not by failsafe."""
+    def _choose(self, mode: Mode, takeoff_m: float = math.nan) -> None:
+        """Enter a mode by command, not by failsafe; one that climbs does so to `takeoff_m` above home, if given."""
         self.failing = False
         if mode.armable:
             self._mode_after = mode
-        self.mode_actions.stay()
-        self.mode_actions.takeoff_m = math.nan
+        self.mode_actions.stay(takeoff_m)
         self._enter(mode)
 
     def _enter(self, mode: Mode | None) -> None:
@@ -335,6 +333,7 @@ class EmulatedAutopilot:
         return mode
 
     def _switch_off(self) -> None:
-        self.arming.armed = self.failing = False
+        self.arming.disarm()
+        self.failing = False
         self._disarm_s = math.inf
         self.mode_actions.switch_off()

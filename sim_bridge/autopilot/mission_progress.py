@@ -93,6 +93,10 @@ class MissionProgress:
         if anew:
             self._repeated = self._announced = None
 
+    def stop(self) -> None:
+        """The mission is not flown any more; it has not ended."""
+        self.running = False
+
     def pass_mark(self, mark: Mark) -> None:
         """Record that an item was completed, or that one begins."""
         if mark.reached is not None:

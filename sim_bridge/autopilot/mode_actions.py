@@ -44,7 +44,7 @@ class ModeActions:
         self.path = Flightpath(np.append(path_generator.home_ned_m, yaw_ned_rad), self._end_stream)
         self.ground = LandDetector(personality.flight.landed_after_s)
         self.progress = MissionProgress(personality.reports, personality.missions.home_is_item_0, event_queue)
-        self.takeoff_m = math.nan  # above home, as last commanded
+        self._takeoff_m = math.nan  # above home, as last commanded
         self._traits = personality.flight
         self._arming = arming
         self._event_queue = event_queue
@@ -62,7 +62,7 @@ class ModeActions:
         """Apply these settings."""
         self._settings = settings
         timeout_s, coasts_s = settings[Setting.STREAM_TIMEOUT_S], self._traits.stream_extrapolates_s
-        self.path.extrapolate_s = timeout_s if coasts_s is None else coasts_s
+        self.path.extrapolate(timeout_s if coasts_s is None else coasts_s)
         self._least_takeoff_m = settings.get(Setting.TAKEOFF_HEIGHT_M, 0.0)
         self.change(
             speed_mps=min(settings[Setting.CRUISE_MPS], self.path_generator.limits.horizontal_mps),
@@ -115,7 +115,8 @@ class ModeActions:
         if intent is not self._intent:  # speeds set by command end with the mode
             self.use(self._settings)
         self._intent = intent
-        self.progress.running, self._lift_off = False, None
+        self.progress.stop()
+        self._lift_off = None
         if intent is Intent.MISSION:
             self._fly_mission(t_s)
         elif intent is Intent.TAKEOFF:
@@ -157,13 +158,14 @@ class ModeActions:
         self._arming.start_idle(t_s)
         self.path.stand(t_s, place)
 
-    def stay(self) -> None:
-        """Cancel a take-off that waits for the motors."""
-        self._lift_off = None
+    def stay(self, takeoff_m: float) -> None:
+        """Cancel a take-off that waits for the motors. A later one may climb to `takeoff_m` above home, if given."""
+        self._lift_off, self._takeoff_m = None, takeoff_m
 
     def switch_off(self) -> None:
         """Stop the motors, wherever the vehicle is."""
-        self.progress.running, self._lift_off = False, None
+        self.progress.stop()
+        self._lift_off = None
         self.ground.settle()
 
     def step(self, t_s: float) -> Passed:
@@ -235,7 +237,7 @@ class ModeActions:
         return max(self._least_takeoff_m, item.alt_m - home_m)
 
     def _climb(self, t_s: float) -> None:
-        height_m = max(self.takeoff_m, self._least_takeoff_m)
+        height_m = max(self._takeoff_m, self._least_takeoff_m)
         if not math.isfinite(height_m):
             height_m = self._least_takeoff_m
         if not self.ground.flying:

@@ -186,7 +186,7 @@ class Airframes:
         self._failures_changed = False
         effects = Effects.of(self._failures)
         self.battery.drain(effects.remaining)
-        self.sensors.effects = effects
+        self.sensors.suffer(effects)
         self.controller.slow_down(effects.speed_max_mps)
         self._plant.push(effects.push_ned_mps2.T.copy() if effects.push_ned_mps2.any() else None)
         self._fault_wind = effects.wind_ned_mps.T if effects.wind_ned_mps.any() else None

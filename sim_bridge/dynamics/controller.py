@@ -84,7 +84,7 @@ class Controller:
 
     def slow_down(self, speed_max_mps: Array) -> None:
         """Limit the ground speed of vehicles (V,), whatever is commanded; inf for no limit."""
-        self._law.speed_max_mps = speed_max_mps if speed_max_mps.min() < math.inf else None
+        self._law.slow_down(speed_max_mps if speed_max_mps.min() < math.inf else None)
 
     def command(self, reference: Array, state: Array, applied: Array, landed: Mask, *, any_landed: bool) -> Array:
         """Return the controls (4, V) for a reference (V, 5, 4) and estimated states (12, V).

@@ -26,7 +26,7 @@ _PROBE = 1e-3
 
 
 class PositionController:
-    """For vehicles of one type. `speed_max_mps` (V,) limits the ground speed; None for no limit."""
+    """For vehicles of one type."""
 
     def __init__(self, q: Quadrotor, limits: ControlLimits) -> None:
         """Raise ValueError if the thrust limit does not lift the vehicle."""
@@ -45,7 +45,7 @@ class PositionController:
         self._thrust_max = limits.thrust_N
         self._lift_min = FALL_SHARE * q.weight_N
         self._lift_max = q.weight_N + HEIGHT_SHARE * (limits.thrust_N - q.weight_N)
-        self.speed_max_mps: Array | None = None
+        self._speed_max_mps: Array | None = None
 
         probes = np.concatenate((np.zeros((_INPUTS, 1)), _PROBE * np.eye(_INPUTS)), axis=1)
         force, checks = self._limited(probes)
@@ -62,6 +62,10 @@ class PositionController:
         low[-1] = self._lift_min
         self._free_low, self._free_high = low[:, None], high[:, None]
 
+    def slow_down(self, speed_max_mps: Array | None) -> None:
+        """Limit the ground speed of vehicles (V,); None for no limit."""
+        self._speed_max_mps = speed_max_mps
+
     def __call__(self, reference: Array, state: Array, push_mps2: Array) -> Array:
         """Return the force (3, 3, V) at the times AROUND now, north and east negated, the third component upwards.
 
@@ -70,7 +74,7 @@ class PositionController:
         vehicles = state.shape[1]
         wanted = reference[:, :, :3].transpose(1, 2, 0).reshape(15, vehicles)
         inputs = np.concatenate((wanted, state[:6], push_mps2, np.ones((1, vehicles))))
-        if self.speed_max_mps is None:
+        if self._speed_max_mps is None:
             out = self._law.dot(inputs)
             checked = out.take(_CHECKED, axis=0)
             if ((checked >= self._free_low) & (checked <= self._free_high)).all():
@@ -88,9 +92,9 @@ class PositionController:
         closing = self._closing_gain * distance[:2]
         demand = speed[:2] + _shorten(closing, self._closing_max)
         wanted = acceleration - push
-        if self.speed_max_mps is not None:
+        if self._speed_max_mps is not None:
             aim = demand + moving[:2]
-            slow = _shorten(aim, self.speed_max_mps)
+            slow = _shorten(aim, self._speed_max_mps)
             demand = slow - moving[:2]
             wanted[:2] = np.where((slow == aim).all(axis=0), wanted[:2], -push[:2])
         demand *= self._push_gain

@@ -145,6 +145,10 @@ class Sensors:
         self._last_number = dict.fromkeys((Sensor.BAROMETER, Sensor.COMPASS), np.zeros(vehicles))
         self.effects = Effects.of([()] * vehicles)
 
+    def suffer(self, effects: Effects) -> None:
+        """Have these effects of failures from now on."""
+        self.effects = effects
+
     @property
     def slow_errors(self) -> Array:
         """The slow errors that filters estimate, (10, V): gyro (3), accelerometer (3), barometer, GNSS position (3)."""

@@ -12,7 +12,7 @@ from sim_bridge.dynamics.failures import Failure, Sensor
 from sim_bridge.faults import fault_spec as f
 from sim_bridge.faults.fault_spec import Fault, FaultKind, LinkDirection, Since
 from sim_bridge.faults.lossy_link import NO_IMPAIRMENT, LinkImpairment, LossyLink
-from sim_bridge.protocol.conversation import Conversation
+from sim_bridge.protocol.conversation import Conversation, VehicleFaults
 
 _UP, _DOWN = 0, 1  # last part of the link seeds
 _LINK_SEED = 2  # keeps link seeds apart from those of sensors and clocks
@@ -101,21 +101,23 @@ class FaultInjector:
         active = self._by_row[row].active
         vehicle = self._vehicles[row]
         kinds = {fault.kind for fault in active}
-        vehicle.store.rejects = f.REJECT_MISSION in kinds
-        if vehicle.files is not None:
-            vehicle.files.wrong_checksums = f.WRONG_CRC in kinds
-        vehicle.commands.refuses, vehicle.commands.ignores = f.REFUSE in kinds, f.IGNORE in kinds
-        vehicle.autopilot.arming.refuses = f.REFUSE_ARMING in kinds
-        vehicle.autopilot.arming.fails_checks = f.FAIL_CHECKS in kinds
-        vehicle.autopilot.react(
-            next((round(one.values[0]) for one in reversed(active) if one.kind is f.SLOW_DOWN), None)
+        vehicle.suffer(
+            VehicleFaults(
+                rejects_missions=f.REJECT_MISSION in kinds,
+                wrong_checksums=f.WRONG_CRC in kinds,
+                refuses_commands=f.REFUSE in kinds,
+                ignores_commands=f.IGNORE in kinds,
+                refuses_arming=f.REFUSE_ARMING in kinds,
+                fails_checks=f.FAIL_CHECKS in kinds,
+                slow_down=next((round(one.values[0]) for one in reversed(active) if one.kind is f.SLOW_DOWN), None),
+                sag_V=sum(fault.values[0] for fault in active if fault.kind is f.SAG),
+                gnss_ahead_s=sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP),
+            )
         )
-        vehicle.instruments.sag_V = sum(fault.values[0] for fault in active if fault.kind is f.SAG)
-        vehicle.set_gnss_ahead(sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP))
         if row in self.radios:
             radio = self.radios[row]
-            radio.up.impairment = _impairment(active, LinkDirection.UP)
-            radio.down.impairment = _impairment(active, LinkDirection.DOWN)
+            radio.up.impair(_impairment(active, LinkDirection.UP))
+            radio.down.impair(_impairment(active, LinkDirection.DOWN))
         failures = [_FAILURE_OF[fault.kind](fault.values) for fault in active if fault.kind in _FAILURE_OF]
         self._airframes.fail(row, failures)
         for fault in began:

@@ -39,7 +39,7 @@ NO_IMPAIRMENT = LinkImpairment()
 
 
 class LossyLink:
-    """Takes frames and delivers them later. A new `impairment` applies to frames put in from then on."""
+    """Takes frames and delivers them later."""
 
     def __init__(self, *key: int) -> None:
         """The same key has the same effect on the same frames."""
@@ -48,6 +48,10 @@ class LossyLink:
         self._said: OrderedDict[bytes, int] = OrderedDict()
         self._under_way: list[tuple[float, int, bytes]] = []
         self._count = 0
+
+    def impair(self, impairment: LinkImpairment) -> None:
+        """Impair frames so that are put in from now on."""
+        self.impairment = impairment
 
     def put(self, frame: bytes, sent_s: float) -> None:
         """Send a whole frame at `sent_s`."""

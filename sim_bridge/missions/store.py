@@ -28,7 +28,8 @@ from gcs.mavlink import MissionResult, MissionType, Severity
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.missions.acceptance import as_reported_m, as_stored, in_single_precision, item_result, too_few_vertices
 from sim_bridge.missions.fence import count_shapes, encloses, places, what_is_wrong
-from sim_bridge.missions.transfer_traits import Download, MissionAnswer, MissionTraits, StorageTraits, Upload
+from sim_bridge.missions.transfer_traits import MissionAnswer, MissionTraits, StorageTraits
+from sim_bridge.missions.transfers import Download, Upload, addressed
 
 SendText = Callable[[Severity, str], None]
 Items = tuple[MissionItem, ...]
@@ -37,7 +38,8 @@ Items = tuple[MissionItem, ...]
 class MissionStore:
     """The items of all mission types of one vehicle.
 
-    `on_change(mission type, items)` is called on every change, `send_text` for every STATUSTEXT.
+    `on_change(mission type, items)` is called on every change, `send_text` for every STATUSTEXT. `current_seq` tells
+    which item reads back as `current`.
     """
 
     def __init__(
@@ -47,10 +49,11 @@ class MissionStore:
         home: Origin,
         on_change: Callable[[int, Items], None],
         send_text: SendText,
+        current_seq: Callable[[], int] = lambda: 0,
     ) -> None:
         self.home = home
-        self.current_seq = 0  # the item that reads back as `current`
         self.rejects = False  # a fault: every item is refused
+        self._current_seq = current_seq
         self._me = me
         self._traits = traits
         self._on_change = on_change
@@ -125,6 +128,10 @@ class MissionStore:
         self._hold(mission_type, held)
         return True
 
+    def suffer(self, *, rejects: bool) -> None:
+        """Have this fault from now on, or not any more."""
+        self.rejects = rejects
+
     def move_home(self, home: Origin) -> None:
         """Set home."""
         self.home = home
@@ -150,7 +157,7 @@ class MissionStore:
                 del self._uploads[kind]
                 messages += self._answer(traits.timed_out, upload.peer, kind)
             elif now_s - upload.requested_s > traits.retry_s:
-                messages += self._request_item(upload, now_s)
+                messages.append(upload.request(now_s))
         download = self._download
         if download is not None and now_s - download.heard_s > traits.timeout_s:
             self._download = None
@@ -186,8 +193,8 @@ class MissionStore:
         if upload is not None and upload.peer != peer:
             return self._answer(traits.second_station, peer, kind)
         if upload is not None and not traits.restarts:
-            upload.heard_s = now_s
-            return self._answer(traits.busy, peer, upload.kind) if upload.seq else self._request_item(upload, now_s)
+            upload.hear(now_s)
+            return self._answer(traits.busy, peer, upload.kind) if upload.seq else [upload.request(now_s)]
         if self._download is not None:
             return self._answer(traits.busy, peer, kind)
         if kind not in self._items:
@@ -202,7 +209,7 @@ class MissionStore:
         if not count:
             return self._complete(upload, now_s)
         self._uploads[kind] = upload
-        return self._request_item(upload, now_s)
+        return [upload.request(now_s)]
 
     def _on_partial_write(self, message: Message, kind: int, now_s: float) -> list[Message]:
         traits, peer = self._traits, message.source
@@ -215,7 +222,7 @@ class MissionStore:
         # Even an upload of another ground station gives way to it.
         upload = Upload(peer, kind, last + 1, traits.int_requests, now_s, now_s, first=first)
         self._uploads[kind] = upload
-        return self._request_item(upload, now_s)
+        return [upload.request(now_s)]
 
     def _on_item(self, message: Message, kind: int, now_s: float) -> list[Message]:
         traits, peer = self._traits, message.source
@@ -226,9 +233,10 @@ class MissionStore:
         if upload.peer != peer:
             return self._answer(traits.second_station, peer, kind)
         if message.fields["seq"] != upload.seq:
-            upload.heard_s = now_s if traits.any_item_resets_timeout else upload.heard_s
+            if traits.any_item_resets_timeout:
+                upload.hear(now_s)
             return self._answer(traits.wrong_sequence, peer, kind)
-        upload.heard_s = now_s
+        upload.hear(now_s)
         storage = traits.storage[kind]
         try:
             item = item_from_message(in_single_precision(message) if traits.single_precision else message)
@@ -241,15 +249,15 @@ class MissionStore:
         if too_few_vertices(item, storage):
             del self._uploads[kind]
             return self._answer(traits.bad_shape, peer, kind)
-        if message.name == "MISSION_ITEM":
-            self._on_float_item(upload)
+        if message.name == "MISSION_ITEM" and upload.take_float(follows=traits.follows_float):
+            self._answer(traits.float_item, peer, kind)
         item = as_stored(item, storage, message.fields["frame"])
         if storage.item_by_item:
             held = self._items[kind]
             self._hold(kind, (*held[: upload.seq], item, *held[upload.seq + 1 :]))
         upload.items.append(item)
         if upload.seq < upload.count:
-            return self._request_item(upload, now_s)
+            return [upload.request(now_s)]
         del self._uploads[kind]
         return self._complete(upload, now_s)
 
@@ -267,23 +275,11 @@ class MissionStore:
             self._send_text(storage.received_severity, storage.received)
         return [mission_ack(upload.peer, MissionResult.ACCEPTED, kind)]
 
-    def _on_float_item(self, upload: Upload) -> None:
-        if self._traits.follows_float:
-            upload.int_requests = False
-        if not upload.float_warned:
-            upload.float_warned = True
-            self._answer(self._traits.float_item, upload.peer, upload.kind)
-
     def _conflicting_upload(self, kind: int) -> Upload | None:
         """Return the upload under way that a new one of this type would conflict with."""
         if self._traits.one_at_a_time:
             return next(iter(self._uploads.values()), None)
         return self._uploads.get(kind)
-
-    def _request_item(self, upload: Upload, now_s: float) -> list[Message]:
-        upload.requested_s = now_s
-        name = "MISSION_REQUEST_INT" if upload.int_requests else "MISSION_REQUEST"
-        return [Message(name, {**_target(upload.peer, upload.kind), "seq": upload.seq})]
 
     # Clearing
 
@@ -314,7 +310,7 @@ class MissionStore:
             return self._answer(traits.unknown_type_read, peer, kind)
         if not traits.stateless_reads:
             self._download = Download(peer, kind, now_s)
-        return [Message("MISSION_COUNT", {**_target(peer, kind), "count": len(self._items.get(kind, ()))})]
+        return [Message("MISSION_COUNT", {**addressed(peer, kind), "count": len(self._items.get(kind, ()))})]
 
     def _on_request(self, message: Message, kind: int, now_s: float) -> list[Message]:
         traits, peer, seq = self._traits, message.source, message.fields["seq"]
@@ -324,11 +320,9 @@ class MissionStore:
         if not traits.stateless_reads:
             if download is None or download.peer != peer or download.kind != kind:
                 return []
-            download.heard_s = now_s
-            if seq not in (download.seq, download.seq - 1):
+            if not download.expects(seq, now_s):
                 self._download = None
                 return self._answer(traits.unknown_item, peer, kind)
-            download.seq = seq + 1
         items = self._items.get(kind, ())
         if seq >= len(items):
             self._download = None
@@ -348,7 +342,7 @@ class MissionStore:
     # Helpers
 
     def _read_back_message(self, item: MissionItem, seq: int, peer: Station, kind: int) -> Message:
-        current = seq == self.current_seq and (seq > 0 or self._traits.first_is_current)
+        current = seq == self._current_seq() and (seq > 0 or self._traits.first_is_current)
         message = item_to_message(item, seq, peer, current=current, mission_type=kind)
         storage = self._traits.storage[kind]
         message.fields["frame"] = storage.read_back_frames.get(item.frame, item.frame)
@@ -373,7 +367,3 @@ class MissionStore:
             name, capacity = (storage.name, storage.capacity) if storage is not None else ("", 0)
             self._send_text(answer.severity, answer.text.format(name=name, capacity=capacity))
         return [mission_ack(peer, answer.result, kind)] if answer.result is not None else []
-
-
-def _target(peer: Station, kind: int) -> dict[str, int]:
-    return {**peer.target, "mission_type": kind}

@@ -5,12 +5,11 @@ Which parameters of an item are stored, and as what, is recorded; the rest is fr
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from gcs.link.wire.message import Station
 from gcs.mavlink import FenceCommand, MavCommand, MissionResult, Severity
 from gcs.mission.model import MissionItem
 
@@ -98,36 +97,6 @@ class MissionTraits:
     rally_refused: MissionAnswer = SILENCE  # sent again and again while there are points of other frames
     rally_refused_every_s: float = 2.0
     rally_from_home_m: float = 0.0  # nearer points are not looked at
-
-
-@dataclass
-class Upload:
-    """An upload to this vehicle that is under way."""
-
-    peer: Station
-    kind: int
-    count: int  # of all items, the first of them item 0
-    int_requests: bool
-    requested_s: float
-    heard_s: float
-    items: list[MissionItem] = field(default_factory=list)
-    float_warned: bool = False
-    first: int = 0  # of a partial write: the first item to replace, the last one is `count` - 1
-
-    @property
-    def seq(self) -> int:
-        """The next item to receive."""
-        return self.first + len(self.items)
-
-
-@dataclass
-class Download:
-    """A download from this vehicle that is under way, where the autopilot tracks it."""
-
-    peer: Station
-    kind: int
-    heard_s: float
-    seq: int = 0  # the next one expected
 
 
 def ardupilot_params(item: MissionItem) -> Params:

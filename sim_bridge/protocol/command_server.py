@@ -81,6 +81,10 @@ class CommandServer:
             ),
         }
 
+    def suffer(self, *, refuses: bool, ignores: bool) -> None:
+        """Have these faults from now on, or not any more."""
+        self.refuses, self.ignores = refuses, ignores
+
     def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
         """Carry out the command; return its acknowledgement and the messages it produced.
 

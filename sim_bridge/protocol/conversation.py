@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from gcs.errors import UsageError
 from gcs.link.protocols.command import command_ack
@@ -38,8 +39,23 @@ _HIGHEST_ID = 0xFFFF
 _NS_PER_S = 1_000_000_000
 
 
+@dataclass(frozen=True)
+class VehicleFaults:
+    """The present faults of one vehicle beside those of its link and of its physics."""
+
+    rejects_missions: bool = False
+    wrong_checksums: bool = False  # of files
+    refuses_commands: bool = False
+    ignores_commands: bool = False
+    refuses_arming: bool = False
+    fails_checks: bool = False
+    slow_down: int | None = None  # which end of what its navigator may do; None: that of the seed
+    sag_V: float = 0.0
+    gnss_ahead_s: float = 0.0
+
+
 class Conversation:
-    """Sans-I/O: messages in, messages out. `commands`, `store` and `files` have faults of their own."""
+    """Sans-I/O: messages in, messages out."""
 
     def __init__(
         self, sysid: int, autopilot: EmulatedAutopilot, instruments: Instruments, personality: Personality
@@ -59,6 +75,7 @@ class Conversation:
             instruments.place(autopilot.path_generator.home_ned_m),
             self._on_stored,
             self._queue_text,
+            lambda: autopilot.progress.seq,
         )
         self.files = FileServer(MissionFiles(self.store)) if personality.missions.as_files else None
         self._clock = TimesyncResponder(personality.replies, self.station)
@@ -68,9 +85,15 @@ class Conversation:
         self.on_from_s = -math.inf  # until then the vehicle is off: it neither receives nor sends
         self._apply_params()
 
-    def set_gnss_ahead(self, ahead_s: float) -> None:
-        """Act on a fault: its GNSS time is ahead of that of the others."""
-        self.instruments.gnss_ahead_s = ahead_s
+    def suffer(self, faults: VehicleFaults) -> None:
+        """Have these faults from now on, and no others."""
+        self.store.suffer(rejects=faults.rejects_missions)
+        if self.files is not None:
+            self.files.suffer(wrong_checksums=faults.wrong_checksums)
+        self.commands.suffer(refuses=faults.refuses_commands, ignores=faults.ignores_commands)
+        self.autopilot.arming.suffer(refuses=faults.refuses_arming, fails_checks=faults.fails_checks)
+        self.autopilot.react(faults.slow_down)
+        self.instruments.suffer(sag_V=faults.sag_V, gnss_ahead_s=faults.gnss_ahead_s)
         self.autopilot.mode_actions.change(epoch_unix_s=self.instruments.unix_at_0_s)
 
     def die(self) -> None:
@@ -78,8 +101,12 @@ class Conversation:
         self.dead = True
         self.autopilot.fall()
 
-    def remember(self, earlier: Conversation) -> None:
-        """Take over what survives a restart. Modes, message rates and an unfinished upload do not."""
+    def restart(self, earlier: Conversation, on_from_s: float) -> None:
+        """Take over what survives a restart, and be off until `on_from_s`.
+
+        Modes, message rates and an unfinished upload do not survive it.
+        """
+        self.on_from_s = on_from_s
         self._params.remember(earlier._params)
         self.store.remember(earlier.store)
         self._signing = earlier._signing
@@ -132,10 +159,8 @@ class Conversation:
             self.autopilot.set_current(self.instruments.t_s, message.fields["seq"])
             return self._telemetry.build(MessageId.MISSION_CURRENT)
         if name.startswith("MISSION_"):
-            self.store.current_seq = self.autopilot.progress.seq
             return self.store.receive(message, now_s) + self._params.changes()
         if name == FTP and self.files is not None:
-            self.store.current_seq = self.autopilot.progress.seq
             return self.files.receive(message, now_s) + self._params.changes()
         if name.startswith("PARAM_"):
             return self._answer_param(message)
@@ -159,7 +184,7 @@ class Conversation:
 
     def step(self, t_s: float, now_s: float, landed: bool) -> Sequence[Message]:
         """Let the autopilot decide at `t_s`; return the messages to send."""
-        self.instruments.t_s = t_s
+        self.instruments.pass_to(t_s)
         if t_s < self.on_from_s:
             return _NO_MESSAGES
         autopilot = self.autopilot

@@ -41,6 +41,10 @@ class FileServer:
         self._replied_s = 0.0
         self._last: tuple[Station, list[FtpPayload]] = Station(0, 0), []  # what a repeated request gets again
 
+    def suffer(self, *, wrong_checksums: bool) -> None:
+        """Have this fault from now on, or not any more."""
+        self.wrong_checksums = wrong_checksums
+
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer a FILE_TRANSFER_PROTOCOL message."""
         if message.name != NAME:

@@ -202,7 +202,7 @@ class LockstepLine:
 
     @property
     def ended(self) -> bool:
-        """Whether the station has parted."""
+        """Whether the station has left the lockstep."""
         return self._turns.ended
 
     def waits(self, t_s: float) -> bool:

@@ -175,8 +175,7 @@ class World:
         """Restart an autopilot. Its motors stop, wherever the vehicle is."""
         on_s = self.t_s + OFF_S
         vehicle = self._factory.vehicle(row, on_s)
-        vehicle.remember(self.vehicles[row])
-        vehicle.on_from_s = on_s
+        vehicle.restart(self.vehicles[row], on_s)
         self.vehicles[row] = vehicle
         self.traffic.restarted(row)
 

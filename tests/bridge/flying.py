@@ -21,7 +21,7 @@ from gcs.flight.execution import streamer
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.progress import Event, FlightHooks, FlightTimes, Step
 from gcs.flight.recording.flight_record import FlightRecord
-from gcs.flight.setup.build_loads import build_loads, missions_only
+from gcs.flight.setup.build_loads import PreparedFlight, build_loads, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
@@ -221,10 +221,10 @@ async def _fly(
             plan,
             sessions,
             options,
-            loads=loads,
-            stream=stream,
-            returns=returns_of(plan, tuple(Autopilot(autopilots[sysid]) for sysid in plan.sysids)),
-            hooks=FlightHooks(events.append, step),
+            PreparedFlight(
+                loads, stream, returns_of(plan, tuple(Autopilot(autopilots[sysid]) for sysid in plan.sysids))
+            ),
+            FlightHooks(events.append, step),
         )
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))

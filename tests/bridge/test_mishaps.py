@@ -67,7 +67,7 @@ def test_a_vehicle_is_lost_the_others_return_staggered(hop: Plan) -> None:
     came_home(flown, 3)
     homewards = flown.t_s > flown.at_s(1, "ordered to return")
     tops = [-flown.places[row, homewards, 2].min() for row in (0, 2)]
-    returns = flown.flight.contingency.returns
+    returns = flown.flight.contingency.charge.returns
     assert tops == pytest.approx([returns.altitudes_m[0], returns.altitudes_m[2]], abs=0.5)
     apart = np.linalg.norm(flown.places[0, homewards] - flown.places[2, homewards], axis=-1)
     assert apart.min() > flown.plan.scenario.judge.separation_min_m

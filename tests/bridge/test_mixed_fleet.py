@@ -158,7 +158,7 @@ def test_a_mixed_fleet_flies_one_formation_with_everything_on_board(mixed: Plan)
     off_m = np.linalg.norm(flown.places - flown.planned, axis=-1)[:, during]
     assert off_m.max() < 1.0
     assert flown.formation_error_m()[during].max() < 1.0
-    returns = flown.flight.contingency.returns
+    returns = flown.flight.contingency.charge.returns
     assert returns == plan_returns(mixed, MIXED), "those of the autopilots that fly"
 
 

@@ -18,7 +18,7 @@ from gcs.flight.execution import streamer
 from gcs.flight.execution.fleet_landing import HANDED_OVER
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.progress import Event, FlightHooks, Step
-from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.build_loads import PreparedFlight, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.returns.rtl_altitudes import plan_returns
@@ -108,10 +108,12 @@ async def _fly(plan: Plan, port: int, found: Flight, hooks: FlightHooks | None) 
             plan,
             sessions,
             FlightOptions(lead_s=LEAD_S),
-            loads=missions_only(build_missions(plan)),
-            stream=build_stream(plan, plan.scenario.mission.setpoint_rate_hz),
-            returns=plan_returns(plan, (Autopilot.ARDUPILOT,) * len(plan.sysids)),
-            hooks=hooks or FlightHooks(found.events.append, lambda step, _: found.steps.append(step)),
+            PreparedFlight(
+                missions_only(build_missions(plan)),
+                build_stream(plan, plan.scenario.mission.setpoint_rate_hz),
+                plan_returns(plan, (Autopilot.ARDUPILOT,) * len(plan.sysids)),
+            ),
+            hooks or FlightHooks(found.events.append, lambda step, _: found.steps.append(step)),
         )
         await flight.run()
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from tools.house import imports, imports_between_folders, modules, name_of, ours, parsed
+from gcs.cli.command_table import COMMANDS
+from tools.house import imports, imports_between_folders, modules, name_of, ours, parsed, path_of
 
 ROOT = Path(__file__).resolve().parents[2]
 LEAVES = (
@@ -89,6 +90,27 @@ SAME_SENSE = {
     "__main__.py": "`python -m` of the package",
     "export.py": "the command calls the function",
     "plan.py": "the command makes the value",
+}
+
+
+ARGUMENTS_MAX = 7
+# Keywords of the public API, which stay as they are; each body makes one value of them at once. A command has an
+# argument for each option, because typer reads them from its signature.
+MANY_ARGUMENTS = {"gcs/mission/export/export.py: export", "gcs/flight/run.py: fly", "sim_bridge/fleet.py: __init__"}
+# Objects of libraries, which are set up by their attributes; ours are changed by their own methods. An error on its way
+# is told where it happened.
+SET_FROM_OUTSIDE = {
+    "gcs/campaign/campaign_cluster.py": "a worker's nanny of Dask",
+    "gcs/campaign/campaign_flight.py": "threading.Timer",
+    "gcs/cli/flights/replay_view.py": "a table of rich",
+    "gcs/cli/shared/safe_stdout.py": "the streams of the process",
+    "gcs/flight/assessment/criterion.py": "a member of an Enum, in its __new__",
+    "gcs/flight/recording/flight_state.py": "an error of a flight",
+    "gcs/link/wire/codec.py": "the encoder of pymavlink",
+    "gcs/mavlink.py": "a member of an Enum, in its __new__",
+    "gcs/mission/formats/maps/kml.py": "documents of simplekml",
+    "gcs/mission/formats/skyc.py": "zipfile.ZipInfo",
+    "gcs/util/bounded_xml.py": "the parser of expat",
 }
 
 
@@ -235,6 +257,69 @@ def test_a_folder_holds_three_or_more_and_lies_three_deep_at_most() -> None:
         assert len(held) >= HELD_MIN, f"{folder} holds {len(held)} modules and folders"
         assert len(folder.parts) - 1 <= DEPTH_MAX, f"{folder} lies too deep"
         assert (ROOT / folder / "__init__.py").is_file(), f"{folder} does not say what it is for"
+
+
+def functions(file: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
+    return [node for node in ast.walk(parsed(file)) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+
+
+def argument_count(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    given = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
+    return sum(one.arg not in ("self", "cls") for one in given)
+
+
+def test_values_that_belong_together_are_one_argument() -> None:
+    commands = {f"{path_of(row.module)}: {row.name.replace('-', '_')}" for row in COMMANDS.values()}
+    commands.add("sim_bridge/cli.py: fly")
+    many = {f"{f}: {one.name}" for f in ALL for one in functions(f) if argument_count(one) > ARGUMENTS_MAX}
+    assert many - commands == MANY_ARGUMENTS
+
+
+def assigned_attributes(tree: ast.AST) -> list[ast.Attribute]:
+    """The attributes that are assigned anywhere in a tree."""
+    found: list[ast.expr] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign):
+            found += [one for target in node.targets for one in getattr(target, "elts", [target])]
+        elif isinstance(node, ast.AugAssign | ast.AnnAssign):
+            found.append(node.target)
+    return [one for one in found if isinstance(one, ast.Attribute)]
+
+
+def own(attribute: ast.Attribute) -> bool:
+    return isinstance(attribute.value, ast.Name) and attribute.value.id in ("self", "cls")
+
+
+def set_from_outside(tree: ast.Module) -> set[str]:
+    """The attributes that a module assigns, and that no class of the module has."""
+    classes = [node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    fields = {
+        node.target.id
+        for one in classes
+        for node in one.body
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    }
+    fields |= {one.attr for kind in classes for one in assigned_attributes(kind) if own(one)}
+    return {one.attr for one in assigned_attributes(tree) if not own(one)} - fields
+
+
+def test_an_object_is_changed_by_its_own_module_only() -> None:
+    assert {str(file) for file in ALL if set_from_outside(parsed(file))} == SET_FROM_OUTSIDE.keys()
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("vehicle.store.rejects = True", {"rejects"}),
+        ("a, b.c = 1, 2", {"c"}),
+        ("one.sent += 1", {"sent"}),
+        ("class A:\n def f(self, other):\n  self.sent = other.sent = 1", set()),
+        ("class A:\n sent: int = 0\ndef f(a):\n a.sent = 1", set()),
+        ("class A:\n def f(self):\n  self.part.sent = 1", {"sent"}),
+    ],
+)
+def test_attributes_that_are_set_from_outside_are_found(text: str, found: set[str]) -> None:
+    assert set_from_outside(ast.parse(text)) == found
 
 
 def test_a_file_name_means_one_thing() -> None:

@@ -27,13 +27,11 @@ from gcs.flight.monitoring.progress import FlightHooks
 from gcs.flight.recording.flight_folder import BEFORE, PREDICTED, later_plans
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
-from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.build_loads import PreparedFlight, missions_only
 from gcs.flight.setup.order_socket import taking_orders
 from gcs.flight.setup.telemetry_budget import telemetry_share
 from gcs.link.session.connection import Connection
-from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.setpoint_stream import build_stream
-from gcs.mission.model import SetpointStream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.plan_file import load_plan, read_plan
 from gcs.plan.replanning.plan_pieces import continued
@@ -69,11 +67,15 @@ def take_up(request: AttachRequest) -> int:
         )
     known = connection(links, key_file=request.key_file, radio_baud=book.radio_baud)
     known = replace(known, systems=book.systems, also_to=request.also_to)
-    loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
-    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+    prepared = PreparedFlight(  # before the links are open: they would have to wait
+        missions_only(build_missions(plan)),
+        build_stream(plan, plan.scenario.mission.setpoint_rate_hz),
+        tracks=_predicted(request, FlightMode(book.mode)),
+        folder=request.folder,
+    )
     ctrl_c = Stoppable()
     with held_folder(request.folder), request.screen.without_waiting():
-        found = ctrl_c.run(_take_up(request, book, plan, known, loads, stream, ctrl_c))
+        found = ctrl_c.run(_take_up(request, book, plan, known, prepared, ctrl_c))
     request.screen.result(found)
     return 0
 
@@ -139,8 +141,7 @@ async def _take_up(
     book: FlightState,
     plan: Plan,
     known: Connection,
-    loads: Sequence[VehicleLoad],
-    stream: SetpointStream,
+    prepared: PreparedFlight,
     ctrl_c: Stoppable,
 ) -> JsonObject:
     mode, rate_hz = FlightMode(book.mode), plan.scenario.mission.setpoint_rate_hz
@@ -162,10 +163,7 @@ async def _take_up(
         sessions = await fleet.vehicles_left(kinds, options.find_timeout_s, settle_s=_SETTLE_S, systems=known.systems)
         fleet.freeze()
         hooks = FlightHooks(journal.on_event, journal.on_step)
-        tracks = _predicted(request, options.mode)
-        flight = FlightSequence(
-            plan, sessions, options, loads=loads, stream=stream, hooks=hooks, tracks=tracks, folder=folder
-        )
+        flight = FlightSequence(plan, sessions, options, prepared, hooks)
         journal.keep_time(flight.time)
         ctrl_c.again_calls(flight.landing.report_airborne)
         shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)

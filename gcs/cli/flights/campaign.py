@@ -133,11 +133,11 @@ def campaign(
     }
     asked = CampaignOptions.of((read_design(design) if design else {}) | given)
     from gcs.cli.flights.campaign_view import fly_campaign
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, report = plan_for(mission, screen, watch, refuse=asked.refuse)
+    plan, report = plan_for(mission, screen, watch, Accepts(refuse=asked.refuse))
     if to is None:
         to = Path("campaigns") / plan.scenario.name
     if dashboard and scheduler is None:

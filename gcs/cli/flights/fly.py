@@ -178,7 +178,7 @@ def fly(
     known = shared.connection(link, systems, signing_key_file, transfer, radio) if link else None
     watched_at = shared.watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
     from gcs.flight.contingency.options import FlightOptions
     from gcs.flight.monitoring.preflight_check import known_checks
     from gcs.flight.monitoring.volume_watch import FlownVolumes
@@ -205,7 +205,7 @@ def fly(
         if sim and (fault or wind is not None or gusts is not None):
             refuse_wrong_options(scenario, emulated)
 
-    plan, report = plan_for(mission, screen, watch, unverified=unverified, refuse=refuse)
+    plan, report = plan_for(mission, screen, watch, Accepts(unverified, refuse=refuse))
     if any(check.constraint.kind is Kind.BATTERY for check in report.failures):
         raise refusal(report)  # no inspection is worth a vehicle that falls
     limits = plan.scenario.preflight

@@ -51,7 +51,7 @@ class _Said(NamedTuple):
 
 
 class LivePage:
-    """Feeds a page from a flight. A page that ends is told once."""
+    """Feeds a page from a flight. The end of the page is reported once."""
 
     def __init__(self, feed: PageFeed, say: Callable[[str], None], band: _Band | None = None) -> None:
         """`band` gives the page what stands for the predicted tracks of missions on board."""

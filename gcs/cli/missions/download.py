@@ -67,13 +67,13 @@ def diff(
 
     Examples: gcs diff field --link udpin:127.0.0.1:14550
     """
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
     from gcs.util.aio import Stoppable
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = shared.connection(link, systems, signing_key_file)
     watch.lap("start")
-    plan, _ = plan_for(mission, screen, watch, unverified=unverified)
+    plan, _ = plan_for(mission, screen, watch, Accepts(unverified))
     found = Stoppable().run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
     for sysid, lines in found.items():
         screen.say(f"vehicle {sysid}: " + (counted(len(lines), "difference") if lines else "as planned"))

@@ -137,7 +137,7 @@ def export(
     screen = Screen(json=json)
     start_s = None if start is None else _seconds_of_day(start)
     begins = None if takeoff is None else _instant(takeoff)
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
     from gcs.mission.export.atomic_folder import refuse_foreign
     from gcs.mission.export.export import ExportOptions, prepared
     from gcs.mission.export.flight_volumes import VolumeOrder
@@ -169,9 +169,8 @@ def export(
     watch.lap("start")
     try:
         with within(limit):
-            plan, report = plan_for(
-                mission, screen, watch, unverified=unverified, from_the_air=True, limit_s=limit, refuse=refuse
-            )
+            accepts = Accepts(unverified, from_the_air=True, refuse=refuse)
+            plan, report = plan_for(mission, screen, watch, accepts, limit_s=limit)
             with shown(screen.say):
                 ready = prepared(plan, options, report)
             _say_separations(screen, ready.separations)

@@ -51,7 +51,7 @@ def upload(
 
     gcs upload plans/field.skein --link tcp:10.0.0.5:5760 --map 1=7,2=8 --dry-run
     """
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
     from gcs.link.protocols.mission.strategy import sent_data
     from gcs.link.session.load_before import change_data
     from gcs.util.aio import Stoppable
@@ -59,7 +59,7 @@ def upload(
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = shared.connection(link, systems, signing_key_file, transfer)
     watch.lap("start")
-    plan, _ = plan_for(mission, screen, watch, unverified=unverified)
+    plan, _ = plan_for(mission, screen, watch, Accepts(unverified))
     record = None if dry_run else to / f"{datetime.now():%Y-%m-%d-%H%M%S}-{plan.scenario.name}.json"
     wanted = _Upload(plan, known, backend, timed=not untimed, safety=not missions_only, record=record)
     held, before = Stoppable().run(_upload(wanted, screen, watch))

@@ -33,7 +33,7 @@ def check_events(
     screen = Screen(json=json)
     from rich.table import Table
 
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
     from gcs.errors import PlanningError, UsageError
     from gcs.plan.event_plans import plan_events
     from gcs.util.long_work import shown
@@ -43,7 +43,7 @@ def check_events(
             raise UsageError(f"{plan}: its scenario has no events", hint="write [[on]] into it, and plan it again")
 
     watch = Stopwatch(BEGAN_S)
-    loaded, _ = plan_for(plan, screen, watch, refuse=refuse)
+    loaded, _ = plan_for(plan, screen, watch, Accepts(refuse=refuse))
     with shown(screen.say):
         found = plan_events(loaded, every)
     watch.lap("events")

@@ -15,7 +15,7 @@ from gcs.cli.planning.new_options import DrawingOptions, SurveyOptions, overlap_
 from gcs.cli.shared.console import Screen
 from gcs.errors import Infeasible, UsageError, counted
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.mission.drawings.drawing import sentences
+from gcs.mission.drawings.labels import Label, sentences
 from gcs.mission.drawings.route_formats import read_drawing
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables
 from gcs.mission.drawings.to_scenario.drawn_ground import ground_of
@@ -54,7 +54,7 @@ def text_of_drawing(
     way = f"{counted(len(flight.route.points), 'point')}{', and back to the start' if flight.route.returns else ''}"
     length = f"{flight.length_m:.0f} m in {time_s:.0f} s"
     screen.say(f"{file}: {', '.join([way, length, *_counted_areas(flight.areas)])}")
-    left_out = sentences(flight.left_out, flight.drawing.file_lines)
+    left_out = sentences(flight.left_out, flight.drawing.unit)
     for sentence in left_out:
         screen.say(f"  {sentence}")
     return text, left_out, flight
@@ -191,11 +191,12 @@ def text_of_survey(
         ground = ground_of(terrain, [(float(a), float(b)) for a, b in zip(lat, lon, strict=True)])
         order = replace(order, ground=SurveyGround(terrain, partial(ground.under_m, origin=drawn.origin)))
         flight = replace(flight, order=order)
-    areas = drawn.tables([("the start", flight.start_m), *((point.name, point.place_m) for point in flight.points())])
+    passed = [(Label("the start"), flight.start_m), *((Label(one.name), one.place_m) for one in flight.points())]
+    areas = drawn.tables(passed)
     flight = replace(flight, order=replace(order, zones="\n".join(areas.texts)))
     for sentence in [*_sentences(flight, areas), *_fewer(flight, count)]:
         screen.say(sentence)
-    left_out = sentences((*drawn.left_out, *areas.left_out), drawn.drawing.file_lines)
+    left_out = sentences((*drawn.left_out, *areas.left_out), drawn.drawing.unit)
     for sentence in left_out:
         screen.say(f"  {sentence}")
     place, which = drawn.origin, "ground" if terrain is not None else "origin"

@@ -47,7 +47,7 @@ def plan(
     screen = Screen(json=json)
     from gcs.cli.planning.plan_tables import say_battery, say_coverage
     from gcs.cli.planning.wind_table import say_winds
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for, plan_path
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for, plan_path
     from gcs.plan.plan_file import SUFFIX, save_plan
     from gcs.plan.trajectory.greatest_motion import greatest_motion
     from gcs.plan.verification.verify import refusal
@@ -56,7 +56,7 @@ def plan(
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     made, report = plan_for(
-        mission, screen, watch, unverified=True, alternatives=alternatives, from_the_air=True, limit_s=limit
+        mission, screen, watch, Accepts(unverified=True, from_the_air=True), alternatives=alternatives, limit_s=limit
     )
     path = plan_path(to, Path("plans") / f"{made.scenario.name}{SUFFIX}")
     save_plan(made, report, path)

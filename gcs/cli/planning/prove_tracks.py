@@ -251,9 +251,10 @@ def _read(
     if len(files) > 1 or frame is not None or start_s:
         text = f"{own[0]} is a whole fleet in the frame and the time of its own scenario"
         raise UsageError(text, hint="give it alone, without --frame and --start")
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
 
-    plan, _ = plan_for(own[0], screen, Stopwatch(time.perf_counter()), unverified=True, from_the_air=True)
+    accepts = Accepts(unverified=True, from_the_air=True)
+    plan, _ = plan_for(own[0], screen, Stopwatch(time.perf_counter()), accepts)
     tracks = plan_tracks(plan)
     return ReadTracks(tracks, (f"{own[0]}: plan of {counted(len(tracks), 'vehicle')}",)), plan
 

@@ -123,9 +123,9 @@ def _loaded(mission: Path, screen: Screen, *, plans: bool) -> tuple[Plan, Report
         return load_plan(mission, screen.warn)
     if not plans:
         return None, None
-    from gcs.cli.shared.plan_argument import Stopwatch, plan_for
+    from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
 
-    return plan_for(mission, screen, Stopwatch(BEGAN_S), unverified=True)
+    return plan_for(mission, screen, Stopwatch(BEGAN_S), Accepts(unverified=True))
 
 
 def _scenario(scenario: Scenario) -> JsonObject:

@@ -86,7 +86,7 @@ class Screen:
         self.error(error.message, hint=error.hint, kind=kind, exit_code=code, folder=error.folder)
 
     def ended(self, failure: GcsError | None) -> int:
-        """The exit code of a command that has printed its result. Raises a failure, unless `--json` has told it."""
+        """The exit code of a command that has printed its result. Raises a failure, unless `--json` has printed it."""
         if failure is None or self.json:
             return 0 if failure is None else failure.exit_code
         raise failure

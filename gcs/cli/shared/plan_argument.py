@@ -43,30 +43,38 @@ class Stopwatch:
         return f"{self.total_s:.2f} s ({parts})"
 
 
+@dataclass(frozen=True)
+class Accepts:
+    """The plans that a command works with: by default, verified ones that begin on the ground."""
+
+    unverified: bool = False
+    from_the_air: bool = False  # plans that begin in flight
+    refuse: Callable[[Scenario], None] = lambda _: None  # raises for scenarios with which the command cannot work
+
+
+VERIFIED = Accepts()
+
+
 def plan_for(
     mission: Path,
     screen: Screen,
     watch: Stopwatch,
+    accepts: Accepts = VERIFIED,
     *,
-    unverified: bool = False,
     alternatives: bool = False,
-    from_the_air: bool = False,
     limit_s: float = LIMIT_S,
-    refuse: Callable[[Scenario], None] | None = None,
 ) -> tuple[Plan, Report]:
     """The plan of a mission folder, a scenario file or a plan file, with the report of its verification, made now.
 
-    `alternatives` optimises every route class through the map, for comparison. `refuse` gets the scenario before
-    anything is planned or verified, and raises where this command cannot work. Raises VerificationError for a plan
-    that failed verification, unless `unverified`. Raises UsageError for one that begins in flight, unless
-    `from_the_air`; OutOfTime where planning finds nothing in `limit_s`.
+    `alternatives` optimises every route class through the map, for comparison. Scenarios are refused before anything
+    is planned or verified. Raises VerificationError for a plan that failed verification, and UsageError for one that
+    begins in flight, where the command does not accept them; OutOfTime where planning finds nothing in `limit_s`.
     """
     if is_plan_file(mission):
-        if refuse is not None:
-            refuse(read_plan(mission)[0].scenario)
+        accepts.refuse(read_plan(mission)[0].scenario)
         with shown(screen.say):
             plan, report = load_plan(mission, screen.warn)
-        if plan.begin_state is not None and not from_the_air:
+        if plan.begin_state is not None and not accepts.from_the_air:
             raise UsageError(
                 f"{mission}: this plan begins in the air, at t = {plan.t_start_s:g} s, not on the ground",
                 hint="give the plan or mission that it was made from; `gcs export` writes the setpoints of this one",
@@ -76,8 +84,7 @@ def plan_for(
         scenario = load_scenario(mission)
         if not mission.exists():
             screen.say(f"mission {mission}: the one that comes with Skein")
-        if refuse is not None:
-            refuse(scenario)
+        accepts.refuse(scenario)
         for question in doubts(scenario):
             screen.warn(question)
         for sentence in zone_sentences(scenario):
@@ -88,7 +95,7 @@ def plan_for(
             watch.lap("optimise")
             report = verify(plan)
         watch.lap("verify")
-    if not report.ok and not unverified:
+    if not report.ok and not accepts.unverified:
         raise refusal(report)
     return plan, report
 

@@ -45,7 +45,7 @@ class SafeStream(io.TextIOBase):
         return self.stream.fileno()
 
     def writable(self) -> bool:
-        """It takes anything."""
+        """Always: a text that cannot be written is dropped."""
         return True
 
     def write(self, text: str) -> int:

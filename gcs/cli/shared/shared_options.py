@@ -30,7 +30,7 @@ Completion = Callable[[str], list[str]]
 
 
 def one_of(*words: str) -> Completion:
-    """Offer these words."""
+    """The completion that offers these words."""
 
     def offered(incomplete: str) -> list[str]:
         return [word for word in words if word.startswith(incomplete)]

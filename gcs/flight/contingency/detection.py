@@ -136,7 +136,7 @@ class VehicleWatch:
         """Begin to watch: silence counts from now. `mode` is the mode shown last."""
         if not self._lost:
             self._heard_s = self._placed_s = unix_s
-        self._signs.mode = mode
+        self._signs.begin(mode)
 
     def never_heard(self) -> None:
         """The vehicle was lost before this watch began: its first position is that of a link that is back."""

@@ -162,7 +162,7 @@ class EnergyAdviser:
         """`landings`: how vehicles land, by system id; one without lands as the scenario's autopilot does."""
         self._plan = plan
         self.model = model
-        self._returns = returns
+        self.returns = returns
         self._way_m = way_m
         given = landings or {}
         rows = zip(plan.sysids, plan.autopilots, strict=True)
@@ -170,7 +170,7 @@ class EnergyAdviser:
 
     def follow(self, plan: Plan, model: BatteryModel, returns: ReturnPlan) -> None:
         """Take the needs of another plan."""
-        self._plan, self.model, self._returns = plan, model, returns
+        self._plan, self.model, self.returns = plan, model, returns
 
     def committed(self, now: EnergySituation) -> bool:
         """Whether a vehicle is over its landing point in the landing phase: it lands there, whatever is left."""
@@ -208,7 +208,7 @@ class EnergyAdviser:
         start_s = min(t_s, landing_s)
         places = plan.states(np.linspace(start_s, landing_s, 60))[row, :, :3]
         over = places[-1]
-        speeds = self._returns.speeds
+        speeds = self.returns.speeds
         off_m = straight_m(now.place_ned_m, places[0])
         flown_m = off_m + float(np.linalg.norm(np.diff(places[:, :2], axis=0), axis=1).sum())
         top_down_m = float(now.place_ned_m[2] if t_s >= landing_s else over[2])
@@ -220,9 +220,9 @@ class EnergyAdviser:
 
     def _to_point(self, now: EnergySituation, outcome: Outcome, point: SafePoint) -> EnergyOption:
         """A return to a point: brake, climb to the vehicle's own return altitude, fly the route, descend."""
-        speeds, model, plan = self._returns.speeds, self.model, self._plan
+        speeds, model, plan = self.returns.speeds, self.model, self._plan
         top_down_m = min(
-            float(now.place_ned_m[2]), float(plan.pads_ned_m[now.row][2]) - self._returns.altitudes_m[now.row]
+            float(now.place_ned_m[2]), float(plan.pads_ned_m[now.row][2]) - self.returns.altitudes_m[now.row]
         )
         brake_s = float(np.linalg.norm(now.velocity_ned_mps)) / _BRAKE_MPS2
         climb_s = (float(now.place_ned_m[2]) - top_down_m) / speeds.climb_mps
@@ -276,6 +276,11 @@ class ChargeWatch:
     def model(self) -> BatteryModel:
         """The modelled use."""
         return self._adviser.model
+
+    @property
+    def returns(self) -> ReturnPlan:
+        """The returns of the plan."""
+        return self._adviser.returns
 
     def expect(self, sysid: int, scale: float) -> None:
         """Begin anew with this measured factor on every modelled need of a vehicle."""

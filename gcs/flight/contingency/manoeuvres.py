@@ -231,14 +231,14 @@ LEFT_M, RENEWS_S, RENEWALS_MAX = 2.0, 2.0, 3
 
 
 class OrderedTracks:
-    """Makes and judges the references of orders. `routes` are the ways back, `chosen` the last choices of energy."""
+    """Makes and judges the references of orders. `routes` are those of returns, `chosen` the last choices of energy."""
 
     def __init__(self, plan: Plan, returns: ReturnPlan, chosen: Mapping[int, EnergyChoice]) -> None:
         self._chosen = chosen
         self.follow(plan, returns)
 
     def follow(self, plan: Plan, returns: ReturnPlan) -> None:
-        """Take the ways back from another plan."""
+        """Use the returns of another plan."""
         self.routes = ReturnRoutes(plan)
         self._plan = plan
         self._returns = returns
@@ -268,7 +268,7 @@ class OrderedTracks:
 
 @dataclass(frozen=True)
 class WayBack:
-    """A vehicle on its way back. `renewals`: how often it got a new reference, because it did not follow the last."""
+    """A vehicle that returns. `renewals`: how often it got a new reference, because it did not follow the last."""
 
     order: Order
     track: MotionReference

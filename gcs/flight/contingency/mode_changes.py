@@ -41,6 +41,10 @@ class ModeChanges:
         self._reported: int | None = None  # the mode last reported
         self._unclear_s = math.nan  # since when a mode is shown without a sign
 
+    def begin(self, mode: int | None) -> None:
+        """Begin with the mode that was shown last; None: none was."""
+        self.mode = mode
+
     def receive(self, message: Message, unix_s: float) -> None:
         """Take in a message of the vehicle."""
         fields = message.fields

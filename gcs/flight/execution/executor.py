@@ -65,7 +65,6 @@ class ContingencyExecutor:
             Choices(options.on_loss, options.on_leader_loss, options.follow, options.mode is FlightMode.MISSION),
         )
         self.over = asyncio.Event()
-        self.returns = returns
         self._fleet = fleet
         self._options, self._vehicles = options, fleet.vehicles
         self._monitor, self._streamer, self._time = fleet.monitor, fleet.streamer, fleet.time
@@ -86,7 +85,7 @@ class ContingencyExecutor:
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
         self._standstill = Standstill(fleet, self._tracks, self.policy, carrier)
-        self.operator = OperatorOrders(fleet, self.policy, self._standstill, self.charge, self._watches, returns)
+        self.operator = OperatorOrders(fleet, self.policy, self._standstill, self.charge, self._watches)
         self._reported: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
         self._rests = False
@@ -98,14 +97,12 @@ class ContingencyExecutor:
     def follow(self, plan: Plan) -> None:
         """The vehicles fly another plan from an instant ahead on."""
         self.positions.follow(plan)
-        self._tracks.follow(plan, self.returns)
+        self._tracks.follow(plan, self.charge.returns)
 
     def return_from(self, plan: Plan, returns: ReturnPlan, model: BatteryModel) -> None:
-        """Take ways back and needs of the plan that is flown: they take longer to make than the plan."""
-        self.returns = returns
+        """Use these returns and energy needs of the flown plan; computing them takes longer than planning."""
         self._tracks.follow(plan, returns)
         self.charge.follow(plan, model, returns)
-        self.operator.returns = returns
 
     def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
         m = vehicle.behaviour

@@ -79,7 +79,7 @@ class Custody:
             )
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening to the vehicles."""
         for stop in self._stops:
             stop()
         self._stops.clear()

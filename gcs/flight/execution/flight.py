@@ -6,9 +6,8 @@ for whatever reason, the vehicles in the air are ordered to land.
 
 import asyncio
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from functools import partial
-from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, flight_behaviour
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
@@ -56,14 +55,12 @@ from gcs.flight.monitoring.progress import (
     VehicleNow,
 )
 from gcs.flight.monitoring.reported_now import ReportedNow
-from gcs.flight.setup.build_loads import refuse_without_timed_start
+from gcs.flight.setup.build_loads import PreparedFlight, refuse_without_timed_start
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.upload_fleet import Holdings, upload_fleet
-from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
-from gcs.mission.model import SetpointStream
-from gcs.mission.returns.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.mission.returns.rtl_altitudes import plan_returns
 from gcs.plan.plan_changer import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
@@ -80,21 +77,12 @@ class FlightSequence:
         plan: Plan,
         sessions: dict[int, VehicleSession],
         options: FlightOptions,
-        *,
-        loads: Sequence[VehicleLoad],
-        stream: SetpointStream,
-        returns: ReturnPlan | None = None,
+        prepared: PreparedFlight,
         hooks: FlightHooks | None = None,
-        tracks: PredictedTracks | None = None,
-        folder: Path | None = None,
     ) -> None:
-        """`returns`: those of the export for the vehicles' autopilot; None: they are planned before take-off.
-
-        `tracks`: what is predicted of missions on board; None: nothing is. `folder` keeps plans that replace this one.
-        """
-        self.loads = tuple(loads)
+        self.loads = prepared.loads
         self.held: Holdings | None = None
-        self._returns, self.predicted = returns, tracks
+        self._prepared = prepared
         self._hooks = (hooks or FlightHooks()).spared()
         self.sessions, self.options = sessions, options
         self.monitor = Monitor(plan, autopilots={sysid: session.autopilot for sysid, session in sessions.items()})
@@ -107,13 +95,12 @@ class FlightSequence:
         self._reported = ReportedNow(sessions, self.monitor)
         self.time = FleetTime(sessions)
         self._texts = TextWatch(sessions, self.monitor, self._hooks.on_event)
-        self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
+        self.streamer = Streamer(plan, prepared.stream, self.vehicles, self.time, options)
         self._leaving_s = self.loads[0].mission.leaves_s
         self._start: CommonStart | None = None
         self._contingency: ContingencyExecutor | None = None
-        self._folder = folder
         self._changes: PlanOrders | None = None
-        self._fleet = FlyingFleet(self.vehicles, self.monitor, self.streamer, self.time, options, tracks)
+        self._fleet = FlyingFleet(self.vehicles, self.monitor, self.streamer, self.time, options, prepared.tracks)
         self.landing = FleetLanding(
             self._fleet,
             lambda: self._contingency.policy.states if self._contingency else {},
@@ -129,6 +116,11 @@ class FlightSequence:
     def plan(self) -> Plan:
         """The plan as it is flown; an order may change it."""
         return self.monitor.plan
+
+    @property
+    def predicted(self) -> PredictedTracks | None:
+        """The predicted tracks of missions on board; None: nothing is predicted."""
+        return self._prepared.tracks
 
     @property
     def contingency(self) -> ContingencyExecutor:
@@ -279,7 +271,7 @@ class FlightSequence:
 
     async def prepare_contingency(self) -> None:
         """Make the contingency policy ready, once the vehicles' clocks and autopilots are known."""
-        returns = self._returns
+        returns = self._prepared.returns
         if returns is None:
             kinds = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
             returns = await in_own_process(plan_returns, self.plan, kinds)
@@ -300,7 +292,9 @@ class FlightSequence:
         self.enter(self.step)
         if return_all:
             self.ask(AskedOrder.RETURN, by="gcs attach")
-        self._changes = PlanOrders(self._fleet, self.contingency, self._folder, self._hooks.on_event, self._follow)
+        self._changes = PlanOrders(
+            self._fleet, self.contingency, self._prepared.folder, self._hooks.on_event, self._follow
+        )
         async with alongside(self._changes.run()), alongside(ScenarioEvents(self, self.sessions).run()):
             broke_off = await self._fly_to_landing()
         self._changes = None

@@ -219,6 +219,10 @@ class FormationFollowing:
         self._whole = self.graph = InformationGraph(())
         self._look_s, self._offsets_m = -math.inf, np.full((len(plan.sysids), 3), np.inf)
 
+    def follow(self, plan: Plan) -> None:
+        """The vehicles fly another plan from an instant ahead on."""
+        self.plan = plan
+
     def lead(self, view: VehicleView) -> None:
         """Make this vehicle the leader."""
         self._leader = row = self.plan.sysids.index(view.sysid)

@@ -17,7 +17,6 @@ from gcs.flight.contingency.policy import IN_FORMATION, Order, State
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.execution.standstill import Standstill
 from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event, OrderForecast
-from gcs.mission.returns.rtl_altitudes import ReturnPlan
 
 _WHO = 80  # characters of who asked
 
@@ -39,8 +38,7 @@ class FlownForecast(OrderForecast):
 class OperatorOrders:
     """The operator's orders in one flight, from the take-off on.
 
-    `returns` are those of the plan. `ended` says which orders took vehicles off the plan, `aborted` which of them ended
-    the start.
+    `ended` says which orders took vehicles off the plan, `aborted` which of them ended the start.
     """
 
     def __init__(
@@ -50,17 +48,20 @@ class OperatorOrders:
         standstill: Standstill,
         charge: ChargeWatch,
         watches: Mapping[int, VehicleWatch],
-        returns: ReturnPlan,
     ) -> None:
         self._fleet, self._policy, self._standstill = fleet, policy, standstill
-        self._charge, self._watches, self.returns = charge, watches, returns
-        self.blocked = ""  # why the plan must not be gone on with
+        self._charge, self._watches = charge, watches
+        self._blocked = ""  # why the plan must not be gone on with
         self._held_from_s = math.nan  # fleet time since which a vehicle waits
         self.ended: list[str] = []
         self.aborted = ""
         self._may_start = asyncio.Event()
         self._may_start.set()
         self._starts = False
+
+    def block(self, why: str) -> None:
+        """The plan must not be continued, for this reason; empty: it may be."""
+        self._blocked = why
 
     async def until_start(self) -> None:
         """Wait, with all vehicles in the hover, while the operator holds the start. From then on it is not held."""
@@ -157,8 +158,8 @@ class OperatorOrders:
         states = self._policy.states
         if self._fleet.options.mode is not FlightMode.STREAM:
             return "missions on board keep the times of the plan, which have passed"
-        if self.blocked:
-            return self.blocked
+        if self._blocked:
+            return self._blocked
         waiting = [i for i in sysids if states[i] is State.WAITING]
         if not waiting:
             return "none of them waits for it"
@@ -187,7 +188,7 @@ class OperatorOrders:
             figures = f"{longest_s:.0f} s, {most_pct:.0f} % battery"
         if order is AskedOrder.LAND:
             return f"{who} land{s} in place, {figures}{has}"
-        heights_m = np.array([self.returns.altitudes_m[rows[i]] for i in sysids])
+        heights_m = np.array([self._charge.returns.altitudes_m[rows[i]] for i in sysids])
         low_m, high_m = float(heights_m.min()), float(heights_m.max())
         staggered = f"at {low_m:.0f} m" if len(sysids) == 1 else f"staggered {low_m:.0f}–{high_m:.0f} m"
         return f"{who} return{s}, {staggered}, {figures}{has}"

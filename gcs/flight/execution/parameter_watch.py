@@ -22,7 +22,7 @@ class ReportAlarm(Protocol):
     """Makes an event of a vehicle."""
 
     def __call__(self, sysid: int, what: str, rule: str, *, alarm: bool = False) -> None:
-        """Report it."""
+        """Report an event of a vehicle."""
 
 
 def watch_parameters(
@@ -43,7 +43,7 @@ def watch_parameters(
 
 
 class _Watch:
-    """The parameters of one vehicle; those of its load are known, others once it told them before it was armed."""
+    """The parameters of one vehicle; those of its load are known, others once it has sent them before it was armed."""
 
     def __init__(self, session: VehicleSession, given: Mapping[str, float], report: Callable[..., None]) -> None:
         row = traits_of(session.autopilot)

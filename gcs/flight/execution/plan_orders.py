@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, GcsError
@@ -61,7 +60,7 @@ class PlanOrders:
         self._worker = PlannerProcess(PlanWorker, fleet.plan, folder)
         self._count = 1 if folder is None else 1 + len(later_plans(folder))  # of a flight that is taken up again
         self._asked: asyncio.Queue[Planning] = asyncio.Queue()
-        self._ways_back: asyncio.Future[None] | None = None  # being made for the flown plan
+        self._returns: asyncio.Future[None] | None = None  # being planned for the flown plan
         self._answer: asyncio.Future[str] | None = None
 
     def ask(self, order: PlanOrder, by: str) -> tuple[int, ...]:
@@ -106,7 +105,7 @@ class PlanOrders:
             while True:
                 await self._carry_out(await self._asked.get())
         finally:
-            await ended(beside, *([] if self._ways_back is None else [self._ways_back]))
+            await ended(beside, *([] if self._returns is None else [self._returns]))
             await self._worker.close()
             for left in () if self._folder is None else self._folder.glob("plan-*.made"):
                 left.unlink(missing_ok=True)
@@ -138,7 +137,7 @@ class PlanOrders:
         except Exception as failure:  # no order ends a flight
             why = _reason(failure).rstrip(".")
             instead = self._change.refused(order, self._fleet.plan, self._now_s())
-            self._contingency.operator.blocked = self._change.blocked
+            self._contingency.operator.block(self._change.blocked)
             self._tell("keep their plan", f"not {order}: {why}; {instead}")
             self._answered(FlightError(f"the formation does not {order}: {why}; {instead}."))
             if isinstance(order, CloseRanks):
@@ -175,7 +174,7 @@ class PlanOrders:
         fleet.streamer.follow_plan(flown, made.stream)
         self._follow(flown)
         self._change.changed(planning.order, flown, self._now_s())
-        self._contingency.operator.blocked = self._change.blocked
+        self._contingency.operator.block(self._change.blocked)
         words = f"{planning.order}, asked by {planning.by}; planned and verified in {took_s:.2f} s"
         data = {"order": str(planning.order), "asked_t_s": planning.asked_s, "begins_t_s": new.t_start_s}
         data |= {"planned_s": took_s, "file": None if file is None else file.name}
@@ -184,16 +183,16 @@ class PlanOrders:
             self._answered(f"a new plan is flown from t = {new.t_start_s:.2f} s on: {words}")
 
     async def _adopt(self) -> None:
-        """The planner goes on from the new plan; its ways back are made beside the next order."""
+        """The planner goes on from the new plan; its returns are planned beside the next order."""
         await self._worker.call("adopt")
-        if self._ways_back is not None:
-            await ended(self._ways_back)
-        self._ways_back = asyncio.ensure_future(self._make_ways_back())
+        if self._returns is not None:
+            await ended(self._returns)
+        self._returns = asyncio.ensure_future(self._make_returns())
         if not follows(self._loop) and self._asked.empty():
             await self._rehearse()
 
-    async def _make_ways_back(self) -> None:
-        """Ways back and needs of the flown plan: they take longer to make than a plan."""
+    async def _make_returns(self) -> None:
+        """Plan the returns of the flown plan, and compute its energy needs: that takes longer than planning."""
         plan = self._fleet.plan
         kinds = tuple(Autopilot(vehicle.session.autopilot) for vehicle in self._fleet.vehicles.values())
         try:
@@ -209,7 +208,7 @@ class PlanOrders:
             await self._fleet.time.comes_to(self._fleet.time.sure_s() + 0.1)
             self._close_ranks()
             if self._change.brakes(self._now_s()):
-                self._contingency.operator.blocked = self._change.blocked
+                self._contingency.operator.block(self._change.blocked)
                 with suppress(FlightError):
                     self._contingency.ask(AskedOrder.HOLD, (), f"this program: {self._change.blocked}")
 
@@ -239,7 +238,7 @@ class PlanOrders:
         stopped = where_it_stopped(plan, view.position_ned_m, view.velocity_ned_mps)
         if state is State.LANDING:
             return (stopped,)
-        rtl_up_m = self._contingency.returns.altitudes_m[row]
+        rtl_up_m = self._contingency.charge.returns.altitudes_m[row]
         return (stopped, *way_home(plan, row, view.position_ned_m, rtl_up_m, now_s, rest))
 
     def _stay_open(self, order: CloseRanks) -> None:
@@ -263,7 +262,7 @@ class PlanOrders:
     def _now_s(self) -> float:
         return self._fleet.time.sure_s() - self._fleet.monitor.t0_s
 
-    def _tell(self, what: str, rule: str, data: dict[str, Any] | None = None) -> None:
+    def _tell(self, what: str, rule: str, data: dict[str, object] | None = None) -> None:
         now_s = self._fleet.time.sure_s()
         self._on_event(Event(now_s, now_s - self._fleet.monitor.t0_s, ALL_VEHICLES, what, rule, data))
 

@@ -103,6 +103,18 @@ class Scheduler:
             if not stream.finished:
                 stream.next = self.grid.ahead_of(unix_s - t0_unix_s)
 
+    def stream_on(self, sysid: int, unix_s: float) -> None:
+        """Stream to a vehicle without end: from now on where it gets nothing."""
+        if sysid not in self.streams or self.streams[sysid].finished:
+            self.start(sysid, self.grid.ahead_of(unix_s - self.t0_unix_s), None)
+        self.streams[sysid].end = None
+
+    def follow(self, grid: Grid) -> None:
+        """Take the grid of a longer or shorter plan: what ended with the old one ends with this one."""
+        ended, self.grid = len(self.grid.t_s), grid
+        for stream in self.streams.values():
+            stream.end = len(grid.t_s) if stream.end == ended else stream.end
+
     def stop(self, sysid: int) -> None:
         """Stop the stream to a vehicle."""
         self.streams.pop(sysid, None)
@@ -159,7 +171,7 @@ class Scheduler:
 
 @dataclass
 class Streamed:
-    """One vehicle that setpoints are streamed to. Its `reference` may be exchanged at any time.
+    """One vehicle that setpoints are streamed to.
 
     While nothing is heard of it, the stream goes on by `fleet_unix_s`, the time of others, for `unheard_s`.
     """
@@ -176,6 +188,10 @@ class Streamed:
     def sysid(self) -> int:
         """Its MAVLink system id."""
         return self.station.sysid
+
+    def follow(self, reference: ReferenceTrajectory) -> None:
+        """Stream another reference to it from now on."""
+        self.reference = reference
 
     def now_unix_s(self, now_s: float) -> float | None:
         """The vehicle's time, by which its setpoints are due, at local time `now_s`."""

@@ -155,28 +155,22 @@ class Streamer:
     def follow(self, vehicle: FlightVehicle, reference: ReferenceTrajectory) -> None:
         """Stream this reference to a vehicle from now on, without end."""
         assert self.scheduler is not None
-        self.streamed[vehicle.sysid].reference = reference
-        if vehicle.sysid not in self.scheduler.streams or self.scheduler.streams[vehicle.sysid].finished:
-            now_s = self._time.sure_s() - self.scheduler.t0_unix_s
-            self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(now_s), None)
-        self.scheduler.streams[vehicle.sysid].end = None
+        self.streamed[vehicle.sysid].follow(reference)
+        self.scheduler.stream_on(vehicle.sysid, self._time.sure_s())
 
     def follow_plan(self, plan: Plan, stream: SetpointStream) -> None:
         """Stream another plan from its first setpoint on; every deviation from the plan stays what it is."""
         assert self.scheduler is not None
-        ended = len(self._stream.t_s)
         self._plan, self._stream = plan, spliced(self._stream, stream)
         for timed in self._timed.values():
             timed.follow(self._stream)
         if self._following is not None:
-            self._following.plan = plan
-        self.scheduler.grid = Grid.of(self._stream.t_s, plan.scenario.mission.setpoint_rate_hz)
-        for progress in self.scheduler.streams.values():
-            progress.end = len(self._stream.t_s) if progress.end == ended else progress.end
+            self._following.follow(plan)
+        self.scheduler.follow(Grid.of(self._stream.t_s, plan.scenario.mission.setpoint_rate_hz))
 
     def replace(self, sysid: int, reference: ReferenceTrajectory) -> None:
         """Stream another reference to a vehicle, for as long as the one before."""
-        self.streamed[sysid].reference = reference
+        self.streamed[sysid].follow(reference)
 
     def continue_plan(self, t_s: float, fade_s: float | None) -> float:
         """Continue the plan a second from now at its time `t_s`, from the vehicles' positions; return T0.
@@ -239,7 +233,7 @@ class Streamer:
         """Stream `base`, from a motion to its `values` of that time, within `fade_s` from `begin_s` on."""
         if values is not None:
             off_m, off_mps = motion[0] - np.array(values[:3]), motion[1] - np.array(values[3:6])
-            self.streamed[vehicle.sysid].reference = RejoinReference(base, off_m, off_mps, begin_s, fade_s)
+            self.streamed[vehicle.sysid].follow(RejoinReference(base, off_m, off_mps, begin_s, fade_s))
 
     def _stream_on(self, vehicle: FlightVehicle, t0_unix_s: float) -> None:
         assert self.scheduler is not None
@@ -261,7 +255,7 @@ class Streamer:
         if following is None:
             return
         off_m, off_mps, _ = following.at(sysid, begin_s)
-        self.streamed[sysid].reference = RejoinReference(self._timed[sysid], off_m, off_mps, begin_s, _REJOIN_S)
+        self.streamed[sysid].follow(RejoinReference(self._timed[sysid], off_m, off_mps, begin_s, _REJOIN_S))
         following.lead(self._fleet[sysid].view)
 
     def heed(self, flying: Collection[int], now_s: float) -> list[LinkChange]:
@@ -283,9 +277,9 @@ class Streamer:
         following = self._following = FormationFollowing(self._plan, t0_unix_s, states)
         following.lead(self._fleet[leader].view)
         for one in followers:
-            timed = self._timed[one.sysid]
-            self.streamed[one.sysid].reference = FollowReference(timed, following, one.sysid)
-            self._planned[one.sysid] = self.streamed[one.sysid].reference
+            reference = FollowReference(self._timed[one.sysid], following, one.sysid)
+            self.streamed[one.sysid].follow(reference)
+            self._planned[one.sysid] = reference
         self._planned[leader] = self._timed[leader]
 
     def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:

@@ -1,9 +1,9 @@
 """Vehicles whose HEARTBEATs go on without telemetry, and vehicles that rebooted: both are asked for telemetry again.
 
-A vehicle that rebooted sends what it sends by itself: ArduPilot nothing but HEARTBEATs, so that its clock stands for
-this program, and with it every wait for a time on board. So these limits are local time. What was checked and read back
+A vehicle that rebooted sends only its default messages, on ArduPilot only HEARTBEATs. Its clock is then no longer known
+here, and every wait for a time on board would not end. So these limits are local time. What was checked and read back
 before a reboot may be gone: until a vehicle is armed, it ends the flight. Later its motors have stopped, which its
-HEARTBEATs tell (`IncidentKind.MOTORS_STOPPED`).
+HEARTBEATs show (`IncidentKind.MOTORS_STOPPED`).
 """
 
 import asyncio

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol
+from typing import TYPE_CHECKING, ParamSpec, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,7 +216,7 @@ class Event:
     sysid: int  # a vehicle's, `ALL_VEHICLES` or `OURSELVES`
     what: str
     rule: str = ""
-    data: Mapping[str, Any] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
+    data: Mapping[str, object] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
     alarm: bool = False  # a vehicle says that something fails: shown as a warning
     action: Action | None = None  # of an order to it
 

@@ -72,7 +72,7 @@ class ReportedNow:
         return tuple(found)
 
     def snapshot(self, phase: str, now_s: float | None, lacks: Mapping[int, str], *, is_done: bool) -> Snapshot:
-        """Return how a flight stands in a phase, in words; `lacks` is what vehicles are not ready for."""
+        """Return the state of the flight. `phase` is in words, `lacks` are the missing readiness conditions."""
         monitor, plan = self._monitor, self._monitor.plan
         t_s = monitor.plan_time_s
         progress = 0.0 if t_s is None else (t_s - plan.t_start_s) / (plan.t_end_s - plan.t_start_s)

@@ -49,7 +49,7 @@ class WriterThread:
         self._thread.start()
 
     def do(self, work: Callable[[], None], size_bytes: int = 0) -> bool:
-        """Queue work that writes so many bytes; return False, without it, where too much waits already."""
+        """Queue work that writes `size_bytes`; return False, and leave it out, where too much waits already."""
         with self._lock:
             if self._waiting_bytes + size_bytes > WAITING_MAX_BYTES:
                 return False
@@ -216,7 +216,7 @@ class FlightRecord:
         else:
             self.gaps.lose(self._telemetry, _STANDS_STILL, 0, FRAMES)
         self._writer = None
-        self.gaps.in_flight = False
+        self.gaps.land()
         self._say_all()
         if self.gaps:
             self._warn(self.gaps.words())

@@ -59,6 +59,10 @@ class RecordGaps:
     def __bool__(self) -> bool:
         return bool(self._gaps)
 
+    def land(self) -> None:
+        """The flight is over."""
+        self.in_flight = False
+
     def lose(self, file: str, problem: Exception | str, lost: int, unit: str) -> None:
         """Count what was not written. The first time, and after the file could be written again, it is reported."""
         reason = problem if isinstance(problem, str) else getattr(problem, "strerror", None) or str(problem)

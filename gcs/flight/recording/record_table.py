@@ -43,7 +43,7 @@ _RATIOS = {
 
 
 class ReportedAccuracy:
-    """The accuracy of one vehicle's reports, as last told; that of `unknown` where the receiver tells none."""
+    """The accuracy of one vehicle's reports, as last reported; that of `unknown` where the receiver reports none."""
 
     def __init__(self, unknown: NavigationError) -> None:
         self._unknown = (unknown.horizontal_m, unknown.vertical_m)

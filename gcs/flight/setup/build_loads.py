@@ -1,12 +1,13 @@
 """From a plan to the load of each vehicle: mission, fence, rally point, parameters, and what keeps its times."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot, autopilot_name, titles
 from gcs.errors import GcsError, NotWritten, PeerError, UsageError
 from gcs.flight.contingency.choices import FlightMode, NavigatorChoice, TimeKeeping
+from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.vehicle_load import VehicleLoad
 from gcs.mission.export.export import export
@@ -14,11 +15,11 @@ from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.mission_files import STREAM_INSTEAD, MissionOrder, make_missions
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.geofence import fence_items, rally_items
-from gcs.mission.model import VehicleMission
+from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.predicted.arrival_spread import spread_in_words
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.returns.fence_rally import build_safety, with_room
-from gcs.mission.returns.rtl_altitudes import return_warnings
+from gcs.mission.returns.rtl_altitudes import ReturnPlan, return_warnings
 from gcs.mission.waypoints.mission_items import empty_missions
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
@@ -26,6 +27,17 @@ from gcs.scenario.values.si import names_autopilots
 
 WITHOUT_MISSIONS = "the setpoint stream is flown without waypoint missions on board"
 _SHARE = 0.5  # of a limit that the autopilot may use; sensors and wind take the rest
+
+
+@dataclass(frozen=True)
+class PreparedFlight:
+    """What is made from a plan before it is flown."""
+
+    loads: tuple[VehicleLoad, ...]
+    stream: SetpointStream
+    returns: ReturnPlan | None = None  # of the export, for the vehicles' autopilots; None: planned before take-off
+    tracks: PredictedTracks | None = None  # of missions on board; None: nothing is predicted
+    folder: Path | None = None  # for plans that replace this one
 
 
 def build_loads(

@@ -64,7 +64,7 @@ class Told:
 
 @asynccontextmanager
 async def taking_orders(flight: Ordered, folder: Path, say: Callable[[str], None]) -> AsyncIterator[None]:
-    """Take orders for a flight at a socket in its folder; a folder that cannot have one is told of."""
+    """Take orders for a flight at a socket in its folder; a folder that cannot have one is reported."""
     clients: set[asyncio.Task[None]] = set()
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -197,7 +197,7 @@ class LinkedFleet:
     def _hand_out(self, system_of: Mapping[int, int]) -> dict[int, VehicleSession]:
         found = {sysid: self.sessions[system] for sysid, system in system_of.items()}
         for sysid, session in found.items():
-            session.sysid = sysid
+            session.renumber(sysid)
         self._handed_out.update(system_of.values())
         return found
 

@@ -21,7 +21,7 @@ class LinkNotice(NamedTuple):
 
 
 class ByteBudget:
-    """So many bytes per second, and so many at once."""
+    """A limit of bytes per second, of which `burst` may come at once."""
 
     def __init__(self, rate_Bps: float, burst: float) -> None:
         self._rate_Bps = rate_Bps

@@ -92,6 +92,10 @@ class VehicleSession:
         session.latest_s["HEARTBEAT"] = -math.inf
         return session
 
+    def renumber(self, sysid: int) -> None:
+        """Give the vehicle its number in the plan, where that is not its system id."""
+        self.sysid = sysid
+
     @property
     def armed(self) -> bool:
         """Whether it is armed, by its last heartbeat."""

@@ -13,14 +13,13 @@ from gcs.mission.drawings.drawing import (
     Drawing,
     DrawnArea,
     DrawnPoint,
-    labelled,
     meaning_of,
     on_earth,
     on_line,
-    part_of,
     refusal,
     tidy,
 )
+from gcs.mission.drawings.labels import Label
 from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.formats.mission_file import Key, lines_at, offsets_of
@@ -41,14 +40,13 @@ _WORLD = ("CRS84", "4326")  # of the old member "crs": the reference system of G
 
 @dataclass(frozen=True)
 class _Feature:
-    label: str
+    label: Label
     name: str
     properties: dict[str, object]
 
 
 def draw_geojson(data: bytes, source: str) -> Drawing:
     """The drawing in a GeoJSON file. Raises `FileFormatError`."""
-    found = Sketch(source)
     try:
         text = decoded(data, source).removeprefix(MARK)
         document = read_json(text)
@@ -58,10 +56,9 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
         aside: dict[str, list[int]] = {}  # lines of features with properties that say something of a flight
         features = [*_features(document)]
         places = offsets_of(text, {path for path, _, _ in features})
-        if "\n" in text.strip():
-            places = lines_at(text, places)
-        else:
-            found.file_lines.unit, places = "column", {path: at + 1 for path, at in places.items()}
+        has_lines = "\n" in text.strip()
+        places = lines_at(text, places) if has_lines else {path: at + 1 for path, at in places.items()}
+        found = Sketch(source, unit="line" if has_lines else "column")
         for number, (path, geometry, properties) in enumerate(features, start=1):
             read = _READ_KEYS if "radius_m" in properties or "altitude_amsl_m" in properties else ()
             for key, value in properties.items():
@@ -69,16 +66,17 @@ def draw_geojson(data: bytes, source: str) -> Drawing:
                     aside.setdefault(key, []).append(places.get(path, 1))
             texts = (properties.get(key) for key in _NAME_KEYS)
             name = next((tidy(word) for word in texts if isinstance(word, str)), "")
-            label = labelled("feature", number, name)
-            found.file_lines[label] = places.get(path, 1)
-            with on_line(places.get(path, 1), found.file_lines.unit):
+            label = Label.named("feature", number, name, places.get(path, 1))
+            with on_line(places.get(path, 1), found.unit):
                 _feature(_Feature(label, name, properties), geometry, found)
     except (ValueError, RecursionError) as error:
         raise refusal(source, error, "GeoJSON") from error
     found.leave_out_data("property", aside, "feature")
     drawn = [line.points for line in found.lines if not line.recorded]
     if any(point.datum is Datum.SEA and point.height_m for points in drawn for point in points):
-        found.leave_out("heights", "count from mean sea level; the standard of GeoJSON has them from the ellipsoid")
+        found.leave_out(
+            Label("heights"), "count from mean sea level; the standard of GeoJSON has them from the ellipsoid"
+        )
     return found.drawing()
 
 
@@ -111,7 +109,7 @@ def _list(value: object, key: str) -> list[object]:
     return found
 
 
-def _geometries(label: str, geometry: object, depth: int = 0) -> Iterator[tuple[str, list[object]]]:
+def _geometries(geometry: object, depth: int = 0) -> Iterator[tuple[str, list[object]]]:
     """The kinds and coordinates in a geometry, those of collections and of multi-geometries one by one."""
     kind = _kind(geometry)
     if kind == "GeometryCollection":
@@ -119,7 +117,7 @@ def _geometries(label: str, geometry: object, depth: int = 0) -> Iterator[tuple[
             raise ValueError("collections are nested too deeply")
         inner = _list(geometry, "geometries")
         for one in inner:
-            yield from _geometries(label, one, depth + 1)
+            yield from _geometries(one, depth + 1)
         if not inner:
             yield kind, []
         return
@@ -136,7 +134,7 @@ def _geometries(label: str, geometry: object, depth: int = 0) -> Iterator[tuple[
 
 def _feature(feature: _Feature, geometry: object, found: Sketch) -> None:
     """Add what a feature draws. Raises ValueError."""
-    parts = [] if geometry is None else [*_geometries(feature.label, geometry)]
+    parts = [] if geometry is None else [*_geometries(geometry)]
     if geometry is None:  # a feature may have no place
         found.leave_out(feature.label, "has no place; not carried over")
     for kind in dict.fromkeys(kind for kind, _ in parts if kind not in _PARTS):
@@ -149,7 +147,7 @@ def _feature(feature: _Feature, geometry: object, found: Sketch) -> None:
         _add_line(feature, of_kind["LineString"], found)
     for kind in ("Polygon", "Point"):
         for number, coordinates in enumerate(of_kind[kind], start=1):
-            own = part_of(feature.label, kind.lower(), number, len(of_kind[kind]))
+            own = feature.label.part(kind.lower(), number, len(of_kind[kind]))
             if not coordinates:
                 found.leave_out(own, "has no place; not carried over")
             elif kind == "Polygon":
@@ -163,7 +161,7 @@ def _add_line(feature: _Feature, pieces: list[list[object]], found: Sketch) -> N
     counts = feature.properties.get("points")  # of the pieces, where one with a single point has it twice
     if isinstance(counts, list) and len(counts) == len(pieces):
         pieces = [piece[:count] if count == 1 else piece for piece, count in zip(pieces, counts, strict=True)]
-    own = [part_of(feature.label, "line", number, len(pieces)) for number in range(1, len(pieces) + 1)]
+    own = [feature.label.part("line", number, len(pieces)) for number in range(1, len(pieces) + 1)]
     drawn = [
         LinePiece(label, _by_mode(feature, label, _line(piece, label), found))
         for label, piece in zip(own, pieces, strict=True)
@@ -184,8 +182,8 @@ def _add_line(feature: _Feature, pieces: list[list[object]], found: Sketch) -> N
     found.add_line(feature.label, at_heights, recorded=True)
 
 
-def _line(coordinates: Sequence[object], label: str) -> list[DrawnPoint]:
-    return [_point(position, f"point {number} of {label}") for number, position in enumerate(coordinates, start=1)]
+def _line(coordinates: Sequence[object], label: Label) -> list[DrawnPoint]:
+    return [_point(position, label.part("point", number)) for number, position in enumerate(coordinates, start=1)]
 
 
 def _has_fourth_number(coordinates: list[object]) -> bool:
@@ -194,7 +192,7 @@ def _has_fourth_number(coordinates: list[object]) -> bool:
     return len(coordinates) > 3
 
 
-def _by_mode(feature: _Feature, label: str, points: list[DrawnPoint], found: Sketch) -> tuple[DrawnPoint, ...]:
+def _by_mode(feature: _Feature, label: Label, points: list[DrawnPoint], found: Sketch) -> tuple[DrawnPoint, ...]:
     """The points with heights that count as the feature's altitude mode says; without one, from the sea."""
     mode = feature.properties.get(_MODE)
     if not isinstance(mode, str) or not mode or not any(point.datum is Datum.SEA for point in points):
@@ -205,17 +203,17 @@ def _by_mode(feature: _Feature, label: str, points: list[DrawnPoint], found: Ske
     return tuple(replace(point, datum=datum) if point.datum is Datum.SEA else point for point in points)
 
 
-def _add_point(feature: _Feature, label: str, coordinates: list[object], found: Sketch) -> None:
+def _add_point(feature: _Feature, label: Label, coordinates: list[object], found: Sketch) -> None:
     """Add a point; one with a radius is a disk."""
     if _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
         centre, inside = _point(coordinates, label).place, feature.properties.get("inclusion") is True
         found.areas.append(DrawnArea((centre,), label, inside, radius_m=float(radius_m)))
     else:
-        point = _point(coordinates, label, feature.name if label == feature.label else "")
-        found.points += _by_mode(feature, label, [point], found)
+        point = _point(coordinates, label, feature.name if label is feature.label else "")
+        found.points.extend(_by_mode(feature, label, [point], found))
 
 
-def _point(position: object, label: str, name: str = "") -> DrawnPoint:
+def _point(position: object, label: Label, name: str = "") -> DrawnPoint:
     if not isinstance(position, list) or len(position) < 2 or not all(map(_is_number, position[:3])):
         raise ValueError(f"{label} is not longitude, latitude and height")
     lon_deg, lat_deg, *rest = position[:3]
@@ -226,7 +224,7 @@ def _point(position: object, label: str, name: str = "") -> DrawnPoint:
     return DrawnPoint(place, float(rest[0]) if rest else 0.0, Datum.SEA if rest else Datum.NONE, label, name)
 
 
-def _add_area(feature: _Feature, label: str, rings: list[object], found: Sketch) -> None:
+def _add_area(feature: _Feature, label: Label, rings: list[object], found: Sketch) -> None:
     drawn = [_line(_list(edge, "coordinates"), label) for edge in rings]
     if any(point.height_m for edge in drawn for point in edge):
         found.leave_out(label, f"its heights are {AREA_HEIGHTS}")

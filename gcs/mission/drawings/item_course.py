@@ -16,6 +16,7 @@ from gcs.autopilots.mission_commands import (
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import FenceCommand, MavCommand
 from gcs.mission.drawings.drawing import Datum, DrawnPoint, Place
+from gcs.mission.drawings.labels import Label
 from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.model import Home, MissionItem
 
@@ -45,11 +46,12 @@ class NumberedItem:
     number: int
     item: MissionItem
     pattern: str = ""
+    line: int | None = None  # of the file: its own, or that of its pattern
 
     @property
-    def label(self) -> str:
+    def label(self) -> Label:
         """How sentences call it."""
-        return f"item {self.number} ({self.pattern or name_of(self.item.command)})"
+        return Label("item", self.number, f"({self.pattern or name_of(self.item.command)})", line=self.line)
 
 
 @dataclass
@@ -61,14 +63,14 @@ class ItemCourse:
     firmware: Autopilot | None = None  # whose rules count; None: not known
     takeoff_m: float = 0.0  # height of the take-off above home
     speed_mps: float | None = None  # that items have changed to
-    end: str = ""  # the item after which nothing is flown
+    end: Label | None = None  # the item after which nothing is flown
     returns: bool = False
 
     def follow(self, items: Iterable[NumberedItem]) -> None:
         """Add the points of items. Raises `FileFormatError` for a point whose place is not known."""
         for one in items:
             command = one.item.command
-            if self.end:
+            if self.end is not None:
                 self._leave(one, f"after {self.end}, where the route ends; not carried over")
             elif command in _POINTS:
                 self._point(one)

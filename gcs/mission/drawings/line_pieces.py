@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.frames import Origin, geodetic_to_ned
-from gcs.mission.drawings.drawing import DrawnPoint, LeftOut
+from gcs.mission.drawings.drawing import DrawnPoint
+from gcs.mission.drawings.labels import Label, LeftOut
 from gcs.types import Array
 
 _TOUCH_M, _PAUSE_M = 5.0, 100.0  # the widest gap of a drawn and of a recorded line
@@ -21,7 +22,7 @@ _SAME_M = 0.3
 class LinePiece:
     """Points in order, at least one. `label` names them in sentences."""
 
-    label: str
+    label: Label
     points: tuple[DrawnPoint, ...]
 
 
@@ -31,7 +32,7 @@ class _Chain:
 
     points: list[DrawnPoint]
     ends_m: list[Array]
-    labels: list[str]  # of the pieces at its two ends
+    labels: list[Label]  # of the pieces at its two ends
 
 
 def joined(pieces: Sequence[LinePiece], *, recorded: bool = False) -> tuple[LinePiece, list[LeftOut]]:

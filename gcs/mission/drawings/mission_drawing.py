@@ -14,6 +14,7 @@ from gcs.frames import Origin, ned_to_geodetic, place_up_m
 from gcs.mavlink import FenceCommand
 from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, on_line, refusal, tidy
 from gcs.mission.drawings.item_course import ItemCourse, NumberedItem
+from gcs.mission.drawings.labels import Label
 from gcs.mission.drawings.sketch import Sketch
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import Key, lines_of
@@ -76,9 +77,8 @@ def draw_mission(data: bytes, source: str) -> Drawing:
     home = None if file.home is None else _home(file.home)
     course = ItemCourse(sketch, home, file.firmware)
     first = 1 if file.text else file.jumps_from
-    numbered = [NumberedItem(number, item) for number, item in enumerate(file.items, start=first)]
-    sketch.file_lines |= dict(zip((one.label for one in numbered), lines, strict=True))
-    course.follow(numbered)
+    rows = enumerate(zip(file.items, lines, strict=True), start=first)
+    course.follow([NumberedItem(number, item, line=line) for number, (item, line) in rows])
     _quirks(file.quirks, sketch)
     return sketch.drawing(home=course.home, speed_mps=file.speed_mps, returns=course.returns)
 
@@ -88,20 +88,19 @@ def draw_point_list(data: bytes, source: str) -> Drawing:
 
     Raises `FileFormatError`.
     """
-    sketch, label = Sketch(source), "the polygon"
+    sketch = Sketch(source)
     if Path(source).suffix.lower() == ".fen":
         read_fence_list(data, source)  # refuses a fence that other programs would read otherwise
     rows = numbered_points(data, source)
     if len(rows) > 2 and rows[-1][1] == rows[1][1] != rows[0][1]:
         line, _ = rows.pop(0)
-        sketch.leave_out(f"line {line}", "the return point of a fence; not carried over")
+        sketch.leave_out(Label("line", line), "the return point of a fence; not carried over")
+    line = rows[0][0] if rows else 1
     try:
-        with on_line(rows[0][0] if rows else 1):
-            sketch.add_area(label, [point.place_deg for _, point in rows])
+        with on_line(line):
+            sketch.add_area(Label("the polygon", line=line), [point.place_deg for _, point in rows])
     except ValueError as error:
         raise refusal(source, error, "a polygon") from error
-    if rows:
-        sketch.file_lines[label] = rows[0][0]
     return sketch.drawing()
 
 
@@ -121,7 +120,7 @@ def _quirks(quirks: Iterable[Quirk], sketch: Sketch) -> None:
     """Leave out what was read otherwise than it was written."""
     for quirk in quirks:
         if quirk.kind in _CHANGING:
-            sketch.leave_out(f"line {quirk.line}", str(quirk))
+            sketch.leave_out(Label("line", quirk.line), str(quirk))
 
 
 def _items(
@@ -133,14 +132,11 @@ def _items(
         path: tuple[Key, ...] = ("mission", "items", index)
         if isinstance(item, PlanItem):
             number = item.number(index) if item.doJumpId is not None else number
-            numbered = NumberedItem(number, plan.item(item, path))
-            sketch.file_lines[numbered.label] = lines[path]
-            yield numbered
+            yield NumberedItem(number, plan.item(item, path), line=lines[path])
             number += 1
             continue
         name = _PATTERNS.get(item.complexItemType, tidy(item.complexItemType)[:40])
-        label = f"item {number} ({name})"
-        sketch.file_lines[label] = lines[path]
+        label = Label("item", number, f"({name})", line=lines[path])
         _area_of_pattern(item, label, sketch)
         if item.complexItemType in _LANDINGS:
             sketch.leave_out(label, "landing patterns are not carried over; the formation lands below its last point")
@@ -159,11 +155,11 @@ def _items(
         if not stored:
             sketch.leave_out(label, "the file stores no points of it; open and save it in QGroundControl")
         for row, one in enumerate(stored):
-            yield NumberedItem(number, plan.item(one, (*inner, "Items", row)), name)
+            yield NumberedItem(number, plan.item(one, (*inner, "Items", row)), name, lines[path])
         number += max(1, len(stored))
 
 
-def _area_of_pattern(item: ComplexItem, label: str, sketch: Sketch) -> None:
+def _area_of_pattern(item: ComplexItem, label: Label, sketch: Sketch) -> None:
     """Add the area that a pattern is to survey; one that cannot be read is left out with a sentence."""
     try:
         if item.complexItemType == _STRUCTURE and item.polygon is not None:
@@ -204,21 +200,18 @@ def _home(home: Home) -> Home | None:
 def _fence(fence: Geofence, rows: Sequence[int], sketch: Sketch, lines: Mapping[tuple[Key, ...], int]) -> None:
     """Add the areas of a fence, whose polygons are those at `rows` of the file."""
     for row, polygon in zip(rows, fence.polygons, strict=True):
-        corners, label = tuple(place.place_deg for place in polygon.points), f"fence polygon {row + 1}"
-        sketch.file_lines[label] = lines["geoFence", "polygons", row]
+        corners = tuple(place.place_deg for place in polygon.points)
+        label = Label("fence polygon", row + 1, line=lines["geoFence", "polygons", row])
         sketch.areas.append(DrawnArea(corners, label, polygon.inclusion))
     for row, circle in enumerate(fence.circles):
-        centre, label = (circle.center.place_deg,), f"fence circle {row + 1}"
-        sketch.file_lines[label] = lines["geoFence", "circles", row]
-        sketch.areas.append(DrawnArea(centre, label, circle.inclusion, radius_m=circle.radius_m))
+        label = Label("fence circle", row + 1, line=lines["geoFence", "circles", row])
+        sketch.areas.append(DrawnArea((circle.center.place_deg,), label, circle.inclusion, radius_m=circle.radius_m))
     if fence.return_point is not None:
-        label = "the fence's return point"
-        sketch.file_lines[label] = lines["geoFence", "breachReturn"]
+        label = Label("the fence's return point", line=lines["geoFence", "breachReturn"])
         sketch.leave_out(label, "not carried over; failsafes choose where vehicles return to")
 
 
 def _rally(points: Sequence[RallyPoint], sketch: Sketch, lines: Mapping[tuple[Key, ...], int]) -> None:
     for row, _ in enumerate(points):
-        label = f"rally point {row + 1}"
-        sketch.file_lines[label] = lines["rallyPoints", "points", row]
+        label = Label("rally point", row + 1, line=lines["rallyPoints", "points", row])
         sketch.leave_out(label, "not carried over; `gcs export` writes one for each vehicle")

@@ -3,9 +3,9 @@
 The route of a map is one of its lines, else its single points in their order.
 """
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,15 +16,14 @@ from gcs.mission.drawings.drawing import (
     Drawing,
     DrawnArea,
     DrawnPoint,
-    FileLines,
-    LeftOut,
     Place,
-    line_of_label,
     meaning_of,
     ring,
     tidy,
 )
+from gcs.mission.drawings.labels import Label, LeftOut
 from gcs.mission.drawings.line_pieces import LinePiece, joined
+from gcs.mission.model import Home
 
 _SAME_M = 5.0  # a named point so near to a corner of the line names it
 _LEAST = 2  # points of a line
@@ -35,7 +34,7 @@ _NO_FIX = (0.0, 0.0)  # where a receiver without a fix says that it is
 class DrawnLine:
     """A line of a map. `recorded`: a receiver wrote it on its way."""
 
-    label: str
+    label: Label
     points: tuple[DrawnPoint, ...]
     recorded: bool = False
 
@@ -49,11 +48,11 @@ class Sketch:
     lines: list[DrawnLine] = field(default_factory=list)
     areas: list[DrawnArea] = field(default_factory=list)
     surveys: list[DrawnArea] = field(default_factory=list)
-    lost_surveys: list[str] = field(default_factory=list)
+    lost_surveys: list[Label] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
-    file_lines: FileLines = field(default_factory=FileLines)
+    unit: str = "line"  # of the numbers of labels
 
-    def add_line(self, label: str, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
+    def add_line(self, label: Label, pieces: Sequence[LinePiece], *, recorded: bool = False) -> None:
         """Add a line that a file has in pieces, each with its own label; those that touch are one.
 
         Pieces with less than two points, and those that lie apart, are left out with a sentence; so are the points of a
@@ -84,7 +83,7 @@ class Sketch:
 
     def add_area(
         self,
-        label: str,
+        label: Label,
         edge: Sequence[Place],
         holes: Sequence[Sequence[Place]] = (),
         inside: bool | None = None,
@@ -100,14 +99,14 @@ class Sketch:
             return
         for number, hole in enumerate(holes, start=1):
             if not hole:
-                self.leave_out(f"hole {number} of {label}", "has no corner; not carried over")
+                self.leave_out(label.part("hole", number), "has no corner; not carried over")
         inner = tuple(ring(hole, label) for hole in holes if hole)
         (self.surveys if survey else self.areas).append(DrawnArea(ring(edge, label), label, inside, inner))
 
-    def drawing(self, **more: Any) -> Drawing:
+    def drawing(self, *, home: Home | None = None, speed_mps: float | None = None, returns: bool = False) -> Drawing:
         """The drawing whose route is the first drawn line, else the first recorded one, else the points.
 
-        What is not flown is left out with a sentence. `more` are other fields.
+        What is not flown is left out with a sentence.
         """
         points, flown = self.points, None
         if self.lines:
@@ -121,19 +120,31 @@ class Sketch:
         at_sea_m = [point.height_m for point in points if point.datum is Datum.SEA]
         if at_sea_m and not any(at_sea_m) and datums <= {Datum.SEA, Datum.NONE}:
             points = [replace(point, datum=Datum.NONE) for point in points]
-            self.leave_out("heights", "all are 0 m above the sea, as converters write it for none; read as none")
+            self.leave_out(Label("heights"), "all are 0 m above the sea, as converters write it for none; read as none")
         return Drawing(
             self.source,
             tuple(points),
             tuple(self.areas),
             recorded=flown is not None and flown.recorded,
             left_out=tuple(self.left_out),
-            line="" if flown is None else flown.label,
+            line=None if flown is None else flown.label,
             surveys=tuple(self.surveys),
             lost_surveys=tuple(self.lost_surveys),
-            file_lines=self.file_lines if any(line > 1 for line in self.file_lines.values()) else FileLines(),
-            **more,
+            unit=self.unit if any((label.at_line or 0) > 1 for label in self._labels) else "",
+            home=home,
+            speed_mps=speed_mps,
+            returns=returns,
         )
+
+    @property
+    def _labels(self) -> Iterator[Label]:
+        """The labels of everything in the file that was read or left out."""
+        drawn = itertools.chain(self.points, *(line.points for line in self.lines))
+        yield from (point.label for point in drawn)
+        yield from (line.label for line in self.lines)
+        yield from (area.label for area in (*self.areas, *self.surveys))
+        yield from (one.label for one in self.left_out)
+        yield from self.lost_surveys
 
     def _named(self, line: DrawnLine) -> list[DrawnPoint]:
         """The points of a line, with the names of those beside it that are on it."""
@@ -154,19 +165,17 @@ class Sketch:
                 self.leave_out(spot.label, f"stands at {points[row].label}; not carried over")
         return points
 
-    def leave_out(self, label: str, text: str) -> None:
+    def leave_out(self, label: Label, text: str) -> None:
         """Add a sentence."""
         self.left_out.append(LeftOut(label, text))
 
     def leave_out_data(self, what: str, lines: Mapping[str, Sequence[int]], of: str) -> None:
         """Add a sentence for each name of data that says something of a flight, with the lines of its elements."""
         for key, each in lines.items():
-            label = f"{what} '{tidy(key)}' of {counted(len(each), of)}"
-            self.file_lines[label] = each[0]
+            label = Label(f"{what} '{tidy(key)}' of {counted(len(each), of)}", line=each[0])
             self.leave_out(label, f"not carried over: {meaning_of(key)}")
 
-    def refused(self, label: str, text: str, hint: str) -> FileFormatError:
+    def refused(self, label: Label, text: str, hint: str) -> FileFormatError:
         """The error for one thing, with its line."""
-        line = line_of_label(label, self.file_lines)
-        where = self.source if line is None else f"{self.source}, {self.file_lines.unit} {line}"
+        where = self.source if label.at_line is None else f"{self.source}, {self.unit} {label.at_line}"
         return FileFormatError(f"{where}: {label} {text}.", hint=hint)

@@ -19,16 +19,14 @@ from gcs.mission.drawings.drawing import (
     Datum,
     Drawing,
     DrawnPoint,
-    LeftOut,
     Place,
-    labelled,
     meaning_of,
     on_earth,
     on_line,
-    part_of,
     refusal,
     tidy,
 )
+from gcs.mission.drawings.labels import Label, LeftOut
 from gcs.mission.drawings.line_pieces import LinePiece
 from gcs.mission.drawings.sketch import Sketch
 from gcs.util.archives import BadArchive, member_names, read_member
@@ -69,7 +67,7 @@ def draw_kmz(data: bytes, source: str) -> Drawing:
     except BadArchive as error:
         raise FileFormatError(f"{source}: is no KMZ: {error}.", hint="save the drawing as KML") from error
     drawing = draw_kml(text, source)
-    others = tuple(LeftOut(tidy(one), f"not read; the drawing is {tidy(name)}") for one in names if one != name)
+    others = tuple(LeftOut(Label(tidy(one)), f"not read; the drawing is {tidy(name)}") for one in names if one != name)
     return replace(drawing, left_out=drawing.left_out + others)
 
 
@@ -108,8 +106,7 @@ class _KmlReader:
     def placemark(self, placemark: Element, number: int) -> None:
         """Add what a Placemark draws. Raises ValueError."""
         name = tidy(text_of(placemark, "name"))
-        label = labelled("Placemark", number, name)
-        self.found.file_lines[label] = line_of(placemark)
+        label = Label.named("Placemark", number, name, line_of(placemark))
         marks = {
             data.get("name", ""): text_of(data, "value") or text_of(data)
             for kind in _SAYING
@@ -132,8 +129,7 @@ class _KmlReader:
         for kind in ("Polygon", "Point", "Model"):
             parts = [shape for shape in shapes if shape.tag == kind]
             for part, shape in enumerate(parts, start=1):
-                own = part_of(label, kind.lower(), part, len(parts))
-                self.found.file_lines.setdefault(own, line_of(shape))
+                own = label.part(kind.lower(), part, len(parts), line_of(shape))
                 if kind == "Polygon":
                     inside = marks.get("inclusion", "").lower()
                     if inside and inside not in _INSIDE:
@@ -142,7 +138,7 @@ class _KmlReader:
                     self._polygon(shape, own, _INSIDE.get(inside))
                 elif kind == "Point":
                     points = [*self._points(shape, own, name)]
-                    self.found.points += points
+                    self.found.points.extend(points)
                     if not points:
                         self.found.leave_out(own, "has no place; not carried over")
                 else:
@@ -152,19 +148,19 @@ class _KmlReader:
         """Leave out what stands outside of Placemarks, each with a sentence."""
         for kind, text in _ELSEWHERE.items():
             for number, one in enumerate(root.iter(kind), start=1):
-                label = labelled(kind, number, tidy(text_of(one, "name")))
-                self.found.file_lines[label] = line_of(one)
+                label = Label.named(kind, number, tidy(text_of(one, "name")), line_of(one))
                 self.found.leave_out(label, text)
                 self._have_read(one)
         for one in root.iter():
             if one.tag in ("coordinates", "coord") and id(one) not in self.read:
-                self.found.leave_out(f"<{one.tag}> on line {line_of(one)}", "not carried over: in no known geometry")
+                label = Label(f"<{one.tag}> on line {line_of(one)}")
+                self.found.leave_out(label, "not carried over: in no known geometry")
         self.found.leave_out_data("data", self.aside, "Placemark")
 
     def _have_read(self, element: Element) -> None:
         self.read.update(id(one) for one in element.iter())
 
-    def _shapes(self, parent: Element, label: str) -> Iterator[Element]:
+    def _shapes(self, parent: Element, label: Label) -> Iterator[Element]:
         """The geometries of a Placemark, also those in a MultiGeometry; every other is left out."""
         for child in parent:
             if child.tag == "MultiGeometry":
@@ -176,13 +172,12 @@ class _KmlReader:
                 what = f"its <{tidy(child.tag)[:40]}> on line {line_of(child)} is no geometry of KML; not carried over"
                 self.found.leave_out(label, what)
 
-    def _pieces(self, shapes: Sequence[Element], what: str, label: str) -> Iterator[LinePiece]:
+    def _pieces(self, shapes: Sequence[Element], what: str, label: Label) -> Iterator[LinePiece]:
         for number, shape in enumerate(shapes, start=1):
-            own = part_of(label, what, number, len(shapes))
-            self.found.file_lines.setdefault(own, line_of(shape))
+            own = label.part(what, number, len(shapes), line_of(shape))
             yield LinePiece(own, tuple(self._points(shape, own)))
 
-    def _points(self, shape: Element, label: str, name: str = "") -> Iterator[DrawnPoint]:
+    def _points(self, shape: Element, label: Label, name: str = "") -> Iterator[DrawnPoint]:
         """The points of a geometry, at heights that count as its own altitude mode says."""
         datum, offset_m = self._mode(shape, label)
         rows = [*(self._track(shape, label) if shape.tag == "Track" else self._coordinates(shape, label))]
@@ -190,11 +185,11 @@ class _KmlReader:
         if KML_DATUMS.get(mode) is Datum.NONE:
             self._lost_heights(rows, label, f"not carried over: its altitude mode is {mode or _CLAMPED}")
         for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
-            own = label if shape.tag == "Point" else f"point {number} of {label}"
+            own = label if shape.tag == "Point" else label.part("point", number)
             height_m, point_datum = (rest[0] + offset_m, datum) if rest else (0.0, Datum.NONE)
             yield DrawnPoint(on_earth(lat_deg, lon_deg, own), height_m, point_datum, own, name)
 
-    def _mode(self, shape: Element, label: str) -> tuple[Datum, float]:
+    def _mode(self, shape: Element, label: Label) -> tuple[Datum, float]:
         """What heights of a geometry count from, and what is added to them."""
         modes = list(dict.fromkeys(text_of(mode) for mode in shape.findall("altitudeMode")))
         if len(modes) > 1:
@@ -209,12 +204,12 @@ class _KmlReader:
             self.found.leave_out(label, f"its altitudeOffset of {offset_m:g} m is not carried over: it has no heights")
         return datum, offset_m
 
-    def _coordinates(self, shape: Element, label: str) -> Iterator[list[float]]:
+    def _coordinates(self, shape: Element, label: Label) -> Iterator[list[float]]:
         self._only(shape, "coordinates", label)
         for corner in _COMMA.sub(",", text_of(shape, "coordinates")).split():
             yield _numbers(corner.split(","))
 
-    def _track(self, track: Element, label: str) -> Iterator[list[float]]:
+    def _track(self, track: Element, label: Label) -> Iterator[list[float]]:
         rows = track.findall("coord")
         self.read.update(map(id, rows))
         filled = [row for row in rows if text_of(row)]
@@ -222,7 +217,7 @@ class _KmlReader:
             self.found.leave_out(label, f"{len(rows) - len(filled)} of its {len(rows)} places are empty")
         return (_numbers(text_of(row).split()) for row in filled)
 
-    def _only(self, shape: Element, tag: str, label: str) -> None:
+    def _only(self, shape: Element, tag: str, label: Label) -> None:
         """Raise ValueError where a geometry has several of what it may have one of."""
         found = shape.findall(tag)
         self.read.update(map(id, found))
@@ -231,7 +226,7 @@ class _KmlReader:
                 f"{label} has {len(found)} <{tag}>, the second on line {line_of(found[1])}; one is allowed"
             )
 
-    def _polygon(self, shape: Element, label: str, inside: bool | None) -> None:
+    def _polygon(self, shape: Element, label: Label, inside: bool | None) -> None:
         outer, holes = (
             [edge for side in shape.findall(sides) for edge in side.findall("LinearRing")]
             for sides in ("outerBoundaryIs", "innerBoundaryIs")
@@ -244,12 +239,12 @@ class _KmlReader:
             raise ValueError(f"{text}; draw a polygon for each")
         self.found.add_area(label, self._ring(outer[0], label), [self._ring(edge, label) for edge in holes], inside)
 
-    def _ring(self, edge: Element, label: str) -> list[Place]:
+    def _ring(self, edge: Element, label: Label) -> list[Place]:
         rows = [*self._coordinates(edge, label)]
         self._lost_heights(rows, label, AREA_HEIGHTS)
         return [on_earth(lat_deg, lon_deg, label) for lon_deg, lat_deg, *_ in rows]
 
-    def _lost_heights(self, rows: Sequence[Sequence[float]], label: str, why: str) -> None:
+    def _lost_heights(self, rows: Sequence[Sequence[float]], label: Label, why: str) -> None:
         """Leave out the heights of places, where they have any: converters write 0 for none."""
         if any(height_m for _, _, *rest in rows for height_m in rest):
             self.found.leave_out(label, f"its heights are {why}")
@@ -284,19 +279,17 @@ def draw_gpx(data: bytes, source: str) -> Drawing:
     try:
         root = _root(data, "gpx")
         for number, route in enumerate(root.findall("rte"), start=1):
-            label = labelled("route", number, tidy(text_of(route, "name")))
-            sketch.file_lines[label] = line_of(route)
-            sketch.add_line(label, [LinePiece(label, _gpx_points(route.findall("rtept"), label, sketch))])
+            label = Label.named("route", number, tidy(text_of(route, "name")), line_of(route))
+            sketch.add_line(label, [LinePiece(label, _gpx_points(route.findall("rtept"), label))])
         for number, track in enumerate(root.findall("trk"), start=1):
-            label, segments = labelled("track", number, tidy(text_of(track, "name"))), track.findall("trkseg")
-            own = [part_of(label, "segment", part, len(segments)) for part in range(1, len(segments) + 1)]
-            sketch.file_lines |= {label: line_of(track)} | dict(zip(own, map(line_of, segments), strict=True))
+            label = Label.named("track", number, tidy(text_of(track, "name")), line_of(track))
+            segments = track.findall("trkseg")
+            own = [label.part("segment", n, len(segments), line_of(one)) for n, one in enumerate(segments, start=1)]
             pieces = [
-                LinePiece(one, _gpx_points(seg.findall("trkpt"), one, sketch))
-                for one, seg in zip(own, segments, strict=True)
+                LinePiece(one, _gpx_points(seg.findall("trkpt"), one)) for one, seg in zip(own, segments, strict=True)
             ]
             sketch.add_line(label, pieces, recorded=True)
-        sketch.points += _gpx_points(root.findall("wpt"), "", sketch)
+        sketch.points.extend(_gpx_points(root.findall("wpt"), None))
     except ValueError as error:
         raise refusal(source, error, "GPX") from error
     _gpx_rest(root, sketch)
@@ -316,28 +309,28 @@ def _gpx_rest(root: Element, sketch: Sketch) -> None:
     sketch.leave_out_data("element", aside, "point")
     for tag, places in others.items():
         text = f"{counted(len(places), 'place')}, the first on line {line_of(places[0])}; not carried over"
-        sketch.leave_out(f"<{tidy(tag)[:40]}>", text)
+        sketch.leave_out(Label(f"<{tidy(tag)[:40]}>"), text)
 
 
-def _gpx_points(elements: Iterable[Element], of: str, sketch: Sketch) -> tuple[DrawnPoint, ...]:
+def _gpx_points(elements: Iterable[Element], whole: Label | None) -> tuple[DrawnPoint, ...]:
     points = []
     for number, element in enumerate(elements, start=1):
         name = tidy(text_of(element, "name"))
-        label = f"{labelled('point', number, name)} of {of}" if of else labelled("waypoint", number, name)
-        sketch.file_lines[label] = line_of(element)
+        what = "waypoint" if whole is None else "point"
+        label = Label.named(what, number, name, line_of(element), whole)
         with on_line(line_of(element)):
             points.append(_gpx_point(element, label, name))
     return tuple(points)
 
 
-def _gpx_point(element: Element, label: str, name: str) -> DrawnPoint:
+def _gpx_point(element: Element, label: Label, name: str) -> DrawnPoint:
     lat_deg, lon_deg = (_number(element.get(key, ""), label, key) for key in ("lat", "lon"))
     height = text_of(element, "ele") or element.get("ele", "")  # some programs write it beside lat and lon
     height_m = _number(height, label, "ele") if height else 0.0
     return DrawnPoint(on_earth(lat_deg, lon_deg, label), height_m, Datum.SEA if height else Datum.NONE, label, name)
 
 
-def _number(text: str, label: str, key: str) -> float:
+def _number(text: str, label: Label, key: str) -> float:
     try:
         value = float(text)
     except ValueError:

@@ -2,7 +2,7 @@
 
 A volume holds the whole formation for a part of the flight. Its outline is what lies behind lines in 16 directions: how
 far the vehicles reach in each is bounded by Taylor models over intervals of time, so nothing between two samples is
-missed. Of all ways to divide the flight into so many parts, the one with the least volume times duration is taken.
+missed. Of all ways to divide the flight into that many parts, the one with the least volume times duration is taken.
 Take-off and landing are one part each, because autopilots climb and descend at their own rates.
 
 What is proved is what is written: corners in degrees, heights above the ellipsoid, instants of whole milliseconds.
@@ -270,7 +270,7 @@ def _area_m2(out_m: Array) -> Array:
 
 
 def _division(reach: _Reach, most: int) -> list[int]:
-    """The first parts of at most so many volumes with the least cost together; of fewer, where that is hardly more."""
+    """The first part of each volume, at most `most`, with the least total cost; fewer, where they cost hardly more."""
     count = len(reach.length_s)
     cost = np.full((count, count + 1), np.inf)
     for first in range(count):

@@ -39,14 +39,14 @@ class Separation:
 
     @property
     def figure(self) -> str:
-        """The distance as it is said everywhere: a proved one rounded down."""
+        """The distance in words; a proved one is rounded down."""
         if self.proved:
             return f"{max(rounded_down(self.distance_m, PROVED_DECIMALS), 0.0):.{PROVED_DECIMALS}f} m"
         return f"{self.distance_m:.{SEEN_DECIMALS}f} m"
 
     @property
     def kept(self) -> bool:
-        """Whether it is what is required."""
+        """Whether the separation is at least the required one."""
         return self.distance_m >= self.required_m - LENGTH_TOLERANCE_M
 
     def data(self) -> dict[str, object]:

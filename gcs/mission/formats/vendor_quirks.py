@@ -68,7 +68,7 @@ class QuirkList:
         self._counts[kind] = self._counts.get(kind, 0) + 1
 
     def found(self) -> tuple[Quirk, ...]:
-        """All of them, by line."""
+        """All quirks, in order of their lines."""
         every = [Quirk(kind, self._source, *self._first[kind], count) for kind, count in self._counts.items()]
         return tuple(sorted(every, key=lambda quirk: quirk.line))
 

@@ -80,7 +80,7 @@ class BreakOffPlaces(TrackPlaces):
         return np.asarray(moved)
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
-        """See `Family`: halves of the instants or of the time since, what counts for more."""
+        """See `Family`: halves of the instants or of the time since, whichever matters more."""
         rows = np.flatnonzero(chosen)
         some = cells[rows]
         braking, (begin_s, until_s) = self._braking(some), some.patch.T

@@ -179,7 +179,7 @@ class ReturnSeparation:
         return np.where(no_way, np.inf, np.linalg.norm(apart, axis=1))
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
-        """See `Family`: halves of the instants or of the time since, what counts for more.
+        """See `Family`: halves of the instants or of the time since, whichever matters more.
 
         Of the instants where it is not certain how a vehicle returns, or that it does in the time that is looked at.
         """

@@ -180,7 +180,7 @@ class BreakOffSeparation:
         return np.where(cells.patch[:, 0] == PIECE, moved * max(1.0, 1.0 / self.vertical_scale), np.inf)
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
-        """See `Family`: both halves of a window; then of the instants or of the time since, what counts for more."""
+        """See `Family`: both halves of a window; then of the instants or of the time since, whichever matters more."""
         single = cells.patch[:, 0] == PIECE
         wide = chosen & ~single
         parts, origin = self._flight.children(replace(cells, patch=cells.patch[:, :_FROM]), wide)

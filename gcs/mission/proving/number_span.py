@@ -54,7 +54,7 @@ class NumberSpan:
         return NumberSpan(np.maximum(self.low, low), np.maximum(self.high, high))
 
     def within(self, other: NumberSpan) -> NumberSpan:
-        """What both hold."""
+        """The numbers that are in both spans."""
         return NumberSpan(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
 

@@ -11,7 +11,6 @@ import io
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -89,14 +88,14 @@ def _names(drones: Sequence[object]) -> list[str]:
     return names if all(names) and len(set(names)) == len(names) else [f"drone {n + 1}" for n in range(len(names))]
 
 
-def _json(data: bytes, where: str) -> Any:
+def _json(data: bytes, where: str) -> object:
     try:
         return read_json(data)
     except ValueError as problem:
         raise FileFormatError(f"{where}: {problem}.", hint=_HINT) from problem
 
 
-def _at(value: object, keys: tuple[str, ...]) -> Any:
+def _at(value: object, keys: tuple[str, ...]) -> object:
     """A value inside nested objects; None where one lacks it."""
     for key in keys:
         value = value.get(key) if isinstance(value, dict) else None
@@ -132,7 +131,7 @@ def _curves(points: Sequence[object], where: str) -> tuple[Array, list[Array], b
 
 
 def _numbers(values: object, least: int, where: str) -> list[float]:
-    """Finite numbers, at least so many."""
+    """Finite numbers, `least` of them or more."""
     if isinstance(values, list) and least <= len(values) <= 4:
         given = [value for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
         if len(given) == len(values) and all(abs(value) <= _LARGEST for value in given):

@@ -178,7 +178,7 @@ class StraightReturns:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """One."""
+        """The distance of the two vehicles alone."""
         return (ReturnDistance(0.0, RESOLUTION_M, self.required_m),)
 
     def cells(self, pairs: Cells) -> Cells:

@@ -45,14 +45,14 @@ class ReturnSpeeds:
 
 
 class ReturnTo(StrEnum):
-    """Where returns lead."""
+    """The destination of returns."""
 
     HOME = "home"
     NEAREST = "nearest"  # of home and rally points
 
     @property
     def words(self) -> str:
-        """For a sentence."""
+        """The destination in words."""
         return "home" if self is ReturnTo.HOME else "the nearest of home and rally points"
 
     @classmethod

@@ -117,7 +117,7 @@ def _home(pad: Array) -> Home:
 
 
 def refuse_too_many(count: int, firmware: Autopilot, tolerance_m: float) -> None:
-    """Raise `ImpossibleMission` for a mission of so many items, home not counted."""
+    """Raise `ImpossibleMission` for a mission with more items than the autopilot stores; `count` is without home."""
     count, most = firmware.home_is_item_0 + count, firmware.traits.missions.items_max
     if count > most:
         text = f"A mission has {count} items; {firmware.title} stores at most {most}."

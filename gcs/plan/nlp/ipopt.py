@@ -98,8 +98,8 @@ def solve(
 ) -> Solution:
     """The solution from `start`; a warm start where there is a solution `before`, on the previous mesh.
 
-    `near`: the start is the solution of a similar problem. `most`: so many iterations are worth the while.
-    `giving_up`: a solve that creeps is not worth even those.
+    `near`: the start is the solution of a similar problem. `most`: the largest number of iterations.
+    `giving_up`: a solve that creeps ends earlier.
 
     Raises Infeasible or PlanningError with the solver's status, the worst constraint and the limits that oppose it;
     KeyboardInterrupt at Ctrl-C.

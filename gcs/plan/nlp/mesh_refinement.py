@@ -91,8 +91,8 @@ def optimise(
 ) -> Optimum:
     """The best trajectory near a guess. Raises PlanningError where every mesh leaves violations between its nodes.
 
-    `near`: the guess is the solution of a similar problem. `warm`: it is that solution, on its mesh. `most`: each solve
-    is worth so many iterations.
+    `near`: the guess is the solution of a similar problem. `warm`: it is that solution, on its mesh. `most`: the
+    largest number of iterations of each solve.
     """
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S

@@ -161,7 +161,16 @@ def transcribe(
             box_rows=None if box is None else np.flatnonzero(box).tolist(),
         ),
     )
-    return bounded_program(problem, layout, chosen, functions, used=used, box=box)
+    return bounded_program(problem, layout, chosen, functions, RowMasks(used=used, box=box))
+
+
+@dataclass(frozen=True)
+class RowMasks:
+    """Which rows a program has, and which of them have an effect. None: all of them."""
+
+    used: NDArray[np.bool_] | None = None  # (T, P) rows of the path that are in the program
+    box: NDArray[np.bool_] | None = None  # (W, nx) bounds of the states at extra instants that are in it
+    free: NDArray[np.bool_] | None = None  # (T, P) rows of the path without effect; None: none of them
 
 
 def bounded_program(
@@ -169,17 +178,10 @@ def bounded_program(
     layout: VariableLayout,
     chosen: ActiveVehicles,
     functions: tuple[ca.Function, dict[str, ca.Function]],
-    *,
+    rows: RowMasks,
     parameters: Array | None = None,
-    unused: NDArray[np.bool_] | None = None,
-    used: NDArray[np.bool_] | None = None,
-    box: NDArray[np.bool_] | None = None,
 ) -> Program:
-    """The program made of `functions` (nlp, derivatives), the bounds of this problem and the constraints of all rows.
-
-    `unused` (T, P): mask of rows of the path without effect. `used` (T, P), `box` (W, nx): masks of the rows of the
-    path, and of the states' bounds at extra instants, that are in the program; else all.
-    """
+    """The program of `functions` (nlp, derivatives), the bounds of this problem and the constraints of its rows."""
     nlp, derivatives = functions
     mesh, (unit, shift) = layout.mesh, scales(problem, layout)
     state_unit = unit[: layout.nx]
@@ -187,9 +189,9 @@ def bounded_program(
     box_low, box_high = leader_state_bounds(problem, mesh.extra_s)
     dynamics = np.zeros(layout.nx * (layout.nodes + mesh.intervals))
     free = stage_functions.path_is_free(problem, chosen)
-    if unused is not None:
-        free = free | unused
-    used = np.ones_like(free) if used is None else used
+    if rows.free is not None:
+        free = free | rows.free
+    used = np.ones_like(free) if rows.used is None else rows.used
     times = np.concatenate([layout.node_times_s(), mesh.extra_s])
     motion, limits = ([replace(one, form=form) for one in layout.state_ids] for form in (Form.MOTION, Form.BOUND))
     g_ids = [(one, float(t)) for t in layout.collocation_times_s() for one in motion]
@@ -198,7 +200,7 @@ def bounded_program(
         for t, row, kept in zip(times, stage_functions.path_ids(problem, chosen), used, strict=True)
         for one in itertools.compress(row, kept)
     ]
-    box = np.ones(box_low.shape, dtype=bool) if box is None else box
+    box = np.ones(box_low.shape, dtype=bool) if rows.box is None else rows.box
     g_ids += [
         (one, float(t)) for t, row in zip(mesh.extra_s, box, strict=True) for one in itertools.compress(limits, row)
     ]

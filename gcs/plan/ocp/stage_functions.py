@@ -79,7 +79,7 @@ class StageFunctions:
 
 
 def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving: int = 1) -> StageFunctions:
-    """The functions of one problem, for so many active vehicles of each kind; by default for the leader alone."""
+    """The functions of one problem, for these numbers of active vehicles of each kind; by default the leader alone."""
     chains = len(problem.coordinates)
     nx = NX + 4 * chains
     z = ca.SX.sym("z", nx + NU + chains)

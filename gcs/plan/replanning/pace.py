@@ -56,7 +56,7 @@ class PlanPace:
 
 
 def pace(start_s: float, old_s: float, parts: Sequence[tuple[float, float, float]]) -> PlanPace:
-    """The pace that begins at `old_s` of the old plan: for so many seconds each, from one rate to another."""
+    """The pace that begins at `old_s` of the old plan. Each part has its seconds, and its rates at begin and end."""
     joints, coefficients = [start_s], []
     for seconds, before, after in parts:
         piece = (after - before) * seconds * _PASSED / seconds ** np.arange(8.0, -1.0, -1.0)

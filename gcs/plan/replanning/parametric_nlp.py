@@ -16,7 +16,7 @@ from gcs.plan.nlp.assembly import Constants, assemble, dm
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, Options, Solver, solver
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program_bounds import scales, thrust_steps
-from gcs.plan.nlp.transcription import Program, bounded_program
+from gcs.plan.nlp.transcription import Program, RowMasks, bounded_program
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.nlp.violations import Violation
 from gcs.plan.ocp import stage_functions
@@ -89,7 +89,7 @@ class ParametricNlp:
                 hint="land, return or hold (`gcs attach`); the old plan has not changed",
             )
         functions = self.nlp, self.derivatives
-        return bounded_program(problem, layout, chosen, functions, parameters=parameters, unused=free)
+        return bounded_program(problem, layout, chosen, functions, RowMasks(free=free), parameters)
 
 
 def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNlp:

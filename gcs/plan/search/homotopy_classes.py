@@ -183,7 +183,7 @@ def least_objective(problem: Problem, route: Route) -> float:
 
 
 def is_faster(tasks: int, workers: int, expected_s: float) -> bool:
-    """Whether workers are faster than one process, for so many tasks of `expected_s` each."""
+    """Whether workers finish these tasks of `expected_s` each sooner than one process."""
     return workers > 1 and tasks > 0 and expected_s * (tasks - math.ceil(tasks / min(workers, tasks))) > START_S
 
 

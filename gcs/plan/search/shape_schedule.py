@@ -64,7 +64,7 @@ def optimise_on_schedule(
 ) -> Optimum:
     """The best flight near a guess, with all changes of shape at their times and gates.
 
-    `warm`: the guess is the solution of a similar problem, on its mesh. `most`: each solve is worth so many iterations.
+    `warm`: the guess is the solution of a similar problem, on its mesh. `most`: the most iterations of each solve.
     Raises Infeasible for changes that do not fit, PlanningError where gates and flight do not converge.
     """
     scenario = problem.scenario

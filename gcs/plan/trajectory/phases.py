@@ -30,7 +30,7 @@ class Phase:
 
     @property
     def duration_s(self) -> float:
-        """Its length."""
+        """Its duration."""
         return self.end_s - self.start_s
 
 

@@ -133,7 +133,7 @@ class Relief(Part):
         return float(np.hypot(*steps)) / self.least_step_m
 
     def highest_around_m(self, cells: int) -> Array:
-        """The highest pixel (rows, columns) within so many cells of each."""
+        """For each pixel (rows, columns) the highest one within this number of cells."""
         known = self._highest
         if cells not in known:
             known[cells] = ndimage.maximum_filter(self.pixels_m, 2 * cells + 1, mode="nearest")

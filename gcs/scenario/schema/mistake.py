@@ -81,7 +81,7 @@ def dotted(key: Key) -> str:
 
 
 def name_of(key: Key) -> str:
-    """The name of a value, or of the list that it stands in."""
+    """The last name in a key: that of a value, or of the list that holds it."""
     return next((part for part in reversed(key) if isinstance(part, str)), "")
 
 

@@ -118,7 +118,7 @@ class Reach:
 
 
 def heights_in_words(volumes: Sequence[ZoneVolume], found: Sequence[Range | None]) -> str:
-    """What a file says of heights, and what counts."""
+    """The heights of a zone in its file, and those that are used, in words."""
     ranges = dict.fromkeys(f"{_limit_text(one.lower, one)} to {_limit_text(one.upper, one)}" for one in volumes)
     return f"taken as {', '.join(map(_range_text, dict.fromkeys(found)))} (file: {', '.join(ranges)})"
 

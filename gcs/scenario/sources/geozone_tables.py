@@ -307,7 +307,7 @@ def _plane(degrees: np.ndarray, asked: _Asked) -> np.ndarray:
 
 
 def _few_corners(geozone: Geozone, shape: shapely.Polygon) -> tuple[shapely.Polygon, float]:
-    """The polygon, or one with no more corners than a zone may have, which is larger by up to so many metres."""
+    """The polygon, or a larger one with as many corners as a zone may have, and by how many metres it is larger."""
     if len(shape.exterior.coords) - 1 <= CORNERS_MAX:
         return shape, 0.0
     for by_m in _SIMPLER_M:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import FileFormatError
 from gcs.util.bounded_file import GEOZONE_FILE, as_utf8, read_file, read_json
@@ -196,11 +195,11 @@ def _instant(text: object, key: str) -> datetime | None:
         raise ValueError(f"{key} '{_tidy(text)}' {error}") from error
 
 
-def utc_of(text: Any) -> datetime:
+def utc_of(text: object) -> datetime:
     """The instant that a text of ISO 8601 names. Raises ValueError, also for one without its time zone."""
     try:
-        found = datetime.fromisoformat(text)
-    except (TypeError, ValueError):
+        found = datetime.fromisoformat(text if isinstance(text, str) else "")
+    except ValueError:
         raise ValueError("is no time as 2026-11-28T10:00:00Z is one") from None
     if found.tzinfo is None:
         raise ValueError("has no time zone; end it with Z for UTC")

@@ -45,7 +45,7 @@ class PassTimes:
         return self.speed_mps**2 / _TURN_MPS2
 
     def time_s(self, places: Sequence[Place], passes: int) -> float:
-        """The time for a way with so many passes, each with a turn at both ends, s."""
+        """The time for a way with `passes`, each with a turn at both ends, s."""
         length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
         return length_m / self.speed_mps + 2 * passes * self.turn_s
 

@@ -149,11 +149,11 @@ class FirstFlight:
         end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
         takeoff_s, _ = self.phases_s
         end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s} }}"
-        title, flies = self._title(), "fly" if self.count > 1 else "flies"
+        who, shaped = self._who, f" in a {self.shape}" if self.count > 1 else ""  # one vehicle is in no formation
         way = "from one hover to another" + (", past a no-fly zone" if is_default else "")
         return {
-            "TITLE": title,
-            "SENTENCE": f"{title.capitalize().replace(' in a', f' {flies} in a')} {way}.",
+            "TITLE": f"{who}{shaped}",
+            "SENTENCE": f"{who.capitalize()} {'fly' if self.count > 1 else 'flies'}{shaped} {way}.",
             "FLIGHT": repr(self.flight_s),
             "START": start_line.ljust(59) if is_default else f"{start_line}  ",
             "END": end_line,
@@ -178,11 +178,10 @@ class FirstFlight:
             "TAKEOFF": repr(takeoff_s),
         }
 
-    def _title(self) -> str:
-        if self.count == 1:
-            return "one quadrotor"  # in no formation
+    @property
+    def _who(self) -> str:
         count = _NUMBERS[self.count] if self.count < len(_NUMBERS) else str(self.count)
-        return f"{count} quadrotors in a {self.shape}"
+        return f"{count} quadrotor{'s' * (self.count > 1)}"
 
     def _box(self, offsets_ne_m: Array, end_ne_m: Array) -> tuple[list[float], ...]:
         """The least and the greatest place north and east, with room for detours."""

@@ -75,7 +75,7 @@ def _mistakes(found: ErrorDetails, model: type[BaseModel], within: Key) -> Itera
         yield Mistake(key, f"must be {_wanted(node)}{text}", value, remedy=step)
 
 
-def _guess(key: Key, value: Any, node: Table) -> tuple[str, str]:
+def _guess(key: Key, value: object, node: Table) -> tuple[str, str]:
     """What a value outside its range is perhaps, and what to write then; both empty where nothing is likely."""
     write = f"write {key[-1]} = " if isinstance(key[-1], str) else "write "
     if isinstance(value, str):

@@ -26,14 +26,14 @@ NOTHING_PASSED = Passed()
 class Flightpath:
     """`piece` is flown now, `planned` is the path it belongs to.
 
-    The last setpoint of a stream is extrapolated for `extrapolate_s`.
+    The last setpoint of a stream is extrapolated for a second, unless `extrapolate` says otherwise.
     """
 
     def __init__(self, place: Array, stop: Callable[[float, Array], PiecePath]) -> None:
         """Stand at `place` (4,). `stop` returns the path that brakes from a motion (DERIVATIVES, 4) to rest."""
         self.piece: Piece = hold(0.0, place)
         self.planned = PiecePath(())
-        self.extrapolate_s = 1.0
+        self._extrapolate_s = 1.0
         self.streaming = False
         self._stop = stop
         self._pieces: list[Piece] = []  # still to come, last first
@@ -42,6 +42,10 @@ class Flightpath:
         self._landing_s = math.inf
         self._wake_s = math.inf
         self._target: Array | None = None
+
+    def extrapolate(self, seconds: float) -> None:
+        """Extrapolate the last setpoint of a stream for so long."""
+        self._extrapolate_s = seconds
 
     @property
     def at_rest(self) -> bool:
@@ -138,7 +142,7 @@ class Flightpath:
             self._pieces, self._marks, self.planned, self.streaming = [], [], PiecePath(()), True
             self._landing_s, self._target = math.inf, None
         stream.advance(t_s)
-        piece = stream.piece(self.extrapolate_s)
+        piece = stream.piece(self._extrapolate_s)
         if piece is not None and piece.end_s > t_s:
             self.piece = piece
             self._schedule_wake_up()

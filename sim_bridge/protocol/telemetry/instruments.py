@@ -58,6 +58,14 @@ class Instruments:
     gnss_ahead_s: float = 0.0  # a fault
     sag_V: float = 0.0  # a fault
 
+    def pass_to(self, t_s: float) -> None:
+        """It is `t_s` now."""
+        self.t_s = t_s
+
+    def suffer(self, *, sag_V: float, gnss_ahead_s: float) -> None:
+        """Have these faults from now on; 0 is none."""
+        self.sag_V, self.gnss_ahead_s = sag_V, gnss_ahead_s
+
     @property
     def estimate(self) -> Array:
         """Estimated state (12,), common local NED."""

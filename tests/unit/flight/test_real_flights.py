@@ -21,7 +21,7 @@ from gcs.flight.execution.resume import Resume, resume_flight
 from gcs.flight.monitoring.preflight_check import NOT_REPORTED
 from gcs.flight.monitoring.progress import Event, FlightHooks
 from gcs.flight.recording.tlog import Tlog, load_tlog
-from gcs.flight.setup.build_loads import fleet_autopilots, missions_only
+from gcs.flight.setup.build_loads import PreparedFlight, fleet_autopilots, missions_only
 from gcs.flight.setup.preflight import preflight
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.status_report import VehicleReport, status_report
@@ -153,10 +153,12 @@ def test_a_whole_flight_passes_without_an_incident(
             plan,
             sessions,
             options,
-            loads=missions_only(build_missions(plan)),
-            stream=build_stream(plan, 5.0),
-            returns=plan_returns(plan, fleet_autopilots(plan, {n: s.autopilot for n, s in sessions.items()})),
-            hooks=FlightHooks(events.append),
+            PreparedFlight(
+                missions_only(build_missions(plan)),
+                build_stream(plan, 5.0),
+                plan_returns(plan, fleet_autopilots(plan, {n: s.autopilot for n, s in sessions.items()})),
+            ),
+            FlightHooks(events.append),
         )
         async with alongside(FlightView(Screen(), Stopwatch(0.0), "").follow(sequence)):
             await resume_flight(sequence, Resume.RESUME, recorded.t0_unix_s)
@@ -192,7 +194,7 @@ def test_each_vehicle_of_a_mixed_fleet_gets_what_its_own_autopilot_needs(
         plan = recorded.plan
         sessions = await fleet.vehicles(plan.sysids, 15.0)
         loads, stream = missions_only(build_missions(plan)), build_stream(plan, 5.0)
-        sequence = FlightSequence(plan, sessions, FlightOptions(), loads=loads, stream=stream)
+        sequence = FlightSequence(plan, sessions, FlightOptions(), PreparedFlight(loads, stream))
         link.close()
         return sequence
 

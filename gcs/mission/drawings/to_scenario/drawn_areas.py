@@ -8,7 +8,8 @@ import shapely
 
 from gcs.errors import FileFormatError
 from gcs.frames import Origin, ned_to_geodetic, place_up_m
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, Place, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnArea, Place, tidy
+from gcs.mission.drawings.labels import Label, LeftOut
 from gcs.scenario.schema.mistake import Mistake, degrees
 from gcs.scenario.schema.places import CORNERS_MAX
 
@@ -17,7 +18,7 @@ _CIRCLE_CORNERS = 64
 
 
 _COMMENT_AT = 30
-Spot = tuple[str, tuple[float, float]]  # a point that is flown: how sentences call it, and its place north and east, m
+Spot = tuple[Label, tuple[float, float]]  # a point that is flown: its label, and its place north and east, m
 _Area = tuple[DrawnArea, shapely.Polygon]  # as the scenario has it, and (north, east), m
 
 
@@ -63,7 +64,7 @@ def area_tables(drawing: Drawing, areas: Sequence[DrawnArea], spots: Sequence[Sp
                 said.append(LeftOut(drawn.label, "its holes are no-fly zone too: a zone of a scenario has none"))
         elif drawn.inside or shapely.covers(area[1], points).all():
             keep_in.append(area)
-            inner = (DrawnArea(hole, f"hole {n} of {drawn.label}") for n, hole in enumerate(drawn.holes, start=1))
+            inner = (DrawnArea(hole, drawn.label.part("hole", n)) for n, hole in enumerate(drawn.holes, start=1))
             holes += [area_in_metres(drawing, hole, origin) for hole in inner]
         else:
             text = "not round the whole route, and not carried over; if it is a no-fly zone, write it as [[no_fly]]"
@@ -100,7 +101,7 @@ def area_in_metres(drawing: Drawing, area: DrawnArea, origin: Origin) -> _Area:
     edge_m = area.radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
     edge_m += place_up_m(*area.corners[0], 0.0, origin)[:2]
     if area.inside:  # [[keep_in]] has polygons only; this one lies in the circle
-        area = DrawnArea(_degrees(edge_m, origin), f"{area.label}, radius {area.radius_m:g} m")
+        area = DrawnArea(_degrees(edge_m, origin), Label(f"{area.label}, radius {area.radius_m:g} m"))
     return area, shapely.Polygon(edge_m)
 
 
@@ -121,13 +122,13 @@ def _together(
             + (" and the other areas to stay in." if len(areas) > 1 else "."),
             hint="draw the route inside, or the area larger",
         )
-    labels = " and ".join(area.label for area, _ in areas)
+    label = Label(" and ".join(str(area.label) for area, _ in areas))
     if joined.geom_type != "Polygon" or joined.interiors:
-        text = f"{drawing.where(areas[0][0].label)}: the route leads through {labels}, which are apart."
+        text = f"{drawing.where(areas[0][0].label)}: the route leads through {label}, which are apart."
         raise FileFormatError(text, hint="join them to one area")
     corners = _degrees(np.array(joined.exterior.coords)[:-1], origin)
-    remark = LeftOut(labels, "the route is only in both together; one area to stay in")
-    return [(DrawnArea(corners, labels), joined)], [remark]
+    remark = LeftOut(label, "the route is only in both together; one area to stay in")
+    return [(DrawnArea(corners, label), joined)], [remark]
 
 
 def _degrees(corners_m: np.ndarray, origin: Origin) -> tuple[Place, ...]:
@@ -136,7 +137,7 @@ def _degrees(corners_m: np.ndarray, origin: Origin) -> tuple[Place, ...]:
 
 
 def _table(head: str, area: DrawnArea) -> str:
-    lines = [commented(head, area.label)]
+    lines = [commented(head, str(area.label))]
     if area.radius_m is not None:
         (lat_deg, lon_deg), radius_m = area.corners[0], round(max(area.radius_m, 0.001), 3)
         lines += [f"lat_deg = {number_text(lat_deg)}", f"lon_deg = {number_text(lon_deg)}", f"radius_m = {radius_m!r}"]

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from gcs.errors import FileFormatError, counted
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint
 from gcs.mission.drawings.item_course import HOLD_MAX_S
+from gcs.mission.drawings.labels import Label, LeftOut, sentences
 from gcs.mission.drawings.to_scenario.drawn_ground import LEVEL, Ground, ground_of
 from gcs.scenario.schema.degree_keys import ABOVE_GROUND
 from gcs.scenario.schema.fields import FARTHEST_M
@@ -112,7 +113,7 @@ def fewer(drawing: Drawing, points: list[PlacedPoint]) -> tuple[list[PlacedPoint
         text = f"{drawing.source}: has {len(points)} points, and a route has at most {most}."
         raise FileFormatError(text, hint="split it into several files, or draw it with fewer points")
     flown = f"{stays.sum()} of {len(points)} points are flown"
-    remark = LeftOut("points", f"{flown}; no other is more than {tolerance_m:g} m from the route")
+    remark = LeftOut(Label("points"), f"{flown}; no other is more than {tolerance_m:g} m from the route")
     return [one for one, stay in zip(points, stays, strict=True) if stay], [remark] * (not stays.all())
 
 
@@ -225,10 +226,12 @@ def placed_route(
         text = (
             "above the ground count from level ground at the origin's altitude; for the true ground give --terrain DEM"
         )
-        left_out.append(LeftOut("heights", text))
+        left_out.append(LeftOut(Label("heights"), text))
     if bare := sum(point.datum is Datum.NONE for point in points):
         every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
-        left_out.append(LeftOut("heights", f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)"))
+        left_out.append(
+            LeftOut(Label("heights"), f"{every}; flown {height_m or HEIGHT_M:g} m above the origin (--height)")
+        )
     placed, of_few = fewer(drawing, placed)
     placed, of_merged = merged_points(placed)
     left_out += [*of_few, *of_merged]
@@ -256,7 +259,7 @@ def _refuse_few(drawing: Drawing, count: int) -> None:
         return
     step = "draw a line through the area" if drawing.areas and not drawing.points else "draw at least two points"
     has = "no point" if not drawing.points else "only one place"
-    left_out = sentences(drawing.left_out, drawing.file_lines)
+    left_out = sentences(drawing.left_out, drawing.unit)
     why = f" ({'; '.join(left_out[:_SAID_MAX])}{'; ...' if len(left_out) > _SAID_MAX else ''})" if left_out else ""
     raise FileFormatError(f"{drawing.source}: is no route: it has {has} to fly to{why}.", hint=step)
 
@@ -270,11 +273,11 @@ def _with_home(drawing: Drawing) -> tuple[Drawing, list[LeftOut]]:
     away_m = float(np.linalg.norm(geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, first)))
     if away_m > _HOME_NEAR_M:
         text = f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point"
-        return replace(drawing, home=None), [LeftOut("the planned home", text)]
+        return replace(drawing, home=None), [LeftOut(Label("the planned home"), text)]
     only, *more = drawing.points
     if more:
         return drawing, []
-    above = replace(only, place=(home.lat_deg, home.lon_deg), label="the planned home", name="", hold_s=0.0)
+    above = replace(only, place=(home.lat_deg, home.lon_deg), label=Label("the planned home"), name="", hold_s=0.0)
     text = "the file has no other point; the route begins at its height above home"
     return replace(drawing, points=(above, only)), [LeftOut(only.label, text)]
 
@@ -343,7 +346,7 @@ def _origin(
         place, what, alt_m = at[:2], "as given", alt_m if at[2] is None else at[2]
     if alt_m is None and (under_m := ground.alt_amsl_m(place)) is not None:
         alt_m = round(under_m, 1)
-        left_out.append(LeftOut("the origin", f"its altitude is that of --terrain, {alt_m:g} m above the sea"))
+        left_out.append(LeftOut(Label("the origin"), f"its altitude is that of --terrain, {alt_m:g} m above the sea"))
     if alt_m is None:
         above_sea_m = [point.height_m for point in points if point.datum is Datum.SEA]
         alt_m = float(np.floor(min(above_sea_m) - below_m)) if above_sea_m else 0.0
@@ -351,7 +354,7 @@ def _origin(
             text = f"the ground is taken to be {below_m:g} m below the lowest point, {alt_m:g} m above the sea"
         else:
             text = "its altitude is not in the file: 0 m above the sea"
-        left_out.append(LeftOut("the origin", f"{text}; for the true one give --at LAT,LON,ALT"))
+        left_out.append(LeftOut(Label("the origin"), f"{text}; for the true one give --at LAT,LON,ALT"))
     if not (abs(place[0]) <= 85.0 and -500.0 <= alt_m <= 9000.0):
         where = f"latitude {place[0]:g}, {alt_m:g} m above the sea"
         raise FileFormatError(f"{drawing.source}: its origin is at {where}, where no scenario is.", hint="give --at")

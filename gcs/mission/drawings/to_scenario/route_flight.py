@@ -12,7 +12,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Drawing, DrawnPoint, LeftOut, sentences, tidy
+from gcs.mission.drawings.drawing import Drawing, DrawnPoint, tidy
+from gcs.mission.drawings.labels import Label, LeftOut, sentences
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, area_tables, commented, number_text, place_text
 from gcs.mission.drawings.to_scenario.drawn_ground import DEM_HINT
 from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
@@ -178,7 +179,7 @@ class RouteFlight:
         text = "drawn at {:g} m/s, too fast for this vehicle type; {:g} m/s here"
         drawn = [(point.drawn.label, point.drawn.speed_mps) for point in self.route.points[1:]]
         if self.route.returns or any(speed is None for _, speed in drawn):  # legs at the speed of the whole file
-            drawn.insert(0, ("the speed", self.drawing.speed_mps))
+            drawn.insert(0, (Label("the speed"), self.drawing.speed_mps))
         most = self._most_mps
         return [LeftOut(label, text.format(speed, most)) for label, speed in drawn if (speed or 0.0) > most]
 
@@ -238,7 +239,7 @@ class RouteFlight:
         return [float(low[0]), float(high[0])], [float(low[1]), float(high[1])]
 
     def _route_table(self, point: PlacedPoint, turn_rad: float) -> str:
-        drawn, lines = point.drawn, _place_table("[[route]]", point, point.drawn.label)
+        drawn, lines = point.drawn, _place_table("[[route]]", point, str(point.drawn.label))
         if drawn.name:
             head, rest = lines.split("\n", 1)
             lines = f"{head}\nname = {_text(drawn.name)}\n{rest}"
@@ -254,7 +255,7 @@ class RouteFlight:
 
     def _comments(self) -> str:
         """What is left out, as lines of comments; empty if nothing is."""
-        said = sentences(self.left_out, self.drawing.file_lines)
+        said = sentences(self.left_out, self.drawing.unit)
         more = [f"and {len(said) - _SAID_MAX} more"] * (len(said) > _SAID_MAX)
         lines = ["# Not carried over as it was drawn:", *(f"#   {line}" for line in [*said[:_SAID_MAX], *more])]
         return "\n".join(lines) if said else "#"
@@ -302,7 +303,7 @@ def route_text(folder: Path, flight: RouteFlight, vehicle: str | None = None) ->
 
 def _with_name(drawn: DrawnPoint) -> str:
     """The label of a point whose table has no key for its name."""
-    return f'{drawn.label}, "{drawn.name}"' if drawn.name and drawn.name not in drawn.label else drawn.label
+    return f'{drawn.label}, "{drawn.name}"' if drawn.name and drawn.name not in str(drawn.label) else str(drawn.label)
 
 
 def _place_table(head: str, point: PlacedPoint, comment: str) -> str:

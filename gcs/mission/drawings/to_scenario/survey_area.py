@@ -12,7 +12,8 @@ import shapely
 
 from gcs.errors import UsageError
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
-from gcs.mission.drawings.drawing import Drawing, DrawnArea, LeftOut, sentences
+from gcs.mission.drawings.drawing import Drawing, DrawnArea
+from gcs.mission.drawings.labels import Label, LeftOut, sentences
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTables, Spot, area_in_metres, area_tables
 
 _NAMED = 5  # polygons that a sentence names
@@ -47,12 +48,14 @@ class SurveyArea:
         if self.field in self.drawing.surveys:
             text_of_own = "its heights, camera and angle are not carried over; give --height, --swath and --angle"
             said.append(LeftOut(self.field.label, text_of_own))
-        if self.drawing.line:
+        if self.drawing.line is not None:
             said.append(LeftOut(self.drawing.line, text))
         else:
             said += [LeftOut(point.label, text) for point in self.drawing.points]
         if self.drawing.speed_mps is not None:
-            said.append(LeftOut("the speed", f"{self.drawing.speed_mps:g} m/s is not carried over; give it as --speed"))
+            said.append(
+                LeftOut(Label("the speed"), f"{self.drawing.speed_mps:g} m/s is not carried over; give it as --speed")
+            )
         if self.field.inside:
             said.append(LeftOut(self.field.label, "surveyed; vehicles turn outside of it, so it is no area to stay in"))
         return tuple(said)
@@ -69,7 +72,7 @@ def survey_area(
     others = tuple(area for area in drawing.areas if area is not drawn)
     if avoid_holes:
         holes = enumerate(drawn.holes, start=1)
-        others += tuple(DrawnArea(hole, f"hole {number} of {drawn.label}", False) for number, hole in holes)
+        others += tuple(DrawnArea(hole, drawn.label.part("hole", number), False) for number, hole in holes)
     origin, altitude_is = _origin(drawing, drawn, at)
     zones = [area_in_metres(drawing, area, origin) for area in others if area.inside is False]
     field = _in_metres(drawing, drawn, origin)
@@ -77,7 +80,7 @@ def survey_area(
     parts = [part for part in shapely.get_parts(left) if part.area > _SLIVER_M2]
     if len(parts) != 1:
         what = f"divide it into {len(parts)} parts" if parts else "leave nothing of it"
-        named = " and ".join(area.label for area, shape in zones if shape.intersects(field))
+        named = " and ".join(str(area.label) for area, shape in zones if shape.intersects(field))
         raise UsageError(
             f"{drawing.where(drawn.label)}: {drawn.label} cannot be surveyed as one: {named} {what}.",
             hint="draw each part in a file of its own" if parts else "draw the area outside of no-fly zones",
@@ -90,11 +93,11 @@ def _field(drawing: Drawing) -> DrawnArea:
     meant = [[*drawing.surveys]] + [[area for area in polygons if area.inside is kind] for kind in (None, True)]
     found = next((areas for areas in meant if areas), [])
     if not found or (drawing.lost_surveys and not drawing.surveys):  # not a fence in place of what was meant
-        said = "; ".join(sentences(drawing.left_out, drawing.file_lines)[:_NAMED])
+        said = "; ".join(sentences(drawing.left_out, drawing.unit)[:_NAMED])
         text = f"{drawing.source} has no polygon to survey{f' ({said})' if said else ''}."
         raise UsageError(text, hint="draw the area as a polygon")
     if len(found) > 1:
-        named = ", ".join(area.label for area in found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")
+        named = ", ".join(str(area.label) for area in found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")
         raise UsageError(f"{drawing.source} has {len(found)} polygons: {named}.", hint="keep one of them in the file")
     return found[0]
 

@@ -97,7 +97,7 @@ def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, order: int, *, 
 
 
 def _tiled(value: Taylor, count: int) -> Taylor:
-    """The same quantities (..., S) for so many vehicles: (..., count * S)."""
+    """The same quantities (..., S) for `count` vehicles: (..., count * S)."""
     shape = value.remainder.shape
     return Taylor(
         np.tile(value.c, (*[1] * len(shape), count)), np.tile(value.remainder, (*[1] * (len(shape) - 1), count))

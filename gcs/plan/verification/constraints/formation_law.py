@@ -107,7 +107,7 @@ class FormationLaw(InParts[Span]):
 
     @cached_property
     def constraints(self) -> tuple[NamedConstraint, ...]:
-        """One."""
+        """The places of the vehicles alone."""
         return (NamedConstraint(LENGTH_TOLERANCE_M, RESOLUTION_M, ConstraintId(Kind.PLACE), "m"),)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:

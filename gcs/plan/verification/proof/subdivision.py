@@ -163,7 +163,7 @@ class Looks:
     until_s: float = field(default_factory=search_ends_s)
 
     def last(self, count: int) -> bool:
-        """Whether so many more cells are the last ones."""
+        """Count further cells; whether the search ends with them, because its cells or its time are used up."""
         self.left -= count
         return self.left < 0 or time.monotonic() > self.until_s
 

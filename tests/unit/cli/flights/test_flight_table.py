@@ -20,7 +20,7 @@ from gcs.flight.contingency.options import FlightOptions
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import FlightPart, InFlight, NearestPair, Snapshot, Step, VehicleNow
-from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.build_loads import PreparedFlight, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
@@ -91,7 +91,7 @@ def heard_again(folder: Path, plan_time_s: float) -> tuple[FlightSequence, Still
         await link.open(lambda data, address: fleet._receive(0, data, address))
         sessions = await fleet.vehicles(plan.sysids, 15.0)
         loads, stream = missions_only(build_missions(plan)), build_stream(plan, 5.0)
-        sequence = FlightSequence(plan, sessions, FlightOptions(), loads=loads, stream=stream)
+        sequence = FlightSequence(plan, sessions, FlightOptions(), PreparedFlight(loads, stream))
         sequence.monitor.set_t0(recorded.t0_unix_s)
         for one in sequence.vehicles.values():
             sequence.listen(one)

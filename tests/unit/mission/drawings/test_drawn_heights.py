@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint
+from gcs.mission.drawings.labels import Label, sentences
 from gcs.mission.drawings.route_formats import drawing_in
 from gcs.mission.drawings.to_scenario.placed_route import placed_route
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
@@ -108,7 +109,7 @@ def climbing(gaps: set[int], datum: Datum = Datum.SEA, count: int = 9) -> Drawin
     """A straight route that climbs by a metre every 10 m, with some heights missing."""
     lat, lon, _ = ned_to_geodetic(np.array([[10.0 * n, 5.0 * n, 0.0] for n in range(count)]), AROUND)
     points = [
-        DrawnPoint(place, *((0.0, Datum.NONE) if n in gaps else (400.0 + n, datum)), f"point {n}")
+        DrawnPoint(place, *((0.0, Datum.NONE) if n in gaps else (400.0 + n, datum)), Label("point", n))
         for n, place in enumerate(zip(lat.tolist(), lon.tolist(), strict=True))
     ]
     return Drawing("x.gpx", tuple(points))
@@ -124,7 +125,7 @@ def test_a_point_without_a_height_is_flown_at_that_of_its_neighbours(gaps: set[i
     heights_m = [point.height_m for point in placed_route(whole, at, None).points]
     wanted = [heights_m[min(max(n, known[0]), known[-1])] for n in range(9)]
     assert [point.height_m for point in route.points] == pytest.approx(wanted, abs=0.02)
-    named = {one.label for one in route.left_out if "has no height; flown at that of" in one.text}
+    named = {str(one.label) for one in route.left_out if "has no height; flown at that of" in one.text}
     assert named == {f"point {n}" for n in gaps}
     asked = placed_route(bare, at, 30.0)  # who gives a height gets it
     assert all(asked.points[n].height_m == 30.0 for n in gaps)

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Datum, Drawing, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing
+from gcs.mission.drawings.labels import sentences
 from gcs.mission.drawings.route_formats import drawing_in
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
 
@@ -158,8 +159,8 @@ def test_every_element_of_a_map_is_found_again(suffix: str, kinds: list[str]) ->
     elements = [(kind, f"e{number}x") for number, kind in enumerate(kinds, start=1)]
     data = WRITERS[suffix](elements)
     drawing = drawing_in(data, f"x.{suffix}")
-    kept = [drawing.line, *(area.label for area in drawing.areas), *(point.name for point in drawing.points)]
-    kept += [point.label for point in drawing.points]
+    kept = [str(drawing.line), *(str(area.label) for area in drawing.areas), *(point.name for point in drawing.points)]
+    kept += [str(point.label) for point in drawing.points]
     found = " | ".join([*kept, said(drawing)])
     assert all(name in found for _, name in elements)
     pieces = [name for kind, name in elements if kind == "pieces"]
@@ -175,12 +176,16 @@ def test_every_element_of_a_map_is_found_again(suffix: str, kinds: list[str]) ->
     if suffix == "geojson":
         assert said(drawing).count("the numbers after its heights") == kinds.count("fourth")
     rows = data.decode().split("\n")
-    for sentence in sentences(drawing.left_out, drawing.file_lines):  # each speaks of the line of its element
+    for sentence in sentences(drawing.left_out, drawing.unit):  # each speaks of the line of its element
         own, on = NAME.search(sentence.split(": ")[0]), LINE.search(sentence.split(": ")[0])
         if own and not sentence.startswith(("data", "property", "element", "<")):
             assert on and own[0] in rows[int(on[1]) - 1]
-    for label in [drawing.line, *(area.label for area in drawing.areas), *(point.label for point in drawing.points)]:
-        if own := NAME.search(label):
+    for label in [
+        *([drawing.line] if drawing.line else []),
+        *(area.label for area in drawing.areas),
+        *(point.label for point in drawing.points),
+    ]:
+        if own := NAME.search(str(label)):
             assert own[0] in rows[int(drawing.where(label).rpartition(" ")[2]) - 1]
 
 
@@ -219,8 +224,8 @@ def test_every_item_fence_and_rally_point_of_a_plan_is_found_again(
         "rallyPoints": {"version": 2, "points": [[46.1, 9.2, 20]] * rally},
     }
     drawing = drawing_in(json.dumps(plan).encode(), "x.plan")
-    labels = {point.label for point in drawing.points} | {one.label for one in drawing.left_out}
-    labels |= {area.label for area in (*drawing.areas, *drawing.surveys)}
+    labels = {str(point.label) for point in drawing.points} | {str(one.label) for one in drawing.left_out}
+    labels |= {str(area.label) for area in (*drawing.areas, *drawing.surveys)}
     changed = {f"item {n} " for n, command in enumerate(commands, start=1) if command == 178}  # speeds of later points
     for n in range(1, len(commands) + 2):
         assert f"item {n} " in changed or any(label.startswith(f"item {n} ") for label in labels)
@@ -236,7 +241,7 @@ def test_every_row_of_a_table_is_found_again(commands: list[int]) -> None:
         cells = (n, 0, 3, command, 0, 3 * (command == 178), 0, 0, round(46.1 + n / 1000, 6), 9.2, 20, n % 2)
         rows.append("\t".join(map(str, cells)))
     drawing = drawing_in("\n".join(rows).encode(), "x.waypoints")
-    labels = [point.label for point in drawing.points] + [one.label for one in drawing.left_out]
+    labels = [str(point.label) for point in drawing.points] + [str(one.label) for one in drawing.left_out]
     for n, command in enumerate(commands, start=1):
         assert command == 178 or any(label.startswith(f"item {n} ") for label in labels)
 
@@ -252,7 +257,7 @@ def test_pieces_that_touch_are_one_line_also_in_another_direction_and_order() ->
     }
     drawing = drawing_in(json.dumps(stored).encode(), "x.geojson")
     assert [point.place for point in drawing.points] == [a, b, c, d]
-    assert [point.label for point in drawing.points][:2] == [
+    assert [str(point.label) for point in drawing.points][:2] == [
         "point 1 of line 1 of feature 1",
         "point 2 of line 1 of feature 1",
     ]
@@ -413,8 +418,8 @@ def test_the_place_in_a_file_of_one_line_is_its_column() -> None:
     text = f"{before}{','.join(texts[:2])}]}}"
     drawing = drawing_in(text.encode(), "x.geojson")
     column = text.index(texts[1]) + 1
-    assert sentences(drawing.left_out, drawing.file_lines)[0].startswith(f"feature 2, column {column}: has no place")
-    assert drawing.where("point 2 of feature 1") == f"x.geojson, column {len(before) + 1}"
+    assert sentences(drawing.left_out, drawing.unit)[0].startswith(f"feature 2, column {column}: has no place")
+    assert drawing.where(drawing.points[1].label) == f"x.geojson, column {len(before) + 1}"
     with pytest.raises(FileFormatError, match=rf"^x\.geojson, column {len(before) + 1}: feature 1 is not longitude"):
         drawing_in(f"{before}{texts[2]}]}}".encode(), "x.geojson")
 
@@ -473,7 +478,7 @@ def test_a_fence_polygon_without_corners_is_left_out_with_its_line() -> None:
     plan = {"fileType": "Plan", "version": 1, "mission": mission, "geoFence": {"version": 2, "polygons": polygons}}
     text = json.dumps(plan, indent=1)
     drawing = drawing_in(text.encode(), "x.plan")
-    assert [area.label for area in drawing.areas] == ["fence polygon 2"]
+    assert [str(area.label) for area in drawing.areas] == ["fence polygon 2"]
     line_number = next(n for n, row in enumerate(text.split("\n"), start=1) if '"polygons"' in row) + 1
     assert f"line {line_number}: geoFence.polygons.0: has no corner; skipped" in said(drawing)
     polygons[0]["polygon"] = drawn[:2]
@@ -500,4 +505,4 @@ def test_a_fence_polygon_without_corners_is_left_out_with_its_line() -> None:
 )
 def test_data_that_is_left_out_is_named_with_its_first_line(name: str, text: str, words: str) -> None:
     drawing = drawing_in(text.encode(), name)
-    assert any(words in sentence for sentence in sentences(drawing.left_out, drawing.file_lines))
+    assert any(words in sentence for sentence in sentences(drawing.left_out, drawing.unit))

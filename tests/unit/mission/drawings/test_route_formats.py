@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Datum, Drawing, LeftOut, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing
+from gcs.mission.drawings.labels import Label, LeftOut, sentences
 from gcs.mission.drawings.route_formats import ROUTE_FORMATS, RouteFormat, drawing_in, read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import route_flight
 
@@ -26,7 +27,7 @@ def kml(placemarks: str) -> Drawing:
 
 def test_a_plan_has_points_with_heights_holds_speeds_and_its_survey_as_stored() -> None:
     drawing = drawn("valley.plan")
-    assert [point.label.split()[1] for point in drawing.points] == ["2", "4", "6", "7", "7", "10"]
+    assert [point.label.number for point in drawing.points] == [2, 4, 6, 7, 7, 10]
     assert [point.height_m for point in drawing.points] == [20.0, 25.0, 520.0, 30.0, 30.0, 30.0]
     assert [point.datum for point in drawing.points] == [Datum.HOME] * 2 + [Datum.SEA] + [Datum.HOME] * 2 + [
         Datum.GROUND
@@ -45,7 +46,7 @@ def test_a_plan_has_points_with_heights_holds_speeds_and_its_survey_as_stored() 
 
 
 def test_what_a_plan_loses_is_said_with_number_and_name() -> None:
-    labels = [one.label for one in drawn("valley.plan").left_out]
+    labels = [str(one.label) for one in drawn("valley.plan").left_out]
     assert labels == [
         "item 1 (NAV_TAKEOFF)",
         "item 5 (DO_SET_ROI)",
@@ -72,7 +73,7 @@ def test_a_map_has_a_line_areas_with_holes_and_names_of_the_points_on_it() -> No
     assert {point.datum for point in drawing.points} == {Datum.SEA}
     assert [point.name for point in drawing.points] == ["", "", "Boathouse", "", ""]
     assert [(len(area.corners), len(area.holes), area.inside) for area in drawing.areas] == [(4, 1, None), (3, 0, None)]
-    assert [one.label for one in drawing.left_out] == ['Placemark 3 ("Far away")']
+    assert [str(one.label) for one in drawing.left_out] == ['Placemark 3 ("Far away")']
 
 
 def test_a_kmz_is_the_kml_in_it() -> None:
@@ -88,7 +89,7 @@ def test_a_route_comes_before_tracks_and_waypoints_name_its_points() -> None:
     assert [point.name for point in drawing.points] == ["Gate", "Bench", "Tree"]
     assert [point.datum for point in drawing.points] == [Datum.SEA, Datum.SEA, Datum.NONE]
     assert not drawing.recorded
-    assert [one.label for one in drawing.left_out] == ['track 1 ("Morning")']
+    assert [str(one.label) for one in drawing.left_out] == ['track 1 ("Morning")']
 
 
 def test_waypoints_alone_are_a_route_in_their_order() -> None:
@@ -100,7 +101,7 @@ def test_a_geojson_has_lines_areas_and_features_without_a_place() -> None:
     drawing = drawn("fields.geojson")
     assert [point.height_m for point in drawing.points] == [520.0, 520.0, 525.0]
     assert [len(area.holes) for area in drawing.areas] == [1]
-    assert [one.label for one in drawing.left_out] == ["feature 3", "heights"]
+    assert [str(one.label) for one in drawing.left_out] == ["feature 3", "heights"]
 
 
 def test_a_sequence_of_points_is_a_route() -> None:
@@ -129,7 +130,9 @@ def test_a_track_of_a_receiver_is_a_recorded_line() -> None:
 
 
 def test_equal_sentences_are_one_with_all_numbers() -> None:
-    said = [LeftOut(f"item {n} (DO_SET_ROI)", "lost") for n in (2, 4, 5, 6, 6, 9)] + [LeftOut("the origin", "is new")]
+    said = [LeftOut(Label("item", n, "(DO_SET_ROI)"), "lost") for n in (2, 4, 5, 6, 6, 9)] + [
+        LeftOut(Label("the origin"), "is new")
+    ]
     assert sentences(said) == ["items 2, 4 to 6 and 9 (DO_SET_ROI): lost", "the origin: is new"]
 
 
@@ -181,7 +184,7 @@ def test_patterns_that_a_plan_does_not_store_are_said() -> None:
     pattern = '{"type":"ComplexItem","complexItemType":"%s","version":3}'
     points = f"{ITEM % (3, '47,8,20')},{ITEM % (3, '47.001,8,20')}"
     drawing = drawing_in((PLAN % f"{points},{pattern % 'StructureScan'},{pattern % 'fwLandingPattern'}").encode(), "x")
-    assert [point.label for point in drawing.points] == ["item 1 (NAV_WAYPOINT)", "item 2 (NAV_WAYPOINT)"]
+    assert [str(point.label) for point in drawing.points] == ["item 1 (NAV_WAYPOINT)", "item 2 (NAV_WAYPOINT)"]
     assert [str(one) for one in drawing.left_out] == [
         "item 3 (structure): the file does not store its points; replace it by waypoints",
         "item 4 (fwLandingPattern): landing patterns are not carried over; the formation lands below its last point",

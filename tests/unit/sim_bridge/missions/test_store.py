@@ -64,6 +64,7 @@ class StoreBench:
     texts: list[tuple[int, str]] = field(default_factory=list)
     changes: list[tuple[int, tuple[MissionItem, ...]]] = field(default_factory=list)
     now_s: float = 0.0
+    current_seq: int = 0
 
     def __post_init__(self) -> None:
         self.store = MissionStore(
@@ -72,6 +73,7 @@ class StoreBench:
             HOME,
             lambda kind, items: self.changes.append((kind, items)),
             lambda severity, text: self.texts.append((int(severity), text)),
+            lambda: self.current_seq,
         )
 
     def hear(self, name: str, source: Station = GROUND, **fields) -> list[Message]:
@@ -171,7 +173,7 @@ def test_px4_keeps_items_as_they_come_and_marks_the_first():
 def test_the_current_item_reads_back_as_such():
     bench = StoreBench(ARDUPILOT)
     bench.put(SHORT)
-    bench.store.current_seq = 2
+    bench.current_seq = 2
     assert [bench.hear("MISSION_REQUEST_INT", seq=seq)[0].fields["current"] for seq in range(4)] == [0, 0, 1, 0]
 
 

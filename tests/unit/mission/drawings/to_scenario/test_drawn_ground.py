@@ -14,7 +14,8 @@ from gcs.cli.planning.plan_tables import say_lines
 from gcs.cli.shared.console import Screen
 from gcs.errors import UsageError
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.mission.drawings.drawing import Drawing, sentences
+from gcs.mission.drawings.drawing import Drawing
+from gcs.mission.drawings.labels import sentences
 from gcs.mission.drawings.route_formats import drawing_in
 from gcs.mission.drawings.to_scenario.route_flight import RouteFlight, route_flight, route_text
 from gcs.plan.trajectory.leg_lines import leg_lines

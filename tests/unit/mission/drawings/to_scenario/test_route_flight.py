@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, LeftOut, sentences
+from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint
+from gcs.mission.drawings.labels import Label, LeftOut, sentences
 from gcs.mission.drawings.route_formats import drawing_in, read_drawing
 from gcs.mission.drawings.to_scenario.route_flight import (
     RouteFlight,
@@ -50,7 +51,7 @@ def place(north_m: float, east_m: float) -> tuple[float, float]:
 
 
 def point(north_m: float, east_m: float, height_m: float = 20.0, datum: Datum = Datum.HOME, **more: Any) -> DrawnPoint:
-    return DrawnPoint(place(north_m, east_m), height_m, datum, f"item {north_m:g}", **more)
+    return DrawnPoint(place(north_m, east_m), height_m, datum, Label("item", round(north_m)), **more)
 
 
 def drawing(*points: DrawnPoint, **more: Any) -> Drawing:
@@ -85,8 +86,8 @@ def test_every_drawing_becomes_a_scenario_whose_lines_a_person_can_read(name: st
     assert scenario.title == f"drawn: three quadrotors in a line along {name}"
     assert len(scenario.route) == len(flight.route.points) - (1 if flight.route.returns else 2)
     text = text_of(flight)
-    assert all(f"#   {sentence}\n" in text for sentence in sentences(flight.left_out, flight.drawing.file_lines))
-    assert all(point.drawn.label in text for point in flight.route.points)
+    assert all(f"#   {sentence}\n" in text for sentence in sentences(flight.left_out, flight.drawing.unit))
+    assert all(str(point.drawn.label) in text for point in flight.route.points)
 
 
 def test_points_are_where_they_were_drawn_at_their_own_heights(loaded: Any) -> None:
@@ -148,12 +149,12 @@ def test_fences_are_areas_to_stay_in_and_no_fly_zones(loaded: Any) -> None:
         point(0, 0),
         point(200, 0),
         areas=(
-            DrawnArea(square(800, -300, -300), "fence polygon 1", True, (square(30, 100, 100),)),
-            DrawnArea(square(40, 200, 200), "fence polygon 2", False),
-            DrawnArea(square(40, 60, 60), "Placemark 3"),
-            DrawnArea(square(900, -350, -350), "Placemark 4"),
-            DrawnArea((place(100, -100),), "fence circle 1", False, radius_m=25.0),
-            DrawnArea((place(0, 0),), "fence circle 2", True, radius_m=500.0),
+            DrawnArea(square(800, -300, -300), Label("fence polygon", 1), True, (square(30, 100, 100),)),
+            DrawnArea(square(40, 200, 200), Label("fence polygon", 2), False),
+            DrawnArea(square(40, 60, 60), Label("Placemark", 3)),
+            DrawnArea(square(900, -350, -350), Label("Placemark", 4)),
+            DrawnArea((place(100, -100),), Label("fence circle", 1), False, radius_m=25.0),
+            DrawnArea((place(0, 0),), Label("fence circle", 2), True, radius_m=500.0),
         ),
     )
     flight = route_flight(drawn)
@@ -165,29 +166,32 @@ def test_fences_are_areas_to_stay_in_and_no_fly_zones(loaded: Any) -> None:
     assert (disk.north_m, disk.east_m, disk.radius_m) == pytest.approx((100.0, -100.0, 25.0), abs=0.02)
     assert np.array(other.polygon_m).min(axis=0) == pytest.approx([200.0, 200.0], abs=0.05)
     assert np.array(hole.polygon_m).min(axis=0) == pytest.approx([100.0, 100.0], abs=0.05)
-    assert [one.label for one in flight.left_out] == ["Placemark 3"]
+    assert [str(one.label) for one in flight.left_out] == ["Placemark 3"]
 
 
 def test_a_hole_is_kept_though_another_polygon_of_the_same_name_is_left_out(loaded: Any) -> None:
     """The polygons of one Placemark have one name."""
     areas = (
-        DrawnArea(square(900, -350, -350), "Placemark 1", holes=(square(30, 200, 200),)),
-        DrawnArea(square(40, 60, 60), "Placemark 1", holes=(square(5, 70, 70),)),
+        DrawnArea(square(900, -350, -350), Label("Placemark", 1), holes=(square(30, 200, 200),)),
+        DrawnArea(square(40, 60, 60), Label("Placemark", 1), holes=(square(5, 70, 70),)),
     )
     flight = route_flight(drawing(point(0, 0), point(100, 0), areas=areas))
     (hole,) = loaded(flight).no_fly
     assert np.array(hole.polygon_m).min(axis=0) == pytest.approx([200.0, 200.0], abs=0.05)
-    assert [one.label for one in flight.left_out] == ["Placemark 1"]
+    assert [str(one.label) for one in flight.left_out] == ["Placemark 1"]
 
 
 def test_fences_that_only_together_contain_the_route_are_joined(loaded: Any) -> None:
-    two = (DrawnArea(square(300, -100, -100), "polygon 1", True), DrawnArea(square(300, 100, -100), "polygon 2", True))
+    two = (
+        DrawnArea(square(300, -100, -100), Label("polygon", 1), True),
+        DrawnArea(square(300, 100, -100), Label("polygon", 2), True),
+    )
     flight = route_flight(drawing(point(0, 0), point(350, 0), areas=two), count=2)
     (area,) = loaded(flight).keep_in
     assert area.area.area == pytest.approx(500.0 * 300.0, rel=1e-3)
     with pytest.raises(FileFormatError, match=r"item 500 is 100\.0 m outside polygon 1 and the other areas"):
         route_flight(drawing(point(0, 0), point(500, 0), areas=two))
-    apart = (two[0], DrawnArea(square(100, 300, -50), "polygon 3", True))
+    apart = (two[0], DrawnArea(square(100, 300, -50), Label("polygon", 3), True))
     with pytest.raises(FileFormatError, match="polygon 1 and polygon 3, which are apart"):
         route_flight(drawing(point(0, 0), point(350, 0), areas=apart))
 
@@ -205,11 +209,15 @@ def test_fences_that_only_together_contain_the_route_are_joined(loaded: Any) -> 
         (drawing(point(0, 0), point(40_000, 0)), "km long and takes 12,005 s; the longest flight is 7200 s"),
         (drawing(point(0, 0), point(150_000, 0)), r"item 150000 is 150 km from the origin \(planned home\); the limit"),
         (
-            drawing(point(0, 0), point(90, 0), areas=(DrawnArea((place(90, 5),), "circle 1", False, radius_m=20.0),)),
+            drawing(
+                point(0, 0), point(90, 0), areas=(DrawnArea((place(90, 5),), Label("circle", 1), False, radius_m=20.0),)
+            ),
             "item 90 lies in circle 1, a no-fly zone",
         ),
         (
-            drawing(point(0, 0), point(90, 0), areas=(DrawnArea(square(50, 50, 50)[::2] * 2, "polygon 1", False),)),
+            drawing(
+                point(0, 0), point(90, 0), areas=(DrawnArea(square(50, 50, 50)[::2] * 2, Label("polygon", 1), False),)
+            ),
             "polygon 1 crosses itself",
         ),
         (drawing(*(point(n, 10 * (n % 2)) for n in range(110))), "has 110 points, and a route has at most 102"),
@@ -222,9 +230,9 @@ def test_what_makes_no_flight_is_refused_with_the_reason(drawn: Drawing, reason:
 
 def test_a_fence_too_narrow_for_the_formation_is_refused_in_the_words_of_the_drawing() -> None:
     areas = (
-        DrawnArea(square(900, -400, -400), "fence polygon 1", True),
-        DrawnArea(square(100), "fence polygon 2", True),
-        DrawnArea((place(-10, 20),), "fence circle 1", False, radius_m=12.0),
+        DrawnArea(square(900, -400, -400), Label("fence polygon", 1), True),
+        DrawnArea(square(100), Label("fence polygon", 2), True),
+        DrawnArea((place(-10, 20),), Label("fence circle", 1), False, radius_m=12.0),
     )
     with pytest.raises(UsageError) as refused:
         route_text(Path("drawn"), route_flight(drawing(point(5, 5), point(90, 5), areas=areas)))
@@ -236,7 +244,7 @@ def test_a_fence_too_narrow_for_the_formation_is_refused_in_the_words_of_the_dra
 
 
 def test_reasons_name_points_and_areas_of_the_drawing() -> None:
-    areas = (DrawnArea(square(900, -400, -400), "fence polygon 1", True),)
+    areas = (DrawnArea(square(900, -400, -400), Label("fence polygon", 1), True),)
     flight = route_flight(drawing(point(0, 0), point(100, 0), point(100, 100), areas=areas))
     told = [
         Mistake(("keep_in", 0, "polygon_deg"), "a", [[47.1, 8.5]]),
@@ -248,7 +256,7 @@ def test_reasons_name_points_and_areas_of_the_drawing() -> None:
 
 
 def test_what_was_left_out_is_said_where_no_route_is_left() -> None:
-    drawn = drawing(left_out=(LeftOut('Placemark 1 ("empty")', "has no point; not carried over"),))
+    drawn = drawing(left_out=(LeftOut(Label.named("Placemark", 1, "empty", 3), "has no point; not carried over"),))
     with pytest.raises(FileFormatError, match=r'it has no point to fly to \(Placemark 1 \("empty"\): has no point'):
         route_flight(drawn)
 
@@ -314,7 +322,7 @@ def test_one_place_is_flown_to_from_home() -> None:
 def test_a_home_far_away_is_not_the_origin() -> None:
     flight = route_flight(drawing(point(0, 0), point(90, 0), home=Home(-35.36, 149.16, 584.0)))
     assert flight.route.origin.lat_deg == pytest.approx(47.4)
-    assert flight.left_out[0].label == "the planned home"
+    assert str(flight.left_out[0].label) == "the planned home"
 
 
 def test_names_cannot_write_into_the_scenario(loaded: Any) -> None:

@@ -6,12 +6,12 @@ import numpy as np
 
 from gcs.mission.formats.tables.history_csv import COLUMNS, build_histories
 from gcs.physics.quadrotor import derivative
-from gcs.physics.states import CONTROL_NAMES, STATE_NAMES
+from gcs.physics.states import NU, NX
 from gcs.plan.trajectory.plan import Plan
 
 
 def test_columns_are_the_states_and_controls_of_eq_1() -> None:
-    assert len(COLUMNS) == 1 + len(STATE_NAMES) + len(CONTROL_NAMES)
+    assert len(COLUMNS) == 1 + NX + NU
 
 
 def test_the_history_solves_eq_1(simulation1_plan: Plan) -> None:
