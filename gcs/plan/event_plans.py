@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.errors import PlanningError, UsageError
+from gcs.errors import OutOfTime, PlanningError, UsageError
 from gcs.plan.plan_changer import FlyHome, PlanChanger, PlanOrder, Proposal, Reshape, Scale
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
@@ -27,6 +27,7 @@ class EventPlan:
     at_s: float  # plan time
     proposal: Proposal | None
     why_not: str = ""
+    in_time: bool = True  # False: the time limit passed before it was known whether there is a plan
 
 
 def planned_order(row: EventTable) -> PlanOrder | None:
@@ -58,9 +59,11 @@ def plan_events(
         if order is None:
             continue
         for at_s in instants if row.at_s is None else [row.at_s]:
-            report(f"events: row {number + 1}, {order} at t = {at_s:.0f} s")
             try:
+                report(f"planning the answer to row {number + 1}, {order}, at t = {at_s:.0f} s")
                 one = EventPlan(number, order, at_s, changer.change(order, at_s))
+            except OutOfTime as over:
+                one = EventPlan(number, order, at_s, None, over.reason.rstrip("."), in_time=False)
             except (PlanningError, UsageError) as failure:
                 one = EventPlan(number, order, at_s, None, failure.reason.rstrip("."))
             found.append(one)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from gcs.errors import Infeasible, PlanningError, UsageError
+from gcs.errors import Infeasible, OutOfTime, PlanningError, UsageError
 from gcs.physics.states import POSITION
 from gcs.plan.formation.coordinates import CoordinateName
 from gcs.plan.formation.shape import Shape
@@ -91,9 +91,11 @@ def plan_return(
     began = time.perf_counter()
     failures: list[PlanningError] = []
     for number, attempt in enumerate(_attempts(plan, float(t_s), near)):
-        report(lambda number=number: f"return from t = {t_s:g} s, attempt {number + 1}")  # type: ignore[misc]
+        report(lambda number=number: f"planning the return from t = {t_s:g} s, attempt {number + 1}")  # type: ignore[misc]
         try:
             made = _flown(plan, attempt, on_round, began)
+        except OutOfTime as over:
+            raise _in_words(t_s, over) from over
         except PlanningError as failure:
             failures.append(failure)
             continue

@@ -76,8 +76,8 @@ def prepare_returns(
 ) -> PreparedReturns:
     """Plan and verify a return of the formation for every `every_s` seconds of a plan, from take-off to landing.
 
-    An instant from which there is none has the reason instead. `on_return` is called after each. Raises UsageError for
-    a distance that is not above 0.
+    An instant from which there is none has the reason instead, also where a time limit has passed. `on_return` is
+    called after each. Raises UsageError for a distance that is not above 0.
     """
     if not every_s > 0.0:
         raise UsageError(f"every {every_s:g} s is no distance of returns", hint="give seconds above 0, for example 10")
@@ -85,9 +85,9 @@ def prepare_returns(
     near: Plan | None = None
     instants = np.arange(plan.airborne_s, plan.landing_s - _LATEST, every_s).tolist()
     for number, t_s in enumerate(instants):
-        report(f"returns: {number} of {len(instants)} instants done")
         began_s = time.process_time()
         try:
+            report(f"planning returns: {number} of {len(instants)} instants done")
             made = plan_return(plan, t_s, near)
             verify(made)
             one = PreparedReturn(t_s, made, cpu_s=time.process_time() - began_s)

@@ -173,7 +173,7 @@ def export(
             plan, report = plan_for(mission, screen, watch, accepts, limit_s=limit)
             with shown(screen.say):
                 ready = prepared(plan, options, report)
-            _say_separations(screen, ready.separations)
+            _say_facts(screen, ready.index, plan)
             with shown(screen.say):
                 index = ready.write(to)
     except OutOfTime as over:
@@ -182,22 +182,6 @@ def export(
     watch.lap("export")
     for line in listed_files(list(index.sha256)):
         screen.say(f"  {to}/{line}")
-    if index.report is not None:
-        screen.say(
-            f"{index.waypoints} waypoints per vehicle; the polyline is at most {index.deviation.path_m:.3f} m from the "
-            f"plan, and at most {index.deviation.time_m:.3f} m at equal time"
-        )
-    if index.smoothing is not None:
-        screen.say(
-            f"smoothed setpoints keep the plan's limits within 1 %: at most {index.smoothing.deviation_m:.3f} m and "
-            f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
-            f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
-        )
-    if index.volumes is not None:
-        screen.say(str(index.volumes))
-    _say_verified(screen, index)
-    _say_timing(screen, index)
-    _say_returns(screen, index, plan)
     screen.say(f"time: {watch}")
     screen.result(
         {
@@ -233,6 +217,27 @@ def listed_files(names: list[str]) -> list[str]:
         ends = sorted(files, key=lambda file: [int(number) for number in re.findall(r"\d+", file)])
         lines.append(f"{ends[0]} to {ends[-1]}, {len(files)} files")
     return lines
+
+
+def _say_facts(screen: Screen, index: ExportIndex, plan: Plan) -> None:
+    """What holds for the files, before any is written."""
+    _say_separations(screen, index.separations)
+    if index.report is not None:
+        screen.say(
+            f"{index.waypoints} waypoints per vehicle; the polyline is at most {index.deviation.path_m:.3f} m from the "
+            f"plan, and at most {index.deviation.time_m:.3f} m at equal time"
+        )
+    if index.smoothing is not None:
+        screen.say(
+            f"smoothed setpoints keep the plan's limits within 1 %: at most {index.smoothing.deviation_m:.3f} m and "
+            f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
+            f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
+        )
+    if index.volumes is not None:
+        screen.say(str(index.volumes))
+    _say_verified(screen, index)
+    _say_timing(screen, index)
+    _say_returns(screen, index, plan)
 
 
 def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:

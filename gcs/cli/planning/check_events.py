@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.cli.shared.shared_options import DebugOption, JsonOption, PlanArgument, option
+from gcs.cli.shared.shared_options import LIMIT_S, DebugOption, JsonOption, LimitOption, PlanArgument, option
 
 if TYPE_CHECKING:
     from gcs.scenario.schema.scenario import Scenario
     from gcs.types import JsonObject
 
 _EVERY_S = 10.0
+FEWER = "give more time (--limit), or look at fewer instants (--every)"
 
 
 def check_events(
@@ -19,6 +20,7 @@ def check_events(
     every: Annotated[
         float, option("Time between two instants of the plan.", metavar="SECONDS", limits=(1.0, 7200.0, "s"))
     ] = _EVERY_S,
+    limit: LimitOption = LIMIT_S,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -26,7 +28,7 @@ def check_events(
 
     For each event whose order is home, scale or shape: what would be flown if it happened then. Hold,
     land and return need no plan. Exit status 4 when an order has no plan from an instant, and no other order
-    beside it (`otherwise`).
+    beside it (`otherwise`), or when not all were planned in the time given (--limit).
 
     Example: gcs check-events plans/simulation1.skein --every 5
     """
@@ -34,17 +36,17 @@ def check_events(
     from rich.table import Table
 
     from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
-    from gcs.errors import PlanningError, UsageError
+    from gcs.errors import OutOfTime, PlanningError, UsageError
     from gcs.plan.event_plans import plan_events
-    from gcs.util.long_work import shown
+    from gcs.util.long_work import shown, within
 
     def refuse(scenario: Scenario) -> None:
         if not scenario.on:
             raise UsageError(f"{plan}: its scenario has no events", hint="write [[on]] into it, and plan it again")
 
     watch = Stopwatch(BEGAN_S)
-    loaded, _ = plan_for(plan, screen, watch, Accepts(refuse=refuse))
-    with shown(screen.say):
+    loaded, _ = plan_for(plan, screen, watch, Accepts(refuse=refuse), limit_s=limit)
+    with shown(screen.say), within(limit - watch.total_s):
         found = plan_events(loaded, every)
     watch.lap("events")
     events = loaded.scenario.on
@@ -65,7 +67,12 @@ def check_events(
     bare = [one for one in without if events[one.row].otherwise is None]
     screen.say(f"events: {len(found) - len(without)} of {len(found)} answers verified, {len(events)} rows")
     screen.say(f"time: {watch}")
-    screen.result({"ok": not bare, "plan": plan, "hash": loaded.hash, "answers": rows, "time_s": watch.laps_s})
+    late = [one for one in found if not one.in_time]
+    ok = not bare and not late
+    screen.result({"ok": ok, "plan": plan, "hash": loaded.hash, "answers": rows, "time_s": watch.laps_s})
+    if late:
+        text = f"{len(late)} of {len(found)} answers were not planned in time: {late[0].why_not}"
+        return screen.ended(OutOfTime(text, hint=FEWER))
     if bare:
         first = bare[0]
         return screen.ended(

@@ -261,6 +261,8 @@ def new(
     if spacing is not None and positions is None and len(scenario.formation.sysids) > 1:
         limit = f"separation_min_m is {scenario.limits.separation_min_m:g} m, less, for room to change the shape"
         screen.say(f"vehicles stand {spacing:g} m apart; {limit}")
+    if scenario.sensors.grade == "rtk":
+        screen.say('vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"')
     screen.say(f"wrote {file}")
     if alt_amsl_m is None and route is None and survey is None:
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")

@@ -103,8 +103,6 @@ def flight_of_sheets(
             screen.say(f"heights in the figures count from the flight's {flight.lift_m:g} m: some are on the ground")
     elif shapes:
         screen.say("shapes are taken along the way, without their places; --distance 0 puts them where the sheets do")
-    if flight.is_close:
-        screen.say('vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"')
     if at is not None or read.origin is None:
         return flight, None
     screen.say(f"the origin is the place of vehicle {read.positions.sysids[0]}")

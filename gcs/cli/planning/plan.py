@@ -32,7 +32,11 @@ def plan(
     ] = False,
     limit: Annotated[
         float,
-        option("Longest time of planning, all routes together.", metavar="SECONDS", limits=(1.0, 86_400.0, "s")),
+        option(
+            "Longest time of planning, all routes and returns together.",
+            metavar="SECONDS",
+            limits=(1.0, 86_400.0, "s"),
+        ),
     ] = 1800.0,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -81,7 +85,7 @@ def plan(
     if returns and report.ok:
         from gcs.cli.planning.prepare_returns import prepared_in
 
-        prepared = prepared_in(screen, made, report, path)
+        prepared = prepared_in(screen, made, report, path, limit_s=limit - watch.total_s)
         watch.lap("returns")
     screen.say(f"time: {watch}")
     screen.say(f"plan: {path}")

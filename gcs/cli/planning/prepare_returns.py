@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.cli.shared.shared_options import DebugOption, JsonOption, PlanArgument, option
+from gcs.cli.shared.shared_options import LIMIT_S, DebugOption, JsonOption, LimitOption, PlanArgument, option
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -22,6 +22,7 @@ def returns(
         float,
         option("Time between two returns: the longest wait for one.", metavar="SECONDS", limits=(1.0, 7200.0, "s")),
     ] = _EVERY_S,
+    limit: LimitOption = LIMIT_S,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -29,7 +30,8 @@ def returns(
 
     Each begins with the plan's state at its instant, flies home over the terrain and round zones, and lands on the
     pads; what the plan took from the batteries counts. The plan itself stays as it is. An instant from which there is
-    no return has the reason in the table. Exit status 5 when the plan failed verification.
+    no return has the reason in the table, also where the time given (--limit) was over. Exit status 5 when the plan
+    failed verification.
 
     Example: gcs returns plans/simulation1.skein --every 20
     """
@@ -37,15 +39,15 @@ def returns(
     from gcs.cli.shared.plan_argument import Stopwatch
     from gcs.plan.plan_file import load_plan
     from gcs.plan.verification.verify import refusal
-    from gcs.util.long_work import shown
+    from gcs.util.long_work import shown, within
 
     watch = Stopwatch(BEGAN_S)
-    with shown(screen.say):
+    with shown(screen.say), within(limit):
         loaded, report = load_plan(plan, screen.warn)
     watch.lap("load and verify")
     if not report.ok:
         raise refusal(report)
-    found = prepared_in(screen, loaded, report, plan, every)
+    found = prepared_in(screen, loaded, report, plan, limit_s=limit - watch.total_s, every_s=every)
     watch.lap("returns")
     screen.say(f"time: {watch}")
     screen.say(f"plan: {plan}")
@@ -53,17 +55,23 @@ def returns(
     return screen.ended(None)
 
 
-def prepared_in(screen: Screen, plan: Plan, report: Report, path: Path, every_s: float = _EVERY_S) -> JsonObject:
-    """Prepare the returns of a plan, keep them in its file, print their table, and return what `--json` has of them."""
+def prepared_in(
+    screen: Screen, plan: Plan, report: Report, path: Path, *, limit_s: float, every_s: float = _EVERY_S
+) -> JsonObject:
+    """Prepare the returns of a plan, keep them in its file, print their table, and return what `--json` has of them.
+
+    Those that are not planned in `limit_s` are left out, with a warning.
+    """
     from rich.table import Table
 
     from gcs.plan.plan_file import save_plan
     from gcs.plan.prepared_returns import prepare_returns
     from gcs.plan.verification.verify import verify
-    from gcs.util.long_work import shown
+    from gcs.util.long_work import left_s, shown, within
 
-    with shown(screen.say):
+    with shown(screen.say), within(limit_s):
         prepared = prepare_returns(plan, every_s)
+        is_over = left_s() < 0.0
     save_plan(plan, report, path, prepared)
     rows: list[JsonObject] = []
     table = Table("begins", "duration", "battery", "separation", "clearance", title="returns of the whole formation")
@@ -88,4 +96,6 @@ def prepared_in(screen: Screen, plan: Plan, report: Report, path: Path, every_s:
     good = sum(one.plan is not None for one in prepared.returns)
     cpu_s = sum(one.cpu_s for one in prepared.returns)
     screen.say(f"returns: {good} of {len(prepared.returns)} verified, {cpu_s:.0f} s of CPU time")
+    if is_over:
+        screen.warn("the time limit passed before all returns were planned. Give more (--limit), or fewer (--every).")
     return {"returns": rows}

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.shared.console import BEGAN_S, Screen
-from gcs.cli.shared.shared_options import DebugOption, JsonOption, PlanArgument, as_number, option, plan_file
+from gcs.cli.shared.shared_options import (
+    LIMIT_S,
+    DebugOption,
+    JsonOption,
+    LimitOption,
+    PlanArgument,
+    as_number,
+    option,
+    plan_file,
+)
+from gcs.errors import OutOfTime
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -36,6 +46,7 @@ def replan(
     ] = None,
     to: Annotated[Path | None, plan_file("PLAN-at-T.skein")] = None,
     picture: Annotated[Path | None, option("Draw a map of the new plan.", "--picture", "-p", metavar="FILE")] = None,
+    limit: LimitOption = LIMIT_S,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -54,21 +65,24 @@ def replan(
     from gcs.plan.plan_file import SUFFIX, load_plan, save_plan
     from gcs.plan.replanning.replanner import Replanner
     from gcs.plan.verification.verify import refusal, verify
-    from gcs.util.long_work import shown
+    from gcs.util.long_work import shown, within
 
     watch = Stopwatch(BEGAN_S)
-    with shown(screen.say):
-        old, old_report = load_plan(plan, screen.warn)
-        if not old_report.ok:
-            screen.warn(f"{plan}: the old plan fails verification: {old_report.failures[0]}")
-        leader, disks = _state(state, old, at), tuple(_disk(text) for text in disk or ())
-        watch.lap("load")
-        replanner = Replanner(old, spare_disks=len(disks))
-        watch.lap("build")
-        made = replanner.replan(leader, at, disks, on_round=lambda done: screen.say(solve_line(done)))
-        watch.lap("re-plan")
-        report = verify(made)
-        watch.lap("verify")
+    try:
+        with shown(screen.say), within(limit):
+            old, old_report = load_plan(plan, screen.warn)
+            if not old_report.ok:
+                screen.warn(f"{plan}: the old plan fails verification: {old_report.failures[0]}")
+            leader, disks = _state(state, old, at), tuple(_disk(text) for text in disk or ())
+            watch.lap("load")
+            replanner = Replanner(old, spare_disks=len(disks))
+            watch.lap("build")
+            made = replanner.replan(leader, at, disks, on_round=lambda done: screen.say(solve_line(done)))
+            watch.lap("re-plan")
+            report = verify(made)
+            watch.lap("verify")
+    except OutOfTime as over:
+        raise OutOfTime(f"nothing is written: {over.reason}", hint="give more time (--limit)") from None
     path = plan_path(to, plan.with_name(f"{plan.stem}-at-{at:g}{SUFFIX}"))
     save_plan(made, report, path)
     if picture is not None:

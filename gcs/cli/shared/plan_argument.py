@@ -17,7 +17,7 @@ from gcs.scenario.environment.no_fly import zone_sentences
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.sources.load import load_scenario
 from gcs.scenario.validation.unit_guesses import doubts
-from gcs.util.long_work import shown
+from gcs.util.long_work import shown, within
 
 _SPIN_S = 0.5
 
@@ -72,7 +72,7 @@ def plan_for(
     """
     if is_plan_file(mission):
         accepts.refuse(read_plan(mission)[0].scenario)
-        with shown(screen.say):
+        with shown(screen.say), within(limit_s):
             plan, report = load_plan(mission, screen.warn)
         if plan.begin_state is not None and not accepts.from_the_air:
             raise UsageError(
@@ -93,7 +93,8 @@ def plan_for(
         with _progress(screen) as on_round:
             plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1, limit_s=limit_s)
             watch.lap("optimise")
-            report = verify(plan)
+            with within(limit_s):  # a plan that was found just in time is verified, too
+                report = verify(plan)
         watch.lap("verify")
     if not report.ok and not accepts.unverified:
         raise refusal(report)

@@ -154,6 +154,16 @@ FlightArgument = Annotated[Path, argument("Folder of the flight.", "FOLDER", fli
 JsonOption = Annotated[bool, option("Print one JSON object on stdout; stderr then has warnings only.", "--json")]
 # `gcs.cli.main.run` reads it from the raw arguments, which may be wrong; it is declared here for --help.
 DebugOption = Annotated[bool, option("Print the traceback of an error.", "--debug")]
+LimitOption = Annotated[
+    float,
+    option(
+        "Longest time of planning and verifying, all together.",
+        "--limit",
+        metavar="SECONDS",
+        limits=(1.0, 86_400.0, "s"),
+    ),
+]
+LIMIT_S = 1800.0  # far longer than what succeeds
 UnverifiedOption = Annotated[bool, option("Use a plan that failed verification, for inspection.", "--unverified")]
 UntimedOption = Annotated[
     bool,

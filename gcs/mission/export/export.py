@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from gcs.autopilots.parameter_names import with_new_names
@@ -136,6 +137,33 @@ class PreparedExport:
     made: MadeMissions
     separations: tuple[Separation, ...]
 
+    @cached_property
+    def index(self) -> ExportIndex:
+        """All that the index will say, before there are files."""
+        material, made = self.material, self.made
+        return ExportIndex(
+            material.plan.scenario.name,
+            material.plan.hash,
+            material.autopilots,
+            self.altitude,
+            material.rate_hz,
+            max((len(legs.t_s) for legs in made.legs.values()), default=0),
+            max((len(m.items) for m in made.missions), default=0),
+            Deviation(
+                max((legs.error.path_m for legs in made.legs.values()), default=0.0),
+                max((legs.error.time_m for legs in made.legs.values()), default=0.0),
+            ),
+            {},
+            material.safety,
+            None if made.refusal is not None else made.report,
+            None if material.path is None else _smoothing(material.path),
+            made.timing,
+            "" if made.refusal is None else made.refusal.message,
+            made.missions,
+            self.separations,
+            material.proved,
+        )
+
     def write(self, folder: Path | str) -> ExportIndex:
         """Write the files and their index. Raises `UsageError` for a folder of other files, and OSError."""
         material, made = self.material, self.made
@@ -151,28 +179,7 @@ class PreparedExport:
                         name = row.file_name(stem, firmware)
                         say_at(f"writing {name}")
                         files.write(name, row.write(value))
-            index = ExportIndex(
-                material.plan.scenario.name,
-                material.plan.hash,
-                material.autopilots,
-                self.altitude,
-                material.rate_hz,
-                max((len(legs.t_s) for legs in made.legs.values()), default=0),
-                max((len(m.items) for m in made.missions), default=0),
-                Deviation(
-                    max((legs.error.path_m for legs in made.legs.values()), default=0.0),
-                    max((legs.error.time_m for legs in made.legs.values()), default=0.0),
-                ),
-                dict(sorted(files.sha256.items())),
-                material.safety,
-                None if made.refusal is not None else made.report,
-                None if material.path is None else _smoothing(material.path),
-                made.timing,
-                "" if made.refusal is None else made.refusal.message,
-                made.missions,
-                self.separations,
-                material.proved,
-            )
+            index = replace(self.index, sha256=dict(sorted(files.sha256.items())))
             files.write_index(index_document(index, material.plan))
         return index
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.errors import Infeasible, PlanningError
+from gcs.errors import Infeasible, OutOfTime, PlanningError
 from gcs.physics.states import POSITION
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.shape import joined as joined_shapes
@@ -124,6 +124,8 @@ def flown_through(
     for timed, guess in _guesses(problem, old, zones, turns):
         try:
             return optimise(open_where_blocked(timed, guess), guess, on_round, near=not zones)
+        except OutOfTime:
+            raise
         except PlanningError as failure:
             failures.append(failure)
     raise next((f for f in failures if isinstance(f, Infeasible)), failures[-1])

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs.errors import Infeasible, PlanningError, UsageError
+from gcs.errors import Infeasible, OutOfTime, PlanningError, UsageError
 from gcs.physics.states import POSITION
 from gcs.plan.nlp.ipopt import Solution, run
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
@@ -143,6 +143,8 @@ class Replanner:
         scenario = self.plan.scenario
         try:
             return self._replanned(leader, t_s, tuple(zones), on_round, began)
+        except OutOfTime:
+            raise
         except PlanningError:
             if scenario.route or not self._keeps_room or not (zones or scenario.no_fly or scenario.keep_in):
                 raise
@@ -175,6 +177,8 @@ class Replanner:
         for guess, known in self._guesses(problem, avoided):
             try:
                 flown, objective, history = self._flown(problem, guess, known, on_round)
+            except OutOfTime as over:
+                raise _in_words(problem, over) from over
             except PlanningError as failure:
                 failures.append(failure)
                 continue

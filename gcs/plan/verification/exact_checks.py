@@ -21,6 +21,7 @@ from gcs.plan.verification.route_checks import route_checks
 from gcs.scenario.values.navigation_error import judged_separation_m
 from gcs.scenario.values.si import boundary_state, torque_limits
 from gcs.types import Array
+from gcs.util.long_work import report
 
 START_TOLERANCE_S = 0.06
 _JERK_TOLERANCE_S = 0.01  # the largest jerk, so long, is the largest step of an acceleration
@@ -122,6 +123,7 @@ def _battery_checks(plan: Plan) -> list[Check]:
 def _change_checks(plan: Plan) -> list[Check]:
     """Scheduled changes begin on time, and vehicles take the places whose longest path is shortest (Eq. 14)."""
     checks: list[Check] = []
+    report("comparing the ways of all vehicles in changes of shape")
     if late := late_s(plan):
         worst_s, t_s = max(late)
         checks.append(_exact(Kind.CHANGE_TIMES, PhaseKind.MISSION, "s", -worst_s, START_TOLERANCE_S, None, t_s))

@@ -11,6 +11,8 @@ from gcs.scenario.values.si import WIND_PEAKS
 VEHICLE_TYPE = "quad500"  # of the template
 SPEED_SHARE = 0.85  # of the limits: the most that a flight has in the mean
 _CLIMB_ROOM = 1.1  # times the least time in wind, which a scenario may get later
+GNSS_APART_M = 5.0  # nearer vehicles need better sensors
+BETTER_SENSORS = 'sensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
 HOVERS_S = 10.0  # both hovers of [ground_phases]
 _LEAST_TAKEOFF_S = 20.0
 

@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 from gcs.errors import counted
 from gcs.scenario.schema.formation_table import START_SHAPE
 from gcs.scenario.schema.scenario import Performance
-from gcs.scenario.sources.flight_margins import ground_phases_s, type_limits
+from gcs.scenario.sources.flight_margins import BETTER_SENSORS, GNSS_APART_M, ground_phases_s, type_limits
 from gcs.scenario.sources.flight_sheets import AIR_M, Sheet
 from gcs.scenario.sources.template import FirstFlight
 from gcs.scenario.validation.spacing import nearest_pair
@@ -25,7 +25,6 @@ _SPEED_MPS, _ACCEL_MPS2 = 3.0, 0.8  # of a vehicle in a change
 _ROOM_FOR_LANES = 4.0  # times the least time of the longest path: vehicles that cross fly in altitude lanes
 _HOLD_S = 10.0  # each shape stays so long
 _SEPARATION_M, _CROSSING = 5.0, 0.6  # unless asked for; vehicles that cross pass nearer than they stand
-_GNSS_APART_M = 5.0  # nearer vehicles need better sensors
 _ROOM_M = (50.0, 50.0, 20.0)  # beside and above the flight
 _SHORTEST_LEG_M = 0.15  # of a route; 0.1 m are allowed
 _LEADER_SHARE, _LEADER_ENDS_S = 0.5, 6.0  # of its limits of speed, to the next figure; for both ends at rest
@@ -67,7 +66,7 @@ class SheetFlight:
     @property
     def is_close(self) -> bool:
         """Whether vehicles stand too near for ordinary GNSS."""
-        return self.least_m < _GNSS_APART_M
+        return self.least_m < GNSS_APART_M
 
     @property
     def is_show(self) -> bool:
@@ -149,7 +148,7 @@ class SheetFlight:
         takeoff_s, _ = ground_phases_s(self.limits, highest_m)
         more = f"\nground_phases = {{ takeoff_s = {takeoff_s} }}"
         if self.is_close:
-            more += '\nsensors = { grade = "rtk" }   # vehicles stand too near for ordinary GNSS'
+            more += f"\n{BETTER_SENSORS}"
         names = ", ".join([START_SHAPE, *(sheet.name for sheet in self.shapes)])
         return straight | {
             "TITLE": f"{counted(len(self.positions.sysids), 'quadrotor')}, shapes {names}",

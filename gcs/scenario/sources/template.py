@@ -22,7 +22,15 @@ from gcs.scenario.schema.mistake import Mistake, Mistaken, degrees
 from gcs.scenario.schema.scenario import OriginTable, Performance, Scenario
 from gcs.scenario.schema.vehicle_types import KEY, presets
 from gcs.scenario.sources.bundled_missions import FILE_NAME
-from gcs.scenario.sources.flight_margins import HOVERS_S, VEHICLE_TYPE, fastest_mps, ground_phases_s, type_limits
+from gcs.scenario.sources.flight_margins import (
+    BETTER_SENSORS,
+    GNSS_APART_M,
+    HOVERS_S,
+    VEHICLE_TYPE,
+    fastest_mps,
+    ground_phases_s,
+    type_limits,
+)
 from gcs.scenario.sources.load import load_scenario, load_vehicle
 from gcs.scenario.validation.to_metres import question
 from gcs.scenario.values.battery_estimate import BatteryEstimate, battery_estimate
@@ -105,9 +113,13 @@ class FirstFlight:
         """Half the spacing, at most 5 m; less where vehicles above each other have their pads nearer."""
         if self.count == 1:
             return 5.0
-        places_m = places_up_m(self.shape, self.count, self.spacing_m)
-        pads_m = float(KDTree(places_m[:, :2]).query(places_m[:, :2], k=2)[0][:, 1].min())
-        return max(0.01, math.floor(100.0 * min(5.0, self.spacing_m / 2.0, 0.9 * pads_m)) / 100.0)
+        return max(0.01, math.floor(100.0 * min(5.0, self.spacing_m / 2.0, 0.9 * self._pads_m)) / 100.0)
+
+    @property
+    def _pads_m(self) -> float:
+        """The least distance of two pads; infinite for a single vehicle."""
+        places_m = places_up_m(self.shape, self.count, self.spacing_m)[:, :2]
+        return float(KDTree(places_m).query(places_m, k=2)[0][:, 1].min())
 
     def quicker(self) -> Self | None:
         """The same flight as fast as it can be planned; None where it is."""
@@ -148,7 +160,8 @@ class FirstFlight:
             end_keys = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
         end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
         takeoff_s, _ = self.phases_s
-        end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s} }}"
+        sensors = f"\n{BETTER_SENSORS}" if self._pads_m < GNSS_APART_M else ""
+        end_line += f"\nground_phases = {{ takeoff_s = {takeoff_s} }}{sensors}"
         who, shaped = self._who, f" in a {self.shape}" if self.count > 1 else ""  # one vehicle is in no formation
         way = "from one hover to another" + (", past a no-fly zone" if is_default else "")
         return {
@@ -176,6 +189,8 @@ class FirstFlight:
             "HEADING_LINE": f"heading_deg = {yaw_deg!r}\n" if yaw_deg else "",
             "OTHERS": ", ".join(name for name in SHAPES if name != self.shape),
             "TAKEOFF": repr(takeoff_s),
+            "SENSORS": sensors,
+            "GRADE": "rtk" if sensors else "gnss",
         }
 
     @property

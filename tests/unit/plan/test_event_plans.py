@@ -8,13 +8,15 @@ from pathlib import Path
 import pytest
 
 from gcs.cli.main import run
-from gcs.errors import UsageError
+from gcs.errors import OutOfTime, UsageError
+from gcs.plan import event_plans
 from gcs.plan.event_plans import plan_events
 from gcs.plan.plan_changer import FlyHome, Scale
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import EventTable
+from gcs.util.long_work import within
 
 ROWS = (
     EventTable(battery_below_percent=30.0, order="home"),
@@ -54,6 +56,21 @@ def test_the_command_ends_with_4_where_a_row_has_neither_a_plan_nor_another_orde
     told = capsys.readouterr()
     assert "answers verified" in told.out
     assert ("has no plan at t = 10" in told.err) == bool(code)
+
+
+def test_answers_that_are_not_planned_in_time_are_told_from_those_without_a_plan(
+    hop: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = with_events(hop, ROWS[0])
+    save_plan(plan, verify(plan), tmp_path / "hop.skein")
+    with within(0.0):
+        late = plan_events(plan, 12.0)
+    assert [(one.at_s, one.in_time, one.proposal) for one in late] == [(6.0, False, None), (18.0, False, None)]
+    monkeypatch.setattr(event_plans, "plan_events", lambda *_: late)
+    assert run(["check-events", str(tmp_path / "hop.skein"), "--limit", "5"]) == OutOfTime.exit_code
+    told = capsys.readouterr().err
+    assert "2 of 2 answers were not planned in time: the time limit has passed, while planning the answer to" in told
+    assert "give more time (--limit), or look at fewer instants (--every)" in told
 
 
 def test_a_scenario_without_events_is_told_what_to_write(

@@ -5,11 +5,15 @@ import json
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from gcs.errors import FileFormatError, PlanningError, UsageError
+from gcs.cli.main import run
+from gcs.errors import FileFormatError, OutOfTime, PlanningError, UsageError
+from gcs.plan import formation_return, prepared_returns
 from gcs.plan.formation_return import _duration_s, plan_return
 from gcs.plan.plan_file import ARRAYS, load_returns, read_plan, save_plan
 from gcs.plan.planner import make_plan
@@ -20,6 +24,8 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Power
 from gcs.scenario.sources.load import load_scenario
+from gcs.util import long_work
+from gcs.util.long_work import within
 
 SAME = 1e-9
 NAMES = ("field", "simulation1", "terminal_weighting", "circuit", "changes", "simulation2")
@@ -161,6 +167,46 @@ def test_returns_are_prepared_along_the_plan(plan: Plan) -> None:
     assert all(one.plan is not None for one in table.returns)
     with pytest.raises(UsageError, match="0 s"):
         prepare_returns(plan, 0.0)
+
+
+def test_instants_beyond_a_time_limit_say_so(plan: Plan) -> None:
+    with within(0.0):
+        table = prepare_returns(plan, 160.0)
+    assert [one.plan for one in table.returns] == [None, None]
+    assert all("the time limit has passed" in one.why_not for one in table.returns)
+
+
+def test_the_command_says_that_its_time_was_over(
+    plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_plan(plan, verify(plan), tmp_path / "one.skein")
+    clock = [0.0]
+    monkeypatch.setattr(long_work, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def late(*given: Any) -> PreparedReturns:
+        clock[0] += 61.0
+        return prepare_returns(*given)
+
+    monkeypatch.setattr(prepared_returns, "prepare_returns", late)
+    assert run(["returns", str(tmp_path / "one.skein"), "--every", "160", "--limit", "60"]) == 0
+    told = capsys.readouterr()
+    assert "returns: 0 of 2 verified" in told.out
+    assert "the time limit passed before all returns were planned. Give more (--limit)" in told.out
+
+
+def test_a_return_that_runs_out_of_time_is_not_taken_for_one_without_a_way(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: list[int] = []
+
+    def late(*_: object, **__: object) -> None:
+        tries.append(1)
+        raise OutOfTime.because("solving")
+
+    monkeypatch.setattr(formation_return, "optimise", late)
+    with pytest.raises(OutOfTime, match="no return of the formation from t = 120 s: the time limit has passed"):
+        plan_return(plan, 120.0)
+    assert tries == [1]
 
 
 def test_a_return_from_long_before_t0_ends_after_it(plan: Plan) -> None:

@@ -12,6 +12,7 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, stacked
 from gcs.types import Array
+from gcs.util.long_work import report
 
 # Order of the Taylor polynomials, and the longest step: the next ones where the first leaves too much of Eq. 1.
 LOOKS = ((6, 0.1), (9, 0.1), (9, 0.03))
@@ -54,6 +55,7 @@ def _worst(plan: Plan, rows: Rows, span_s: tuple[float, float, float], *, apart:
         again, windows = (errors > ENOUGH_M).any(axis=1), (errors > ENOUGH_M).any(axis=0)
         if not again.any():
             break
+        report(f"integrating Eq. 1 again: from t = {start_s:.0f} s to {end_s:.0f} s")
         edges = step_edges(joints, start_s, end_s, step_s)
         low, high, count = edges[:-1], edges[1:], len(edges) - 1
         first = np.clip(np.searchsorted(low, starts_s[windows] - 1e-9), 0, count - 1)

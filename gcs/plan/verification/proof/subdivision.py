@@ -191,10 +191,10 @@ def refined(
     level, unsettled = cells, np.ones((len(constraints), len(cells)), dtype=bool)
     left = [(cells[:0], np.zeros((len(constraints), 0)))]
     while len(level):
-        report(f"proving every limit at every instant: {len(level)} intervals")
         last = looks.last(len(level))
         parts: list[tuple[Cells, Mask]] = []
         for first in range(0, len(level), _BATCH):
+            report(f"proving every limit at every instant: {len(level)} intervals")
             last = last or looks.last(0)
             batch, wanted = level[first : first + _BATCH], unsettled[:, first : first + _BATCH]
             low, seen = (np.where(np.isnan(each), -np.inf, each) for each in family.bounds(batch))

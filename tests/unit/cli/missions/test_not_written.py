@@ -78,6 +78,9 @@ def test_separations_are_said_once_before_anything_is_written(
     assert float(least_m) == min(rows)
     assert "apart" not in files + told
     assert "come within" not in files + told
+    for first in ("waypoints per vehicle", "missions, read back", "largest delay", "return altitudes: "):
+        assert first in table
+    assert all(line.startswith((f"  {out}/", "time: ")) for line in files.splitlines()[1:])
     assert gcs("export", column_skein, "--to", out, "--json") == 0
     data = json.loads(capsys.readouterr().out)["separations"]
     assert [row["sysids"] for row in data] == 5 * [[1, 2]]

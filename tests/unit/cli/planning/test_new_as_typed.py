@@ -124,6 +124,20 @@ def test_every_shape_plans_and_exports(shape: str, count: int, course: str) -> N
     assert gcs("export x.skein --to out") == 0
 
 
+@pytest.mark.parametrize(("spacing", "grade"), [("4.9", "rtk"), ("5", "gnss")])
+@pytest.mark.parametrize("full", ["", "--full"])
+def test_vehicles_too_near_for_ordinary_gnss_have_better_sensors(
+    spacing: str, grade: str, full: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the sensors that every scenario had, their position errors left nothing of their distance."""
+    assert gcs(f"new near --count 4 --shape line --spacing {spacing} {full}") == 0
+    assert load_scenario("near").sensors.grade == grade
+    said = 'vehicles stand too near for ordinary GNSS: the scenario has sensors.grade = "rtk"'
+    assert capsys.readouterr().out.count(said) == (grade == "rtk")
+    assert gcs("new alone --count 1") == 0
+    assert load_scenario("alone").sensors.grade == "gnss"
+
+
 def test_a_wedge_is_a_vee(capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs("new plans/mine --count 5 --shape wedge") == 2
     assert "next: give --shape vee, or one of triangle, line, " in capsys.readouterr().err

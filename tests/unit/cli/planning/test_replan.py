@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from gcs.cli import main
+from gcs.errors import OutOfTime
+from gcs.plan import plan_file
 from gcs.plan.plan_file import load_plan, save_plan
+from gcs.plan.replanning import replanner
+from gcs.plan.verification import verify as verification
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
+from gcs.util import long_work
+from gcs.util.long_work import report
 from tests.unit.plan.problems import meadow
 
 
@@ -41,6 +48,28 @@ def test_a_plan_goes_on_round_a_disk(file: Path, tmp_path: Path, capsys: pytest.
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert gcs("fly", file.with_name("meadow-at-8.skein"), "--sim") == 2
     assert "begins in the air, at t = 8 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("begun", ["load_plan", "Replanner", "verify"])
+def test_a_time_limit_ends_it_with_a_sentence_whatever_it_is_doing(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, begun: str
+) -> None:
+    """Time passes when the work begins, not before."""
+    module = {"load_plan": plan_file, "Replanner": replanner, "verify": verification}[begun]
+    work, clock = getattr(module, begun), [0.0]
+    monkeypatch.setattr(long_work, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def slow(*given: object, **more: object) -> object:
+        clock[0] += 61.0
+        report("looking at the clock")
+        return work(*given, **more)
+
+    monkeypatch.setattr(module, begun, slow)
+    assert gcs("replan", file, "--at", 5, "--to", tmp_path / "new.skein", "--limit", 60) == OutOfTime.exit_code
+    told = capsys.readouterr().err
+    assert "nothing is written: the time limit has passed, while looking at the clock" in told
+    assert "give more time (--limit)" in told
+    assert not (tmp_path / "new.skein").exists()
 
 
 def test_as_planned_and_as_json(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

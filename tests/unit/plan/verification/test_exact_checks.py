@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.errors import OutOfTime
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.phases import Phase
@@ -18,6 +19,7 @@ from gcs.plan.verification import exact_checks as exact_checks_module
 from gcs.plan.verification.exact_checks import exact_checks
 from gcs.plan.verification.proof.verdict import Check
 from gcs.types import Array
+from gcs.util.long_work import within
 from tests.unit.plan.problems import changed
 
 
@@ -199,3 +201,9 @@ def test_a_change_may_begin_60_ms_late(
     monkeypatch.setattr(exact_checks_module, "late_s", lambda plan: [(0.01, 3.0), (late_s, 8.0), (0.02, 12.0)])
     check = found(meadow_plan)["changes begin when they should"]
     assert (check.ok, check.worst, check.t_s, check.unit) == (passes, -late_s, 8.0, "s")
+
+
+def test_comparing_ways_ends_at_a_time_limit(meadow_plan: Plan) -> None:
+    """Of a large fleet that takes seconds."""
+    with within(-1.0), pytest.raises(OutOfTime, match="while comparing the ways of all vehicles"):
+        exact_checks(meadow_plan)

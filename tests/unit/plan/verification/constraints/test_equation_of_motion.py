@@ -10,11 +10,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
+from gcs.errors import OutOfTime
 from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.constraints.equation_of_motion import reintegrated
 from gcs.types import Array
+from gcs.util.long_work import within
 
 
 def flown_error_m(plan: Plan, begin_s: float) -> float:
@@ -65,3 +67,8 @@ def test_thrust_that_is_missing_lets_it_fall_as_in_vacuum(meadow_plan: Plan) -> 
     error_m = reintegrated(less_thrust(meadow_plan, share)).error_m
     vacuum_m = 0.5 * share * meadow_plan.quadrotor.gravity_mps2 * 25.0
     assert 0.65 * vacuum_m < error_m < 1.1 * vacuum_m
+
+
+def test_it_ends_at_a_time_limit(meadow_plan: Plan) -> None:
+    with within(-1.0), pytest.raises(OutOfTime, match=r"while integrating Eq\. 1 again: from t = -8 s to 30 s"):
+        reintegrated(meadow_plan)
