@@ -67,7 +67,7 @@ from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
 from gcs.physics.states import POSITION
-from gcs.plan.plan_file import StoredReturns, save_plan
+from gcs.plan.plan_file import StoredReturns, write_plan
 from gcs.plan.prepared_returns import PreparedReturns
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
@@ -170,7 +170,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with refusing_unwritable(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
-        save_plan(plan, order.report, folder / PLAN, order.returns)
+        write_plan(plan, order.report, folder / PLAN, order.returns)
         with shown(watcher.say):
             index, navigator = order.exported or export_for_flight(
                 plan, order.report, folder / "export", order.keeping, watcher.say

@@ -105,14 +105,17 @@ class StoredReturns:
     rows: tuple[JsonObject, ...] = ()
 
 
-def save_plan(
-    plan: Plan, report: Report, path: Path | str, returns: PreparedReturns | StoredReturns | None = None
-) -> None:
+def save_plan(plan: Plan, report: Report, path: Path | str, returns: PreparedReturns | None = None) -> None:
     """Write plan and verdict; an older file is replaced only when the new one is complete.
 
     `returns` are kept in it as plan files of their own, which `load_returns` reads and older versions pass over. Raises
     UsageError where they are too large together.
     """
+    write_plan(plan, report, path, returns)
+
+
+def write_plan(plan: Plan, report: Report, path: Path | str, returns: PreparedReturns | StoredReturns | None) -> None:
+    """The same, also with returns as another file has them."""
     atomic_write(Path(path), _content(plan, report, returns))
 
 

@@ -178,7 +178,7 @@ class PlanChange:
     def would_be_late(self, now_s: float) -> bool:
         """Whether all attempts at a plan round a zone may not be made before the formation has to brake."""
         made_s = now_s + ATTEMPTS * SLOWER * max(self._took_s[False]) + self._lead_s
-        return max(made_s, self._not_before_s(Avoid(0.0, 0.0, 0.0))) > self.brakes_at_s
+        return max(made_s, self._not_before_s(paced=False)) > self.brakes_at_s
 
     def brake_begins_s(self, now_s: float) -> float:
         """From when on the formation brakes as one before the zones that came up: the plan is flown on until then."""
@@ -196,9 +196,9 @@ class PlanChange:
         least_s = self._lead_s + MARGIN_S
         soonest_s = SLOWER * max(self._took_s[isinstance(order, PACED)]) + least_s
         ahead_s = max(min(soonest_s, self.brakes_at_s - now_s), least_s)
-        return self._on_grid(max(now_s + ahead_s, self._not_before_s(order)))
+        return self._on_grid(max(now_s + ahead_s, self._not_before_s(paced=isinstance(order, PACED))))
 
-    def _not_before_s(self, order: PlanOrder) -> float:
+    def _not_before_s(self, *, paced: bool) -> float:
         """Until when an order has to wait for the last new plan to begin: its programs know nothing before that.
 
         Tracks that are flown at another pace have none, but know a formation that became smaller only from then on. A
@@ -207,7 +207,7 @@ class PlanChange:
         if self._last is None:
             return -math.inf
         last, begins_s = self._last
-        waits = isinstance(last, CloseRanks) or (not isinstance(order, PACED) and not isinstance(last, Hold | GoTo))
+        waits = isinstance(last, CloseRanks) or not (paced or isinstance(last, Hold | GoTo))
         return begins_s if waits else -math.inf
 
     def _on_grid(self, t_s: float) -> float:
