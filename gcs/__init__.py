@@ -54,16 +54,16 @@ if TYPE_CHECKING:
     from gcs.physics.states import NamedStates as NamedStates
     from gcs.plan.cost_terms import CostTerm as CostTerm
     from gcs.plan.cost_terms import cost_terms as cost_terms
+    from gcs.plan.formation_orders import Avoid as Avoid
+    from gcs.plan.formation_orders import FlyHome as FlyHome
+    from gcs.plan.formation_orders import GoOn as GoOn
+    from gcs.plan.formation_orders import GoTo as GoTo
+    from gcs.plan.formation_orders import Hold as Hold
+    from gcs.plan.formation_orders import Reshape as Reshape
+    from gcs.plan.formation_orders import Scale as Scale
+    from gcs.plan.formation_orders import Slower as Slower
     from gcs.plan.formation_return import plan_return as plan_return
     from gcs.plan.ocp.problem import ObjectiveTerm as ObjectiveTerm
-    from gcs.plan.plan_changer import Avoid as Avoid
-    from gcs.plan.plan_changer import FlyHome as FlyHome
-    from gcs.plan.plan_changer import GoOn as GoOn
-    from gcs.plan.plan_changer import GoTo as GoTo
-    from gcs.plan.plan_changer import Hold as Hold
-    from gcs.plan.plan_changer import Reshape as Reshape
-    from gcs.plan.plan_changer import Scale as Scale
-    from gcs.plan.plan_changer import Slower as Slower
     from gcs.plan.plan_file import load_plan as load_plan
     from gcs.plan.plan_file import load_returns as load_returns
     from gcs.plan.plan_file import save_plan as save_plan
@@ -88,7 +88,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Altitude": "gcs.mission.model",
     "Autopilot": "gcs.autopilots.traits",
-    "Avoid": "gcs.plan.plan_changer",
+    "Avoid": "gcs.plan.formation_orders",
     "BreakOff": "gcs.mission.proving.break_off",
     "Check": "gcs.plan.verification.proof.verdict",
     "Connection": "gcs.link.session.connection",
@@ -98,12 +98,12 @@ _HOME = {
     "ExportIndex": "gcs.mission.export.index",
     "FlightReports": "gcs.flight.recording.record_table",
     "Flown": "gcs.flight.run",
-    "FlyHome": "gcs.plan.plan_changer",
+    "FlyHome": "gcs.plan.formation_orders",
     "Format": "gcs.mission.formats.registry",
     "GcsError": "gcs.errors",
-    "GoOn": "gcs.plan.plan_changer",
-    "GoTo": "gcs.plan.plan_changer",
-    "Hold": "gcs.plan.plan_changer",
+    "GoOn": "gcs.plan.formation_orders",
+    "GoTo": "gcs.plan.formation_orders",
+    "Hold": "gcs.plan.formation_orders",
     "MeshRound": "gcs.plan.trajectory.plan",
     "NamedStates": "gcs.physics.states",
     "NoFlyZone": "gcs.scenario.schema.places",
@@ -116,11 +116,11 @@ _HOME = {
     "ReadTracks": "gcs.mission.proving.track_formats",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
-    "Reshape": "gcs.plan.plan_changer",
-    "Scale": "gcs.plan.plan_changer",
+    "Reshape": "gcs.plan.formation_orders",
+    "Scale": "gcs.plan.formation_orders",
     "Scenario": "gcs.scenario.schema.scenario",
     "SetpointStream": "gcs.mission.model",
-    "Slower": "gcs.plan.plan_changer",
+    "Slower": "gcs.plan.formation_orders",
     "SmoothPath": "gcs.mission.export.bspline_smoothing",
     "TimedLegs": "gcs.mission.waypoints.timed_legs",
     "TrackCheck": "gcs.mission.proving.track_report",

@@ -67,7 +67,8 @@ from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.setpoint_stream import build_stream
 from gcs.mission.model import SetpointStream
 from gcs.physics.states import POSITION
-from gcs.plan.plan_file import save_plan
+from gcs.plan.plan_file import StoredReturns, write_plan
+from gcs.plan.prepared_returns import PreparedReturns
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.plan.verification.wind_envelope import proved_everywhere
@@ -103,6 +104,7 @@ class FlightRun:
     also_to: tuple[str, ...] = ()  # `udpout:HOST:PORT` of other ground stations that watch
     exported: Exported | None = None  # of many flights of one plan: nothing is exported into the folder
     pictures: bool = True
+    returns: PreparedReturns | StoredReturns | None = None  # of the plan, for an order to fly home together
 
 
 @dataclass(frozen=True)
@@ -128,19 +130,19 @@ def fly(
     to: Path | str = "flights",
     watcher: Watcher | None = None,
     also_to: Sequence[str] = (),
+    returns: PreparedReturns | None = None,
 ) -> Flown:
     """Verify a plan, export it, upload it, read it back, fly it, and judge the flight from true states or reports.
 
     Without a `link` the vehicles are emulated. With one, `confirmed` is the operator's permission to arm them. `mode`
     is stream (timed setpoints) or mission (the uploaded waypoints). The flight's folder is made under `to`. What the
-    vehicles send is copied to each `udpout:HOST:PORT` of `also_to`. Raises `UsageError` without confirmation,
-    `VerificationError` for a plan that failed verification, and the errors of links, vehicles and flights. It runs its
-    own event loop: call it in a thread where one runs already.
+    vehicles send is copied to each `udpout:HOST:PORT` of `also_to`. `returns` are those that `gcs.FlyHome` begins.
+    Raises `UsageError` without confirmation, `VerificationError` for a plan that failed verification, and the errors of
+    links, vehicles and flights. It runs its own event loop: call it in a thread where one runs already.
     """
     if link is not None and not confirmed:
         raise UsageError("vehicles on a link are not armed without confirmation.", hint="pass confirmed=True")
-    report = verify(plan)
-    if not report.ok:
+    if not (report := verify(plan)).ok:
         raise VerificationError("the plan failed verification and is not flown.", hint="see gcs.verify(plan).failures")
     order = FlightRun(
         plan,
@@ -151,6 +153,7 @@ def fly(
         Path(to),
         FlightOptions(follow=follow),
         also_to=tuple(also_to),
+        returns=returns,
     )
     return fly_run(order, watcher or Watcher())
 
@@ -167,7 +170,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with refusing_unwritable(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
-        save_plan(plan, order.report, folder / PLAN)
+        write_plan(plan, order.report, folder / PLAN, order.returns)
         with shown(watcher.say):
             index, navigator = order.exported or export_for_flight(
                 plan, order.report, folder / "export", order.keeping, watcher.say
@@ -303,9 +306,8 @@ class _LinkedFlight:
                     self._before.say_how_to_restore()
 
     def _simulated(self) -> SimulatorOptions:
-        folder = self.folder
-        log, truth = folder / "simulator.log", folder / "truth.npz"
-        return SimulatorOptions(folder / SCENARIO, self.order.emulated, log, truth, self.navigator)
+        log, truth = self.folder / "simulator.log", self.folder / "truth.npz"
+        return SimulatorOptions(self.folder / SCENARIO, self.order.emulated, log, truth, self.navigator)
 
     async def _show(self, flight: FlightSequence) -> None:
         try:
@@ -384,8 +386,7 @@ class _LinkedFlight:
             for event in waived_events(self.checks, sessions):
                 self.journal.on_event(event)
             await self._before.read(sessions, self._loaded)
-            by = await watcher.confirm()
-            self.journal.on_event(confirmed_event(by, sessions))
+            self.journal.on_event(confirmed_event(await watcher.confirm(), sessions))
         fleet.check()
         fleet.freeze()
         return charge

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from gcs.errors import OutOfTime, PlanningError, UsageError
-from gcs.plan.plan_changer import FlyHome, PlanChanger, PlanOrder, Proposal, Reshape, Scale
+from gcs.plan.formation_orders import FlyHome, GoOn, GoTo, Hold, PlanOrder, Reshape, Scale, Slower
+from gcs.plan.plan_changer import PlanChanger, Proposal
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import EventTable
@@ -32,13 +34,28 @@ class EventPlan:
 
 def planned_order(row: EventTable) -> PlanOrder | None:
     """The order of a row that is answered by a new plan; None for one that each vehicle carries out by itself."""
-    if row.order == "scale":
-        assert row.factor is not None
-        return Scale(row.factor)
-    if row.order == "shape":
-        assert row.shape is not None
-        return Reshape(row.shape)
-    return FlyHome() if row.order == "home" else None
+    match row.order:
+        case "scale" | "slower":
+            assert row.factor is not None
+            return Scale(row.factor) if row.order == "scale" else Slower(row.factor)
+        case "shape":
+            assert row.shape is not None
+            return Reshape(row.shape)
+        case "go":
+            assert row.position_m is not None
+            return GoTo(*row.position_m)
+        case "hold":  # as one; a vehicle that is not heard gets no new plan
+            return Hold() if row.silent_for_s is None else None
+        case "home":
+            return FlyHome()
+        case "resume":
+            return GoOn()
+    return None
+
+
+def other_order(row: EventTable) -> Literal["hold", "land", "return"] | None:
+    """The order, to each vehicle by itself, of a row whose order has no plan; None: the old plan is flown on."""
+    return "hold" if row.order == "hold" else row.otherwise
 
 
 def plan_events(
@@ -56,7 +73,7 @@ def plan_events(
     found: list[EventPlan] = []
     for number, row in enumerate(plan.scenario.on):
         order, changer = planned_order(row), PlanChanger(plan)
-        if order is None:
+        if order is None or isinstance(order, GoOn):  # with what, depends on what was left before
             continue
         for at_s in instants if row.at_s is None else [row.at_s]:
             try:

@@ -14,8 +14,21 @@ from gcs.errors import Infeasible, PlanningError, UsageError
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.formation.timeline import lay
+from gcs.plan.formation_orders import (
+    Avoid,
+    CloseRanks,
+    FlyHome,
+    GoOn,
+    GoTo,
+    Hold,
+    PlanOrder,
+    Reshape,
+    Scale,
+    Slower,
+)
 from gcs.plan.formation_return import plan_return
 from gcs.plan.paced_plan import PUSHES_MPS2, Left, gone_on, slowed, stopped
+from gcs.plan.prepared_returns import PreparedReturn, begun_from
 from gcs.plan.replanning.formation_rest import plan_of, rest_of
 from gcs.plan.replanning.parametric_nlp import with_zones
 from gcs.plan.replanning.plan_pieces import continued, jump_between
@@ -38,106 +51,6 @@ _REHEARSED = 0.3  # of the mission: where a re-plan is rehearsed
 
 
 @dataclass(frozen=True)
-class Avoid:
-    """A disk that no vehicle may enter from now on, m north and east of the origin."""
-
-    north_m: float
-    east_m: float
-    radius_m: float
-
-    @property
-    def zone(self) -> NoFlyZone:
-        """The same as a zone of a scenario."""
-        return NoFlyZone(north_m=self.north_m, east_m=self.east_m, radius_m=self.radius_m)
-
-    def __str__(self) -> str:
-        return f"avoid {self.radius_m:g} m around ({self.north_m:g}, {self.east_m:g})"
-
-
-@dataclass(frozen=True)
-class Scale:
-    """The shape grows or shrinks to this share of its size."""
-
-    factor: float
-
-    def __str__(self) -> str:
-        return f"scale its shape by {self.factor:g}"
-
-
-@dataclass(frozen=True)
-class Reshape:
-    """The formation takes the shape of this name of its scenario."""
-
-    name: str
-
-    def __str__(self) -> str:
-        return f'take the shape "{self.name}"'
-
-
-@dataclass(frozen=True)
-class FlyHome:
-    """The formation flies home together and lands on its pads."""
-
-    def __str__(self) -> str:
-        return "fly home together"
-
-
-@dataclass(frozen=True)
-class Slower:
-    """The rest of the plan at this share of its speeds."""
-
-    factor: float
-
-    def __str__(self) -> str:
-        return f"fly at {self.factor:g} times its speed"
-
-
-@dataclass(frozen=True)
-class Hold:
-    """The formation brakes as one, hovers in its shape, and lands there if no order follows for five minutes."""
-
-    zones: tuple[NoFlyZone, ...] = ()  # that came up, before which it brakes
-
-    def __str__(self) -> str:
-        return "brake together before the zone" if self.zones else "hold together"
-
-
-@dataclass(frozen=True)
-class GoTo:
-    """The formation flies straight to a place of its leader, and hovers there as after `Hold`; m from the origin."""
-
-    north_m: float
-    east_m: float
-    height_m: float
-
-    def __str__(self) -> str:
-        return f"go to ({self.north_m:g}, {self.east_m:g}) at {self.height_m:g} m"
-
-
-@dataclass(frozen=True)
-class GoOn:
-    """The formation goes on with the plan that it left to hold or to go elsewhere; a slower one at its first speed."""
-
-    def __str__(self) -> str:
-        return "go on with its plan"
-
-
-@dataclass(frozen=True)
-class CloseRanks:
-    """The vehicles `sysids` fly on without those that left the formation, which may be in `zones` from now on."""
-
-    sysids: tuple[int, ...]
-    zones: tuple[NoFlyZone, ...]
-
-    def __str__(self) -> str:
-        return f"close ranks and fly on with {len(self.sysids)} vehicle{'s' if len(self.sysids) > 1 else ''}"
-
-
-PlanOrder = Avoid | Scale | Reshape | Slower | Hold | GoTo | GoOn | FlyHome | CloseRanks
-PACED = (Slower, Hold, GoTo, GoOn)  # that need no optimiser, unless a zone came up
-
-
-@dataclass(frozen=True)
 class Proposal:
     """A verified plan that answers an order, and the seconds that it took to make."""
 
@@ -151,12 +64,12 @@ class Proposal:
 class PlanChanger:
     """Changes one plan as often as asked. `flown` is the plan as it is flown, with what was adopted."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, left: Left | None = None, pace: float = 1.0) -> None:
+        """`left` and `pace` are those of the proposal that led to this plan, if it is not the first."""
         self.flown = plan
         self._known = len(plan.scenario.no_fly)  # zones of the plan that the programs were built for
         self._base = plan
-        self._left: Left | None = None
-        self._pace = 1.0
+        self._left, self._pace = left, pace
         self._rest: tuple[CloseRanks, Replanner] | None = None  # programs that an earlier attempt built
         self._way_home: Plan | None = None  # of an earlier instant: the next one is found sooner near it
 
@@ -187,12 +100,24 @@ class PlanChanger:
         Its first state and shape are those of the flown plan; it is verified.
         """
         began_s = time.perf_counter()
-        plan, left, rate = self._answering(order, at_s)
+        return self._verified(*self._answering(order, at_s), began_s)
+
+    def begin_return(self, prepared: PreparedReturn, zones: tuple[NoFlyZone, ...] = ()) -> Proposal:
+        """A prepared return, if it still continues the flown plan, and keeps out of `zones` that came up since.
+
+        Raises PlanningError with the reason where not.
+        """
+        began_s = time.perf_counter()
+        if prepared.plan is None or prepared.plan.sysids != self.flown.sysids:
+            raise PlanningError("it is not one of the vehicles that fly", hint=_OTHERWISE)
+        return self._verified(begun_from(self._keeping_out(zones), prepared), None, 1.0, began_s)
+
+    def _verified(self, plan: Plan, left: Left | None, rate: float, began_s: float) -> Proposal:
+        if not (jump := jump_between(self.flown, plan)).allowed:
+            raise PlanningError(f"the new plan would begin with a jump of {jump}", hint=_OTHERWISE)
         report = verify(plan)
         if not report.ok:
             raise PlanningError(f"the new plan failed verification: {refusal(report).message}", hint=_OTHERWISE)
-        if not (jump := jump_between(self.flown, plan)).allowed:
-            raise PlanningError(f"the new plan would begin with a jump of {jump}", hint=_OTHERWISE)
         return Proposal(plan, report, time.perf_counter() - began_s, left, rate)
 
     def adopt(self, found: Proposal) -> None:
@@ -218,7 +143,7 @@ class PlanChanger:
                     left = replace(left, plan=plan_of(left.plan, order.sysids, left.at_s))
                 return self._without_the_lost(order, at_s), left, rate
             case FlyHome():
-                self._way_home = plan_return(self.flown, at_s, self._way_home)
+                self._way_home = plan_return(self._keeping_out(order.zones), at_s, self._way_home)
                 return self._way_home, None, 1.0
             case Hold() | GoTo():
                 return *self._stopped(order, at_s), rate
@@ -232,6 +157,12 @@ class PlanChanger:
                 return self._at(at_s, 1.0 / rate), None, 1.0
             case _:
                 return self._reshaped(order, at_s), left, rate
+
+    def _keeping_out(self, zones: tuple[NoFlyZone, ...]) -> Plan:
+        """The flown plan with zones that it was not planned for: it may lead through them."""
+        known = self.flown.scenario.no_fly
+        more = tuple(zone for zone in zones if zone not in known)
+        return replace(self.flown, scenario=with_zones(self.flown.scenario, (*known, *more))) if more else self.flown
 
     def _at(self, at_s: float, factor: float) -> Plan:
         if self._left is not None:

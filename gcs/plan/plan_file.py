@@ -13,7 +13,7 @@ import json
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ from gcs.plan.trajectory.phases import Phase, PhaseKind, phases_of
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import OK, Check, Report, verdict_of, verify
+from gcs.scenario.environment.no_fly import zones
 from gcs.scenario.schema.scenario import Scenario
 from gcs.types import AnyArray, JsonObject
 from gcs.util.archives import ArrayKind, BadArchive, read_arrays
@@ -97,16 +98,28 @@ class StoredVerdict:
         return ""
 
 
+@dataclass(frozen=True)
+class StoredReturns:
+    """The prepared returns of a plan file as they are written there: neither read nor verified."""
+
+    rows: tuple[JsonObject, ...] = ()
+
+
 def save_plan(plan: Plan, report: Report, path: Path | str, returns: PreparedReturns | None = None) -> None:
     """Write plan and verdict; an older file is replaced only when the new one is complete.
 
     `returns` are kept in it as plan files of their own, which `load_returns` reads and older versions pass over. Raises
     UsageError where they are too large together.
     """
+    write_plan(plan, report, path, returns)
+
+
+def write_plan(plan: Plan, report: Report, path: Path | str, returns: PreparedReturns | StoredReturns | None) -> None:
+    """The same, also with returns as another file has them."""
     atomic_write(Path(path), _content(plan, report, returns))
 
 
-def _content(plan: Plan, report: Report, returns: PreparedReturns | None = None) -> bytes:
+def _content(plan: Plan, report: Report, returns: PreparedReturns | StoredReturns | None = None) -> bytes:
     """The bytes of a plan file."""
     meta: JsonObject = {
         "format": _FORMAT,
@@ -125,8 +138,11 @@ def _content(plan: Plan, report: Report, returns: PreparedReturns | None = None)
         meta["leg_limits"] = [[m if np.isfinite(m) else None for m in astuple(one)] for one in plan.leg_limits]
     if plan.used_before:
         meta["used_before"] = plan.used_before
+    if plan.zones_since_s:
+        meta["zones_since_s"] = [t_s if np.isfinite(t_s) else None for t_s in plan.zones_since_s]
     if returns is not None:
-        meta["returns"] = [_stored_return(each) for each in returns.returns]
+        rows = returns.rows if isinstance(returns, StoredReturns) else map(_stored_return, returns.returns)
+        meta["returns"] = list(rows)
     text = json.dumps(meta).encode()
     if len(text) > ARRAYS["meta"].largest_bytes:
         raise UsageError(
@@ -193,40 +209,67 @@ def load_returns(path: Path | str) -> PreparedReturns:
     A return that no longer passes, or that begins otherwise than the plan flies there, has the reason instead. A file
     without returns has none. Raises FileFormatError as `load_plan` does.
     """
-    arrays = _arrays(Path(path))
-    plan, _ = _read(path, dict(arrays))
+    plan, _ = read_plan(path)
+    return PreparedReturns(tuple(_checked(plan, one) for one in read_returns(path, stored_returns(path)).returns))
+
+
+def stored_returns(path: Path | str) -> StoredReturns:
+    """The returns of a plan file as it has them, to be kept in another one. Raises FileFormatError."""
     try:
-        rows = read_json(arrays["meta"].tobytes(), not_finite=True).get("returns", [])
-        return PreparedReturns(tuple(sorted((_loaded(path, plan, row) for row in rows), key=lambda r: r.begins_s)))
+        meta = read_json(_arrays(Path(path))["meta"].tobytes(), not_finite=True)
+        return StoredReturns(tuple(meta.get("returns", ())))
     except FileFormatError:
         raise
     except Exception as problem:
-        raise FileFormatError(f"{path}: its returns are damaged ({type(problem).__name__})", hint=_HINT) from problem
+        raise _damaged(path, problem) from problem
 
 
-def _loaded(path: Path | str, plan: Plan, row: JsonObject) -> PreparedReturn:
-    """One return, verified."""
+def read_returns(path: Path | str, stored: StoredReturns) -> PreparedReturns:
+    """The returns that a plan file has, in order of time, not verified. Raises FileFormatError."""
+    try:
+        found = [_decoded(path, row) for row in stored.rows]
+    except FileFormatError:
+        raise
+    except Exception as problem:
+        raise _damaged(path, problem) from problem
+    return PreparedReturns(tuple(sorted(found, key=lambda one: one.begins_s)))
+
+
+def _damaged(path: Path | str, problem: Exception) -> FileFormatError:
+    return FileFormatError(f"{path}: its returns are damaged ({type(problem).__name__})", hint=_HINT)
+
+
+def _decoded(path: Path | str, row: JsonObject) -> PreparedReturn:
+    """One return of a file."""
     begins_s, cpu_s = float(row["begins_s"]), float(row["cpu_s"])
     if "plan" not in row:
         return PreparedReturn(begins_s, None, str(row["why_not"]), cpu_s)
-    say_at(f"verifying the return from t = {begins_s:g} s")
     label = f"{path}, return from t = {begins_s:g} s"
     content = io.BytesIO(base64.b64decode(row["plan"], validate=True))
     try:
         made, _ = _read(label, _finite(label, read_arrays(content, ARRAYS)))
     except BadArchive as reason:
         raise FileFormatError(f"{label}: not a plan of this program: {reason}", hint=_HINT) from reason
+    return PreparedReturn(begins_s, made, "", cpu_s)
+
+
+def _checked(plan: Plan, one: PreparedReturn) -> PreparedReturn:
+    """One return, verified."""
+    made, begins_s = one.plan, one.begins_s
+    if made is None:
+        return one
+    say_at(f"verifying the return from t = {begins_s:g} s")
     at_s = np.array([begins_s])
     if made.sysids != plan.sysids or made.begin_state is None or abs(made.t_start_s - begins_s) > _SAME_S:
-        return PreparedReturn(begins_s, None, "it is not a return of this plan", cpu_s)
+        return replace(one, plan=None, why_not="it is not a return of this plan")
     apart_m = float(np.abs(made.states(at_s)[..., POSITION] - plan.states(at_s)[..., POSITION]).max())
     if not apart_m <= _SAME_M:
-        return PreparedReturn(begins_s, None, f"it begins {apart_m:.3f} m beside the plan", cpu_s)
+        return replace(one, plan=None, why_not=f"it begins {apart_m:.3f} m beside the plan")
     with np.errstate(all="ignore"):
         found = verify(made)
     if not found.ok:
-        return PreparedReturn(begins_s, None, f"it fails verification now: {found.failures[0]}", cpu_s)
-    return PreparedReturn(begins_s, made, "", cpu_s)
+        return replace(one, plan=None, why_not=f"it fails verification now: {found.failures[0]}")
+    return one
 
 
 def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
@@ -256,6 +299,7 @@ def _read(path: Path | str, arrays: dict[str, AnyArray]) -> tuple[Plan, StoredVe
             None if meta.get("begin_state") is None else tuple(map(float, meta["begin_state"])),
             tuple(map(float, meta.get("route_s", ()))),
             tuple(LegLimits(*(np.inf if m is None else float(m) for m in one)) for one in meta.get("leg_limits", ())),
+            zones_since_s=tuple(-np.inf if t_s is None else float(t_s) for t_s in meta.get("zones_since_s", ())),
             used_before=tuple(map(float, meta.get("used_before", ()))),
         )
         data = meta["report"]
@@ -328,6 +372,8 @@ def _contradiction(plan: Plan) -> str:
         return "the used shares of batteries are not numbers from 0 to 1"
     if plan.phases != expected or not motion.start_s < plan.flight_s:
         return "its phases are not those of its scenario"
+    if len(plan.zones_since_s) not in (0, len(zones(plan.scenario))):
+        return f"it says since when {len(plan.zones_since_s)} zones count, and has {len(zones(plan.scenario))}"
     mission_s = plan.phase(PhaseKind.MISSION).start_s, plan.phase(PhaseKind.MISSION).end_s
     in_the_air = plan.begin_state is not None
     if wrong := passages_contradiction(plan.scenario, plan.route_s, mission_s, in_the_air=in_the_air):

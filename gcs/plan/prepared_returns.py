@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gcs.errors import PlanningError, UsageError
 from gcs.plan.formation_return import plan_return
-from gcs.plan.trajectory.energy import charge_needed
+from gcs.plan.replanning.parametric_nlp import with_zones
+from gcs.plan.trajectory.energy import charge_needed, used_until
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.types import Array
@@ -59,9 +60,12 @@ class PreparedReturns:
         The formation flies its plan until that instant and goes over to the return there without a jump of position,
         velocity, acceleration or shape. So the distance of the instants bounds the wait.
         """
+        return next(iter(self.from_on(t_s)), None)
+
+    def from_on(self, t_s: float) -> tuple[PreparedReturn, ...]:
+        """The returns that begin at or after `t_s`, s, the next one first."""
         found = [each for each in self.returns if each.plan is not None]
-        first = bisect_left([each.begins_s for each in found], t_s)
-        return found[first] if first < len(found) else None
+        return tuple(found[bisect_left([each.begins_s for each in found], t_s) :])
 
     @property
     def longest_wait_s(self) -> float:
@@ -69,6 +73,16 @@ class PreparedReturns:
         begins = [each.begins_s for each in self.returns if each.plan is not None]
         first_s = self.returns[0].begins_s if self.returns else 0.0
         return float(np.diff([first_s, *begins]).max()) if begins else np.inf
+
+
+def begun_from(flown: Plan, one: PreparedReturn) -> Plan:
+    """A return as the rest of the plan that is flown: with the zones that came up, and with what was flown before.
+
+    It is neither verified nor known to begin where the flown plan is then. Raises ValueError where there is none.
+    """
+    made = one._plan
+    scenario = with_zones(made.scenario, flown.scenario.no_fly)
+    return replace(made, scenario=scenario, used_before=used_until(flown, one.begins_s))
 
 
 def prepare_returns(

@@ -13,7 +13,7 @@ from gcs.flight.contingency.choices import OnLoss
 from gcs.flight.execution.flight import FlightSequence
 from gcs.flight.execution.plan_orders import NEW_PLAN
 from gcs.flight.monitoring.progress import FlightPart
-from gcs.plan.plan_changer import Avoid, FlyHome, GoOn, GoTo, Hold, PlanOrder, Slower
+from gcs.plan.formation_orders import Avoid, FlyHome, GoOn, GoTo, Hold, PlanOrder, Slower
 from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
@@ -51,7 +51,7 @@ def test_a_formation_flies_round_a_zone_that_comes_up(hop: Plan) -> None:
     assert away_m > 0.0
     old = hop.zone_distances_m(np.arange(0.0, 30.0, 0.1))
     assert np.isinf(old).all()
-    assert flown.flight.plan.zones_since_s == (begins_s,)
+    assert flown.flight.plan.zones_since_s == (change.data["asked_t_s"],), "from when it was given"
     inside_s = (flown.t_s > 0.0) & (flown.t_s < 30.0)
     now = flown.flight.plan.states(flown.t_s[inside_s])[..., :3]
     assert np.linalg.norm(now - flown.places[:, inside_s], axis=-1).max() < 0.5

@@ -13,7 +13,7 @@ import gcs
 from gcs.cli.main import run
 from gcs.flight.recording.flight_folder import PLAN, later_plans, read_events, read_flown_plan
 from gcs.flight.setup.order_socket import NAME
-from gcs.plan.plan_file import load_plan
+from gcs.plan.plan_file import load_plan, save_plan
 from tests.kept import GCS
 
 pytestmark = pytest.mark.slow
@@ -68,3 +68,34 @@ def test_a_flight_takes_orders_from_a_second_terminal(
     for command in (["report", str(folder)], ["replay", str(folder), "--picture", str(tmp_path / "flight.svg")]):
         done = subprocess.run([*GCS, *command], capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == 0, done.stderr
+
+
+def test_the_returns_of_a_plan_file_are_at_hand_in_the_flight(
+    hop: gcs.Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights, file = tmp_path / "flights", tmp_path / "hop.skein"
+    prepared = gcs.prepare_returns(hop, 5.0)
+    save_plan(hop, gcs.verify(hop), file, prepared)
+    command = [*GCS, "fly", str(file), "--sim", "--speedup", "1", "--to", str(flights)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as flight:
+        try:
+            assert flight.stdout is not None
+            said = []
+            for line in flight.stdout:
+                said.append(line)
+                if line.startswith(tuple(f"flying: t = {second} " for second in range(2, 6))):
+                    break
+            assert run(["tell", "home", "--to", str(flights)]) == 0
+            assert "prepared before the flight" in capsys.readouterr().out
+            said += flight.stdout.readlines()
+        except BaseException:
+            flight.kill()
+            raise
+    assert flight.returncode == 0, "".join(said)
+    (folder,) = flights.iterdir()
+    (later,) = later_plans(folder)
+    plan, report = load_plan(later)
+    assert report.ok
+    assert plan.t_start_s in [one.begins_s for one in prepared.returns]
+    truth = gcs.load_truth(folder)
+    np.testing.assert_allclose(truth.named.position_ned_m[:, -1, :2], hop.pads_ned_m[:, :2], atol=0.5)

@@ -184,6 +184,7 @@ def fly(
     from gcs.flight.monitoring.volume_watch import FlownVolumes
     from gcs.flight.run import FlightRun, refuse_late_starts
     from gcs.flight.setup.simulator_process import Emulated, refuse_wrong_options
+    from gcs.plan.plan_file import is_plan_file, stored_returns
     from gcs.plan.trajectory.constraint_id import Kind
     from gcs.plan.verification.verify import refusal
 
@@ -218,9 +219,18 @@ def fly(
         waived=waived,
         volumes=None if volumes is None or geoid is None else FlownVolumes.read(volumes, plan, geoid),
     )
-    safety = not missions_only
     run = FlightRun(
-        plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
+        plan,
+        report,
+        keeping,
+        known,
+        emulated,
+        to,
+        choices,
+        safety=not missions_only,
+        limits=limits,
+        also_to=watched_at,
+        returns=stored_returns(mission) if is_plan_file(mission) else None,
     )
     return fly_and_judge(
         run,

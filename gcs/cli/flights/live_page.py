@@ -28,7 +28,7 @@ from gcs.flight.scene.scene_model import SceneKind
 from gcs.flight.setup.own_process import in_own_process
 from gcs.page.page_feed import PageFeed
 from gcs.page.page_orders import PageAsk
-from gcs.plan.plan_changer import PlanOrder
+from gcs.plan.formation_orders import PlanOrder
 from gcs.plan.trajectory.plan import Plan
 from gcs.util.aio import Work, ended
 

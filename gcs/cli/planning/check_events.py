@@ -26,9 +26,10 @@ def check_events(
 ) -> int:
     """Plan the answers to a scenario's events from instants along its plan, and verify them.
 
-    For each event whose order is home, scale or shape: what would be flown if it happened then. Hold,
-    land and return need no plan. Exit status 4 when an order has no plan from an instant, and no other order
-    beside it (`otherwise`), or when not all were planned in the time given (--limit).
+    For each event whose order plans the rest of the flight anew: what would be flown if it happened then. Land and
+    return need no plan, resume depends on what came before. Exit status 4 when an order has no plan from an instant,
+    and no other order beside it (`otherwise`; for hold: each vehicle brakes by itself), or when not all were planned in
+    the time given (--limit).
 
     Example: gcs check-events plans/simulation1.skein --every 5
     """
@@ -37,7 +38,7 @@ def check_events(
 
     from gcs.cli.shared.plan_argument import Accepts, Stopwatch, plan_for
     from gcs.errors import OutOfTime, PlanningError, UsageError
-    from gcs.plan.event_plans import plan_events
+    from gcs.plan.event_plans import other_order, plan_events
     from gcs.util.long_work import shown, within
 
     def refuse(scenario: Scenario) -> None:
@@ -56,7 +57,7 @@ def check_events(
         text, took, row = one.why_not, "", one.row + 1
         known: JsonObject = {"row": row, "order": str(one.order), "at_s": one.at_s, "ok": one.proposal is not None}
         if one.proposal is None:
-            rows.append({**known, "why_not": one.why_not, "otherwise": events[one.row].otherwise})
+            rows.append({**known, "why_not": one.why_not, "otherwise": other_order(events[one.row])})
         else:
             made = one.proposal
             text, took = f"verified, lands at t = {made.plan.t_end_s:.0f} s", f"{made.took_s:.2f} s"
@@ -64,7 +65,7 @@ def check_events(
         table.add_row(str(row), str(one.order), f"{one.at_s:.1f} s", text, took)
     screen.show(table)
     without = [one for one in found if one.proposal is None]
-    bare = [one for one in without if events[one.row].otherwise is None]
+    bare = [one for one in without if other_order(events[one.row]) is None]
     screen.say(f"events: {len(found) - len(without)} of {len(found)} answers verified, {len(events)} rows")
     screen.say(f"time: {watch}")
     late = [one for one in found if not one.in_time]

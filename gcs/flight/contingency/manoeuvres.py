@@ -8,7 +8,7 @@ Braking keeps out of no-fly zones and inside the fence where that is possible.
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -23,7 +23,9 @@ from gcs.mission.returns.routed_motion import PiecewiseMotion, Stops, routed_mot
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.mission.returns.rtl_cases import ReturnSpeeds
 from gcs.physics.states import ATTITUDE
+from gcs.plan.replanning.parametric_nlp import with_zones
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.scenario import NoFlyZone
 from gcs.types import Array
 
 Values = Sequence[float]  # x, y, z, vx, vy, vz, ax, ay, az, yaw
@@ -235,13 +237,23 @@ class OrderedTracks:
 
     def __init__(self, plan: Plan, returns: ReturnPlan, chosen: Mapping[int, EnergyChoice]) -> None:
         self._chosen = chosen
+        self._came_up: tuple[NoFlyZone, ...] = ()
         self.follow(plan, returns)
 
     def follow(self, plan: Plan, returns: ReturnPlan) -> None:
         """Use the returns of another plan."""
-        self.routes = ReturnRoutes(plan)
         self._plan = plan
         self._returns = returns
+        self.avoid(self._came_up)
+
+    def avoid(self, zones: tuple[NoFlyZone, ...]) -> None:
+        """Lead round these zones too: they came up, and the plan may not know them."""
+        self._came_up, plan = zones, self._plan
+        if zones:
+            known = plan.scenario.no_fly
+            every = (*known, *(zone for zone in zones if zone not in known))
+            plan = replace(plan, scenario=with_zones(plan.scenario, every))
+        self.routes = ReturnRoutes(plan)
 
     def reference(
         self, order: Order, view: VehicleView, row: int, t0_unix_s: float, begin_s: float

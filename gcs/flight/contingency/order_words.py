@@ -11,8 +11,8 @@ import shapely
 from gcs.errors import UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import geodetic_to_ned
-from gcs.plan.event_plans import planned_order
-from gcs.plan.plan_changer import Avoid, FlyHome, GoOn, GoTo, Hold, PlanOrder, Reshape, Scale, Slower
+from gcs.plan.event_plans import other_order, planned_order
+from gcs.plan.formation_orders import Avoid, FlyHome, GoOn, GoTo, Hold, PlanOrder, Reshape, Scale, Slower
 from gcs.scenario.schema.scenario import EventTable, Scenario
 from gcs.scenario.values.si import local_origin
 
@@ -43,6 +43,14 @@ def order_of(words: Sequence[str], scenario: Scenario, *, in_degrees: bool = Fal
 def order_of_event(row: EventTable) -> AskedOrder | PlanOrder:
     """The order that answers an event."""
     return planned_order(row) or AskedOrder(row.order)
+
+
+def order_instead(words: Sequence[str], scenario: Scenario) -> AskedOrder | None:
+    """The order, to each vehicle by itself, where that of these words has no plan; None: the old plan is flown on."""
+    if words and words[0] == "event":
+        row = next(row for row in scenario.on if row.event == words[1])
+        return None if (other := other_order(row)) is None else AskedOrder(other)
+    return AskedOrder.HOLD if tuple(words) == ("hold",) else None
 
 
 def _answer_to(rest: list[str], scenario: Scenario, in_degrees: bool) -> AskedOrder | PlanOrder:

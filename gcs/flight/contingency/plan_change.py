@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs.errors import FlightError
 from gcs.physics.states import VELOCITY
-from gcs.plan.plan_changer import PACED, Avoid, PlanOrder
+from gcs.plan.formation_orders import PACED, Avoid, CloseRanks, GoTo, Hold, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.no_fly import nearest_zone_m
 from gcs.scenario.schema.scenario import NoFlyZone
@@ -48,7 +48,9 @@ class PlanChange:
         self._rate_hz, self._lead_s = rate_hz, lead_s
         self._took_s = {False: [plans_s], True: [0.0]}  # with and without an optimiser
         self.pending: Planning | None = None
-        self._not_avoided: tuple[Avoid, ...] = ()  # zones that came up and that the flown plan does not lead round
+        # Zones that came up and that no plan was made for, with the plan time at which each was given.
+        self._not_avoided: dict[Avoid, float] = {}
+        self._last: tuple[PlanOrder, float] | None = None  # the order that the last new plan answers, and its begin
         self.brakes_at_s = math.inf  # plan time at which the formation has to brake
         self.blocked = ""  # why the old plan must not be gone on with, in words
 
@@ -57,17 +59,24 @@ class PlanChange:
         self._took_s.update({paced: [one_s] for paced, one_s in took_s.items()})
 
     def ask(self, order: PlanOrder, by: str, now_s: float, plan: Plan) -> Planning:
-        """Begin an order to a formation that flies `plan`. Raises FlightError while another one is being planned."""
+        """Begin an order to a formation that flies `plan`. Raises FlightError while another one is being planned.
+
+        A zone counts from now on in any case: the formation brakes before it.
+        """
+        self.note(order, now_s, plan)
         if self.pending is not None:
             raise FlightError(
                 f"the formation would not {order}: it is still being asked to {self.pending.order}.",
                 hint="wait for its answer in the events",
             )
-        if isinstance(order, Avoid):
-            self._not_avoided += (order,)
-            self._watch(plan, now_s)
         self.pending = Planning(order, by, now_s, now_s, self._begin_s(order, now_s))
         return self.pending
+
+    def note(self, order: PlanOrder, now_s: float, plan: Plan) -> None:
+        """Watch a zone from now on, whether a plan round it can be made or not; `plan` may be one round it already."""
+        if isinstance(order, Avoid) and order.zone not in plan.scenario.no_fly:
+            self._not_avoided.setdefault(order, now_s)
+            self.watch(plan, now_s)
 
     def would_begin_s(self, order: PlanOrder, now_s: float) -> float:
         """From when on an order would be flown. Raises FlightError while another one is being planned."""
@@ -102,22 +111,43 @@ class PlanChange:
             self.pending = replace(planning, tried_s=now_s, begin_s=begin_s, attempt=planning.attempt + 1)
         return False
 
+    def prepared(self) -> None:
+        """The pending order is answered by a plan that was made before it."""
+        self.pending = None
+
     def refused(self, order: PlanOrder, plan: Plan, now_s: float) -> str:
         """Take in that an order came to nothing; return in words what the formation does instead."""
         self.pending = None
         if not isinstance(order, Avoid):
             return "the old plan is flown on"
-        if self.blocked and math.isinf(self.brakes_at_s):
+        if self.has_braked:
             return f"all have braked: {self.blocked}"
         if math.isinf(enters_at_s(plan, order, now_s)):
             return "the old plan is flown on, it does not enter the zone"
-        self._watch(plan, now_s)
-        return f"all brake at t = {self.brakes_at_s:.1f} s: {self.blocked}"
+        self.watch(plan, now_s)
+        return self.instead
 
     @property
     def zones(self) -> tuple[NoFlyZone, ...]:
         """Zones that came up and that the flown plan enters, or may enter."""
         return tuple(zone.zone for zone in self._not_avoided)
+
+    @property
+    def given(self) -> tuple[tuple[NoFlyZone, float], ...]:
+        """The same, with the plan times at which they were given."""
+        return tuple((zone.zone, given_s) for zone, given_s in self._not_avoided.items())
+
+    @property
+    def instead(self) -> str:
+        """What the formation does before a zone that is not avoided, in words; empty where it enters none."""
+        return (
+            "" if not self.blocked or self.has_braked else f"all brake at t = {self.brakes_at_s:.1f} s: {self.blocked}"
+        )
+
+    @property
+    def has_braked(self) -> bool:
+        """Whether the time to brake has come, and no plan that enters no zone is flown since."""
+        return bool(self.blocked) and math.isinf(self.brakes_at_s)
 
     def brakes(self, now_s: float) -> bool:
         """Whether the formation has to brake now; once."""
@@ -126,12 +156,16 @@ class PlanChange:
             self.brakes_at_s = math.inf
         return due
 
-    def changed(self, order: PlanOrder, plan: Plan, now_s: float) -> None:
-        """The formation flies the plan that answers an order; it may lead round what blocked the old one."""
-        self._not_avoided = tuple(zone for zone in self._not_avoided if zone != order)
-        self._watch(plan, now_s)
+    def changed(self, order: PlanOrder, plan: Plan, begins_s: float, now_s: float) -> None:
+        """The formation flies this plan, from `begins_s` on anew; it may lead round what blocked the old one."""
+        self._last = order, begins_s
+        known = plan.scenario.no_fly  # verified with them: it may pass them nearer than an old plan is let
+        self._not_avoided = {
+            zone: given_s for zone, given_s in self._not_avoided.items() if zone != order and zone.zone not in known
+        }
+        self.watch(plan, now_s)
 
-    def _watch(self, plan: Plan, now_s: float) -> None:
+    def watch(self, plan: Plan, now_s: float) -> None:
         """Brake before the first zone that this plan enters."""
         self.brakes_at_s, self.blocked = math.inf, ""
         enters_s = min((enters_at_s(plan, zone, now_s) for zone in self._not_avoided), default=math.inf)
@@ -143,12 +177,16 @@ class PlanChange:
 
     def would_be_late(self, now_s: float) -> bool:
         """Whether all attempts at a plan round a zone may not be made before the formation has to brake."""
-        return now_s + ATTEMPTS * SLOWER * max(self._took_s[False]) + self._lead_s > self.brakes_at_s
+        made_s = now_s + ATTEMPTS * SLOWER * max(self._took_s[False]) + self._lead_s
+        return max(made_s, self._not_before_s(paced=False)) > self.brakes_at_s
 
     def brake_begins_s(self, now_s: float) -> float:
         """From when on the formation brakes as one before the zones that came up: the plan is flown on until then."""
-        soonest_s = now_s + SLOWER * max(self._took_s[True]) + self._lead_s + MARGIN_S
-        return self._on_grid(max(soonest_s, self.brakes_at_s - 1.0 / self._rate_hz))
+        return self._on_grid(max(self.soonest_s(now_s), self.brakes_at_s - 1.0 / self._rate_hz))
+
+    def soonest_s(self, now_s: float) -> float:
+        """From when on a plan without an optimiser can be flown."""
+        return now_s + SLOWER * max(self._took_s[True]) + self._lead_s + MARGIN_S
 
     def can_begin(self, begin_s: float, now_s: float) -> bool:
         """Whether a plan that is ready now can be flown from an instant on."""
@@ -158,7 +196,19 @@ class PlanChange:
         least_s = self._lead_s + MARGIN_S
         soonest_s = SLOWER * max(self._took_s[isinstance(order, PACED)]) + least_s
         ahead_s = max(min(soonest_s, self.brakes_at_s - now_s), least_s)
-        return self._on_grid(now_s + ahead_s)
+        return self._on_grid(max(now_s + ahead_s, self._not_before_s(paced=isinstance(order, PACED))))
+
+    def _not_before_s(self, *, paced: bool) -> float:
+        """Until when an order has to wait for the last new plan to begin: its programs know nothing before that.
+
+        Tracks that are flown at another pace have none, but know a formation that became smaller only from then on. A
+        plan that the formation leaves to hold keeps its programs.
+        """
+        if self._last is None:
+            return -math.inf
+        last, begins_s = self._last
+        waits = isinstance(last, CloseRanks) or not (paced or isinstance(last, Hold | GoTo))
+        return begins_s if waits else -math.inf
 
     def _on_grid(self, t_s: float) -> float:
         return math.ceil(t_s * self._rate_hz) / self._rate_hz

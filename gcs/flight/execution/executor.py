@@ -28,6 +28,7 @@ from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.scenario import NoFlyZone
 from gcs.types import Array
 
 _PERIOD_S = 0.1  # of fleet time between two checks
@@ -98,6 +99,10 @@ class ContingencyExecutor:
         """The vehicles fly another plan from an instant ahead on."""
         self.positions.follow(plan)
         self._tracks.follow(plan, self.charge.returns)
+
+    def avoid(self, zones: tuple[NoFlyZone, ...]) -> None:
+        """Zones that came up count for every way back from now on."""
+        self._tracks.avoid(zones)
 
     def return_from(self, plan: Plan, returns: ReturnPlan, model: BatteryModel) -> None:
         """Use these returns and energy needs of the flown plan; computing them takes longer than planning."""

@@ -61,7 +61,7 @@ from gcs.link.session.upload_fleet import Holdings, upload_fleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mission.returns.rtl_altitudes import plan_returns
-from gcs.plan.plan_changer import PlanOrder
+from gcs.plan.formation_orders import PlanOrder
 from gcs.plan.trajectory.phases import PhaseKind
 from gcs.plan.trajectory.plan import Plan
 from gcs.util.aio import T, Work, alongside, each, ended
@@ -171,6 +171,8 @@ class FlightSequence:
         """
         if isinstance(order, AskedOrder):
             return self._asked().ask(order, vehicles, by)
+        if vehicles:
+            raise FlightError("a new plan is for the whole formation.", hint="name no vehicles")
         return self._changing().ask(order, by)
 
     async def answer(self) -> str:

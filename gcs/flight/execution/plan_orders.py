@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
@@ -21,12 +22,12 @@ from gcs.flight.execution.executor import ContingencyExecutor
 from gcs.flight.execution.hover_charge import model_of
 from gcs.flight.execution.order_carrier import FlyingFleet
 from gcs.flight.monitoring.progress import ALL_VEHICLES, AskedOrder, Event, PlanForecast
-from gcs.flight.recording.flight_folder import later_plans
+from gcs.flight.recording.flight_folder import PLAN, later_plans
 from gcs.flight.setup.own_process import in_own_process
-from gcs.flight.setup.plan_worker import PlanWorker, Replacement
+from gcs.flight.setup.plan_worker import WAIT_S, PlanWorker, Replacement
 from gcs.flight.setup.planner_process import PlannerProcess
 from gcs.mission.returns.rtl_altitudes import plan_returns
-from gcs.plan.plan_changer import Avoid, CloseRanks, Hold, PlanOrder
+from gcs.plan.formation_orders import Avoid, CloseRanks, FlyHome, Hold, PlanOrder
 from gcs.plan.replanning.plan_pieces import continued
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone
@@ -35,6 +36,7 @@ from gcs.util.steady_loop import follows
 
 _GONE = frozenset({State.LOST, State.RETURNING, State.LANDING})
 _WHO = 80  # characters of who asked
+_LIMIT_S = 100.0  # for one plan: no solver may keep all later orders from being heard
 _OURSELVES = "this program"  # as who asked
 NEW_PLAN = "fly a new plan"
 
@@ -55,9 +57,14 @@ class PlanOrders:
         scenario, self._loop = fleet.plan.scenario, asyncio.get_running_loop()
         self._change = PlanChange(scenario.mission.setpoint_rate_hz, fleet.options.lead_s)
         self._rest = fleet.plan.sysids  # the vehicles that the plan is for
-        self._gone: set[int] = set()  # those that the others were asked to fly on without
+        # Those that the others were asked to fly on without, or that were never heard.
+        self._gone = {sysid for sysid, state in contingency.policy.states.items() if state is State.LOST}
+        self._t0_s = fleet.monitor.t0_s
+        self._came_up: tuple[NoFlyZone, ...] = ()  # zones that the ways back are made round
+        self._failed: set[str] = set()  # what looking ahead met, told once
         self._streams = fleet.options.mode is FlightMode.STREAM
-        self._worker = PlannerProcess(PlanWorker, fleet.plan, folder)
+        self._prepared = None if folder is None else folder / PLAN  # with the returns that were made before the flight
+        self._worker = PlannerProcess(PlanWorker, fleet.plan, folder, self._prepared)
         self._count = 1 if folder is None else 1 + len(later_plans(folder))  # of a flight that is taken up again
         self._asked: asyncio.Queue[Planning] = asyncio.Queue()
         self._returns: asyncio.Future[None] | None = None  # being planned for the flown plan
@@ -72,11 +79,15 @@ class PlanOrders:
         self._tell(f"were asked to {order} by {by}", "", {"order": str(order), "by": by})
         try:
             if why := self._why_not(order):
+                self._change.note(order, now_s, self._fleet.plan)
+                why += f"; {self._change.instead}" if isinstance(order, Avoid) and self._change.instead else ""
                 raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
             planning = self._change.ask(order, by, now_s, self._fleet.plan)
         except FlightError as refusal:
             self._tell("keep their plan", f"refused: {refusal.message}")
             raise
+        finally:
+            self._zones_count()
         self._answer = self._loop.create_future()
         self._asked.put_nowait(planning)
         return order.sysids if isinstance(order, CloseRanks) else self._rest
@@ -120,11 +131,13 @@ class PlanOrders:
         """Plan until a plan is in time, and fly it; or refuse."""
         if isinstance(planning.order, Avoid) and self._change.would_be_late(self._now_s()):
             await self._brake_together()
-        order, began_s = planning.order, time.perf_counter()  # emulated time stands
+        order, began_s = self._with_zones(planning.order), time.perf_counter()  # emulated time stands
         self._change.begin(self._now_s())
         try:
+            if isinstance(order, FlyHome) and await self._begin_return(planning, order, WAIT_S):
+                return
             while (now := self._change.pending) is not None:
-                made: Replacement = await self._worker.call("change", order, now.begin_s, f"plan-{self._count + 1}")
+                made = await self._planned(order, now.begin_s)
                 if why := self._why_not(order):
                     raise FlightError(f"{why}.")
                 if self._change.in_time(self._now_s()):
@@ -135,17 +148,51 @@ class PlanOrders:
                     f"no plan was made in time in {ATTEMPTS} attempts, {time.perf_counter() - began_s:.1f} s."
                 )
         except Exception as failure:  # no order ends a flight
+            if isinstance(order, FlyHome) and await self._begin_return(planning, order, math.inf):
+                return
             why = _reason(failure).rstrip(".")
             instead = self._change.refused(order, self._fleet.plan, self._now_s())
-            self._contingency.operator.block(self._change.blocked)
+            self._zones_count()
             self._tell("keep their plan", f"not {order}: {why}; {instead}")
             self._answered(FlightError(f"the formation does not {order}: {why}; {instead}."))
             if isinstance(order, CloseRanks):
-                self._stay_open(order)
+                self._stay_open(order.sysids)
             elif math.isfinite(self._change.brakes_at_s):
                 await self._brake_together()
             return
         await self._adopt()
+
+    def _with_zones(self, order: PlanOrder) -> PlanOrder:
+        """A way home is planned round the zones that nothing else was planned round."""
+        return replace(order, zones=self._change.zones) if isinstance(order, FlyHome) else order
+
+    async def _planned(self, order: PlanOrder, begin_s: float) -> Replacement:
+        """The plan that carries out an order; raises its reason where there is none."""
+        name, given = f"plan-{self._count + 1}", self._change.given
+        try:
+            async with asyncio.timeout(_LIMIT_S):  # its process ends then, and another one takes its place
+                made: Replacement = await self._worker.call("change", order, begin_s, name, given)
+        except TimeoutError:
+            raise FlightError(f"no plan was found in {_LIMIT_S:g} s.") from None
+        return made
+
+    async def _begin_return(self, planning: Planning, order: FlyHome, within_s: float) -> bool:
+        """Have the formation go over to the next prepared return that begins within a time; return whether it does."""
+        began_s = time.perf_counter()
+        from_s, name = self._change.soonest_s(self._now_s()), f"plan-{self._count + 1}"
+        asked = self._worker.call("fly_home", order, from_s, within_s, name, self._change.given)
+        try:
+            made: Replacement | None = await asked
+        except Exception:  # it is planned
+            return False
+        if made is None or self._why_not(planning.order):
+            return False
+        if not self._change.can_begin(made.plan.t_start_s, self._now_s()):
+            return False
+        self._change.prepared()
+        self._fly(planning, made, time.perf_counter() - began_s, "prepared before the flight, verified")
+        await self._adopt()
+        return True
 
     async def _brake_together(self) -> None:
         """Have the formation brake as one before new zones; else each vehicle does so by itself when it is due."""
@@ -153,7 +200,7 @@ class PlanOrders:
         now_s = self._now_s()
         planning = Planning(order, _OURSELVES, now_s, now_s, self._change.brake_begins_s(now_s))
         try:
-            made: Replacement = await self._worker.call("change", order, planning.begin_s, f"plan-{self._count + 1}")
+            made = await self._planned(order, planning.begin_s)
         except Exception as failure:
             self._tell("do not brake as one", _reason(failure))
             return
@@ -161,7 +208,7 @@ class PlanOrders:
             self._fly(planning, made, time.perf_counter() - began_s)
             await self._adopt()
 
-    def _fly(self, planning: Planning, made: Replacement, took_s: float) -> None:
+    def _fly(self, planning: Planning, made: Replacement, took_s: float, how: str = "planned and verified") -> None:
         fleet, new = self._fleet, made.plan
         flown = continued(fleet.plan, new)
         self._count += 1
@@ -173,9 +220,10 @@ class PlanOrders:
                 made.file.replace(file)
         fleet.streamer.follow_plan(flown, made.stream)
         self._follow(flown)
-        self._change.changed(planning.order, flown, self._now_s())
-        self._contingency.operator.block(self._change.blocked)
-        words = f"{planning.order}, asked by {planning.by}; planned and verified in {took_s:.2f} s"
+        self._change.changed(planning.order, flown, new.t_start_s, self._now_s())
+        self._worker.next_makes(PlanWorker, flown, self._folder, self._prepared, made.proposal)
+        self._zones_count()
+        words = f"{planning.order}, asked by {planning.by}; {how} in {took_s:.2f} s"
         data = {"order": str(planning.order), "asked_t_s": planning.asked_s, "begins_t_s": new.t_start_s}
         data |= {"planned_s": took_s, "file": None if file is None else file.name}
         self._tell(f"{NEW_PLAN} from t = {new.t_start_s:.2f} s on", words, data)
@@ -184,7 +232,10 @@ class PlanOrders:
 
     async def _adopt(self) -> None:
         """The planner goes on from the new plan; its returns are planned beside the next order."""
-        await self._worker.call("adopt")
+        try:
+            await self._worker.call("adopt")
+        except Exception:  # the next process begins with the new plan
+            await self._worker.close()
         if self._returns is not None:
             await ended(self._returns)
         self._returns = asyncio.ensure_future(self._make_returns())
@@ -200,17 +251,42 @@ class PlanOrders:
         except Exception as failure:
             self._tell("have no new return altitudes", _reason(failure))
             return
-        self._contingency.return_from(plan, returns, await model_of(plan))
+        model = await model_of(plan)
+        if plan is self._fleet.plan:  # else those of the next plan follow
+            self._contingency.return_from(plan, returns, model)
+
+    def _zones_count(self) -> None:
+        """Zones that came up count for every way back, and for whether the plan may be gone on with."""
+        self._contingency.operator.block(self._change.blocked)
+        if self._came_up != (came_up := self._change.zones):
+            self._came_up = came_up
+            self._contingency.avoid(came_up)
 
     async def _look_ahead(self) -> None:
-        """Close the ranks when a vehicle left, and brake in time."""
+        """Close the ranks when a vehicle left, and brake in time. A failure of one stops neither."""
         while True:
             await self._fleet.time.comes_to(self._fleet.time.sure_s() + 0.1)
-            self._close_ranks()
-            if self._change.brakes(self._now_s()):
-                self._contingency.operator.block(self._change.blocked)
-                with suppress(FlightError):
-                    self._contingency.ask(AskedOrder.HOLD, (), f"this program: {self._change.blocked}")
+            for look in (self._brake, self._close_ranks):
+                try:
+                    look()
+                except Exception as failure:
+                    if (why := _reason(failure)) not in self._failed:
+                        self._failed.add(why)
+                        self._tell("are not looked after", why)
+
+    def _brake(self) -> None:
+        """Have the vehicles brake that fly the plan where it is due; one that flies it again later brakes then.
+
+        Those that return or land by themselves are left at that.
+        """
+        if self._t0_s != self._fleet.monitor.t0_s:  # the plan waited: what is ahead is another part of it
+            self._t0_s = self._fleet.monitor.t0_s
+            self._change.watch(self._fleet.plan, self._now_s())
+            self._zones_count()
+        self._change.brakes(self._now_s())
+        states = self._contingency.policy.states
+        if self._change.has_braked and (flying := [i for i, state in states.items() if state in IN_FORMATION]):
+            self._contingency.ask(AskedOrder.HOLD, flying, f"this program: {self._change.blocked}")
 
     def _close_ranks(self) -> None:
         """Have the others fly on without vehicles that are lost, or that fly or land by themselves."""
@@ -221,12 +297,14 @@ class PlanOrders:
         self._gone |= gone
         if not (rest := tuple(i for i in self._rest if states[i] in IN_FORMATION)):
             return
-        zones = tuple(zone for sysid in sorted(gone) for zone in self._zones_of(sysid, rest))
-        order = CloseRanks(rest, zones)
         try:
-            self.ask(order, _OURSELVES)
+            zones = tuple(zone for sysid in sorted(gone) for zone in self._zones_of(sysid, rest))
+            self.ask(CloseRanks(rest, zones), _OURSELVES)
         except FlightError:
-            self._stay_open(order)
+            self._stay_open(rest)
+        except Exception:  # where it may be is not known
+            self._stay_open(rest)
+            raise
 
     def _zones_of(self, sysid: int, rest: tuple[int, ...]) -> tuple[NoFlyZone, ...]:
         """Where a vehicle that left may be from now on."""
@@ -241,10 +319,10 @@ class PlanOrders:
         rtl_up_m = self._contingency.charge.returns.altitudes_m[row]
         return (stopped, *way_home(plan, row, view.position_ned_m, rtl_up_m, now_s, rest))
 
-    def _stay_open(self, order: CloseRanks) -> None:
+    def _stay_open(self, rest: tuple[int, ...]) -> None:
         """No plan for the rest: where a vehicle is lost the others land, else they keep theirs with its empty place."""
         states = self._contingency.policy.states
-        if any(states[i] is State.LOST for i in set(self._rest) - set(order.sysids)):
+        if any(states[i] is State.LOST for i in set(self._rest) - set(rest)):
             self._contingency.ranks_stay_open()
 
     def _why_not(self, order: PlanOrder) -> str:

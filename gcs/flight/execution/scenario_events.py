@@ -17,6 +17,7 @@ from gcs.flight.monitoring.progress import AskedOrder
 from gcs.flight.setup.order_socket import Ordered
 from gcs.link.session.status_report import reported_wind
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.plan.event_plans import other_order
 from gcs.scenario.schema.scenario import EventTable
 from gcs.util.aio import ended
 
@@ -68,7 +69,8 @@ class ScenarioEvents:
         try:
             self._flight.ask(order, steered if isinstance(order, AskedOrder) else (), by=by)
         except FlightError:
-            if not self._watch.refused(due.row, self._loop.time()):
+            again = self._watch.refused(due.row, self._loop.time())
+            if not again or row.order == "hold":
                 self._give_otherwise(row, by)
             return
         if not isinstance(order, AskedOrder):
@@ -83,17 +85,20 @@ class ScenarioEvents:
             self._give_otherwise(row, by)
 
     def _give_otherwise(self, row: EventTable, by: str) -> None:
-        if row.otherwise is not None and (steered := self._steered()):
+        if (otherwise := other_order(row)) is not None and (steered := self._steered()):
             with suppress(FlightError):  # which the flight tells
-                self._flight.ask(AskedOrder(row.otherwise), steered, by=by)
+                self._flight.ask(AskedOrder(otherwise), steered, by=by)
 
     def _steered(self) -> tuple[int, ...]:
         states = self._flight.contingency.policy.states
         return tuple(sysid for sysid, state in states.items() if state in IN_FORMATION | HOLDS)
 
     def _observed(self) -> list[Observed]:
+        """What vehicles in the air report: one that has landed may be switched off."""
         found = []
         for one in self._flight.vehicles_now():
+            if not self._sessions[one.sysid].armed:
+                continue
             wind = reported_wind(self._sessions[one.sysid])
             found.append(
                 Observed(one.sysid, one.battery_pct, math.nan if wind is None else wind.speed_mps, one.link_age_s)

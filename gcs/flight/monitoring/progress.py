@@ -23,7 +23,7 @@ from gcs.types import Array
 
 if TYPE_CHECKING:
     from gcs.flight.monitoring.preflight_check import PreflightCheck
-    from gcs.plan.plan_changer import PlanOrder
+    from gcs.plan.formation_orders import PlanOrder
     from gcs.plan.trajectory.plan import Plan
 
 _SAME_S = 1e-3

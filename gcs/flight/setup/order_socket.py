@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Protocol
 
 from gcs.errors import FlightError, GcsError, UsageError
-from gcs.flight.contingency.order_words import order_of
+from gcs.flight.contingency.order_words import order_instead, order_of
 from gcs.flight.monitoring.progress import AskedOrder, InFlight
-from gcs.plan.plan_changer import Hold, PlanOrder
+from gcs.plan.formation_orders import Hold, PlanOrder
 from gcs.plan.trajectory.plan import Plan
 
 NAME = "orders.sock"
@@ -26,6 +26,7 @@ _LINE_BYTES, _CLIENTS, _READ_S = 8192, 4, 5.0
 _PATH_MAX = 100  # of a socket: longer ones are reached through their open folder
 _PEER = struct.Struct("3i")  # pid, uid, gid
 _CONNECT_S, _PLANS_S = 5.0, 120.0
+_INSTEAD = {AskedOrder.HOLD: "brakes", AskedOrder.LAND: "lands", AskedOrder.RETURN: "returns"}
 
 
 class Ordered(InFlight, Protocol):
@@ -109,13 +110,16 @@ async def _serve(flight: Ordered, reader: asyncio.StreamReader, writer: asyncio.
         order = order_of(told.words, flight.plan.scenario, in_degrees=told.in_degrees)
         if isinstance(order, Hold) and told.vehicles:
             order = AskedOrder.HOLD
+        if told.vehicles and not isinstance(order, AskedOrder):
+            raise UsageError(f"{told.words[0]} is for the whole formation", hint="leave --vehicles out")
         try:
             await _obeyed(flight, order, told.vehicles, writer)
         except FlightError as refusal:
-            if not isinstance(order, Hold):
+            instead = order_instead(told.words, flight.plan.scenario)
+            if instead is None or isinstance(order, AskedOrder):
                 raise
-            _send(writer, f"{refusal.message} Each brakes by itself.", is_last=False)
-            await _obeyed(flight, AskedOrder.HOLD, (), writer)
+            _send(writer, f"{refusal.message} Each {_INSTEAD[instead]} by itself.", is_last=False)
+            await _obeyed(flight, instead, (), writer)
     except GcsError as refusal:
         _send(writer, refusal.message, hint=refusal.hint, is_refusal=True)
     await writer.drain()
@@ -211,6 +215,10 @@ def tell(folder: Path, told: Told) -> Iterator[str]:
                     yield answer["text"]
                     if answer["is_last"]:
                         return
+        except TimeoutError:
+            raise FlightError(
+                "the flight has not answered yet.", hint="events.jsonl in its folder will say what came of the order"
+            ) from None
         except OSError as problem:
             raise UsageError(
                 f"no flight takes orders in {folder} ({problem.strerror or problem}).",

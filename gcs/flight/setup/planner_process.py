@@ -25,9 +25,13 @@ class PlannerProcess:
 
     def __init__(self, make: Callable[..., object], *args: object) -> None:
         """The function must be importable, and it, its arguments and all answers picklable."""
-        self._first = (list(sys.path), pickle.dumps((make, args)))
+        self.next_makes(make, *args)
         self._process: asyncio.subprocess.Process | None = None
         self._turn = asyncio.Lock()
+
+    def next_makes(self, make: Callable[..., object], *args: object) -> None:
+        """A process that takes the place of one that ended holds `make(*args)`."""
+        self._first = (list(sys.path), pickle.dumps((make, args)))
 
     async def call(self, method: str, *args: object) -> Any:
         """Return what the method of the kept object returns; raise what it raises, or `OwnProcessEnded`.
@@ -72,7 +76,7 @@ class PlannerProcess:
         process.stdin.write(_LENGTH.pack(len(data)) + data)
 
     async def close(self) -> None:
-        """End the process; a later call begins another one, with the object as it was made."""
+        """End the process; a later call begins another one, with the object as it was made, or as `next_makes` says."""
         process, self._process = self._process, None
         if process is not None:
             await killed(process)

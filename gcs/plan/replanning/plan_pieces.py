@@ -53,9 +53,9 @@ def jump_between(old: Plan, new: Plan) -> Jump:
 def continued(old: Plan, new: Plan) -> Plan:
     """The plan as flown: the old one until the new one begins, which is its rest. It begins where the old one did.
 
-    The zones that only the new one has count from its begin on (`Plan.zones_since_s`). Vehicles that only the old one
-    has left the formation: their places stay empty. Raises PlanningError where the new one has other vehicles, or the
-    formation would jump.
+    The zones that only the new one has count from its begin on (`Plan.zones_since_s`), or from when they were given,
+    where it says so. Vehicles that only the old one has left the formation: their places stay empty. Raises
+    PlanningError where the new one has other vehicles, or the formation would jump.
     """
     at_s = new.t_start_s
     if not set(new.sysids) <= set(old.sysids) or not old.t_start_s < at_s < old.landing_s:
@@ -74,6 +74,7 @@ def continued(old: Plan, new: Plan) -> Plan:
     begun = replace(mission, start_s=old.phase(PhaseKind.MISSION).start_s)
     passed = tuple(t_s for t_s in old.route_s if t_s < at_s and t_s not in new.route_s)
     known, now = len(zones(old.scenario)), len(zones(new.scenario))
+    given_s = [min(t_s, at_s) if np.isfinite(t_s) else at_s for t_s in new.zones_since_s[known:]]
     return replace(
         new,
         leader_trajectory=joined([trajectory_part(old.leader_trajectory, old.t_start_s, at_s), new.leader_trajectory]),
@@ -83,7 +84,7 @@ def continued(old: Plan, new: Plan) -> Plan:
         route_s=(*passed, *new.route_s) if len(passed) + len(new.route_s) == len(old.route_s) else new.route_s,
         leg_limits=(),
         used_before=old.used_before,
-        zones_since_s=(*(old.zones_since_s or (-np.inf,) * known), *(at_s,) * (now - known)),
+        zones_since_s=(*(old.zones_since_s or (-np.inf,) * known), *(given_s or (at_s,) * (now - known))),
     )
 
 

@@ -25,7 +25,20 @@ def _shape_may_be_ordered(scenario: Scenario) -> Mistakes:
     for row, each in enumerate(scenario.on):
         if each.order in CHANGES_SHAPE:
             text = "cannot be planned: the shape of this formation changes by itself all the time"
-            yield Mistake(("on", row, "order"), text, each.order, remedy='give "home", "hold", "land" or "return"')
+            yield Mistake(
+                ("on", row, "order"), text, each.order, remedy='give "home", "hold", "slower", "land" or "return"'
+            )
+
+
+@RULES.needs("on", "limits")
+def _places_are_within_the_limits(scenario: Scenario) -> Mistakes:
+    for row, each in enumerate(scenario.on):
+        for axis, key in enumerate(("north_m", "east_m", "height_m") if each.position_m is not None else ()):
+            assert each.position_m is not None
+            wanted_m, (low_m, high_m) = each.position_m[axis], getattr(scenario.limits, key)
+            if not low_m <= wanted_m <= high_m:
+                text = f"outside of limits.{key}, {low_m:g} to {high_m:g} m: the leader may not be there"
+                yield Mistake(("on", row, "position_m", axis), text, wanted_m)
 
 
 @RULES.needs("on", "time")

@@ -11,7 +11,7 @@ from gcs.cli.main import run
 from gcs.errors import OutOfTime, UsageError
 from gcs.plan import event_plans
 from gcs.plan.event_plans import plan_events
-from gcs.plan.plan_changer import FlyHome, Scale
+from gcs.plan.formation_orders import FlyHome, GoTo, Hold, Scale, Slower
 from gcs.plan.plan_file import save_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
@@ -46,7 +46,29 @@ def test_each_planned_order_has_a_verified_plan_or_a_reason_at_each_instant(hop:
         plan_events(hop, 0.0)
 
 
-@pytest.mark.parametrize(("rows", "code"), [(ROWS[2:], 0), ((EventTable(event="wide", order="scale", factor=9.0),), 4)])
+def test_a_formation_that_flies_slower_goes_elsewhere_or_holds_is_planned_too(hop: Plan) -> None:
+    rows = (
+        EventTable(wind_above_mps=8.0, order="slower", factor=0.6),
+        EventTable(event="look", order="go", position_m=(20.0, 15.0, 10.0)),
+        EventTable(event="stop", order="hold"),
+        EventTable(silent_for_s=3.0, order="hold"),  # one that is not heard gets no plan: each brakes by itself
+        EventTable(event="on", order="resume"),
+    )
+    found = plan_events(with_events(hop, *rows), 29.0)
+    assert [one.order for one in found] == [Slower(0.6), GoTo(20.0, 15.0, 10.0), Hold()]
+    for one in found:
+        assert one.proposal is not None, one.why_not
+        assert one.proposal.report.ok
+
+
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [
+        (ROWS[2:], 0),
+        ((EventTable(event="wide", order="scale", factor=9.0),), 4),
+        ((EventTable(at_s=29.5, order="hold"),), 0),
+    ],
+)
 def test_the_command_ends_with_4_where_a_row_has_neither_a_plan_nor_another_order(
     hop: Plan, tmp_path: Path, rows: tuple[EventTable, ...], code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -56,6 +78,8 @@ def test_the_command_ends_with_4_where_a_row_has_neither_a_plan_nor_another_orde
     told = capsys.readouterr()
     assert "answers verified" in told.out
     assert ("has no plan at t = 10" in told.err) == bool(code)
+    if rows[0].order == "hold":
+        assert "0 of 1 answers verified" in told.out, "each brakes by itself there"
 
 
 def test_answers_that_are_not_planned_in_time_are_told_from_those_without_a_plan(

@@ -15,7 +15,7 @@ from gcs.cli.main import run
 from gcs.errors import FileFormatError, OutOfTime, PlanningError, UsageError
 from gcs.plan import formation_return, prepared_returns
 from gcs.plan.formation_return import _duration_s, plan_return
-from gcs.plan.plan_file import ARRAYS, load_returns, read_plan, save_plan
+from gcs.plan.plan_file import ARRAYS, load_returns, read_plan, save_plan, stored_returns, write_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.prepared_returns import PreparedReturn, PreparedReturns, prepare_returns
 from gcs.plan.trajectory.constraint_id import Kind
@@ -129,6 +129,10 @@ def test_a_plan_file_keeps_returns_where_older_versions_pass_over_them(plan: Pla
     assert loaded.returns[0].plan is not None
     assert loaded.returns[0].plan.content == home.content
     assert load_returns(bare).returns == ()
+    again = tmp_path / "again.skein"  # the folder of a flight keeps them without verifying them
+    write_plan(plan, verify(plan), again, stored_returns(file))
+    assert [one.plan and one.plan.content for one in load_returns(again).returns] == [home.content, None]
+    assert stored_returns(bare).rows == ()
     # Older versions read these arrays alone, and of the first no key that they do not know.
     assert {name.removesuffix(".npy") for name in zipfile.ZipFile(file).namelist()} == set(ARRAYS)
     old, new = (json.loads(np.load(each)["meta"].tobytes()) for each in (bare, file))

@@ -9,19 +9,8 @@ import pytest
 
 from gcs.errors import Infeasible, PlanningError, UsageError
 from gcs.physics.states import POSITION, VELOCITY
-from gcs.plan.plan_changer import (
-    Avoid,
-    CloseRanks,
-    FlyHome,
-    GoOn,
-    GoTo,
-    Hold,
-    PlanChanger,
-    Proposal,
-    Reshape,
-    Scale,
-    Slower,
-)
+from gcs.plan.formation_orders import Avoid, CloseRanks, FlyHome, GoOn, GoTo, Hold, Reshape, Scale, Slower
+from gcs.plan.plan_changer import PlanChanger, Proposal
 from gcs.plan.plan_file import load_plan, save_plan
 from gcs.plan.planner import make_plan
 from gcs.plan.replanning.plan_pieces import continued, in_pieces, jump_between

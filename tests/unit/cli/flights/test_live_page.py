@@ -35,7 +35,7 @@ from gcs.flight.monitoring.progress import (
 )
 from gcs.flight.scene.flight_picture import picture_of
 from gcs.page.page_orders import PageAsk
-from gcs.plan.plan_changer import Avoid, Scale
+from gcs.plan.formation_orders import Avoid, Scale
 from tests.virtual_clock import VirtualLoop
 
 USUAL = VehicleNow(1, "GUIDED", True, 20.0, 5.0, 80.0, 0.1, 0.0, 0.3, 12.0, 20.0)

@@ -9,7 +9,7 @@ from gcs.errors import UsageError
 from gcs.flight.contingency.order_words import order_of
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.frames import ned_to_geodetic
-from gcs.plan.plan_changer import Avoid, FlyHome, GoOn, GoTo, Hold, Reshape, Scale, Slower
+from gcs.plan.formation_orders import Avoid, FlyHome, GoOn, GoTo, Hold, Reshape, Scale, Slower
 from gcs.scenario.schema.scenario import EventTable, Scenario
 from gcs.scenario.values.si import local_origin
 

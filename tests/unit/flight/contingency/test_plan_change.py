@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from gcs.errors import FlightError
 from gcs.flight.contingency.plan_change import ATTEMPTS, MARGIN_S, SLOWER, PlanChange, enters_at_s
 from gcs.physics.states import VELOCITY
-from gcs.plan.plan_changer import Avoid, Scale
+from gcs.plan.formation_orders import Avoid, CloseRanks, FlyHome, GoOn, Hold, PlanOrder, Scale, Slower
 from gcs.plan.trajectory.plan import Plan
 
 LEAD_S = 0.2
@@ -126,7 +127,7 @@ def test_a_plan_that_leads_round_another_zone_only_still_brakes_before_the_first
     due_s = ours.brakes_at_s
     ours.ask(Scale(0.9), "a test", 4.0, hop)
     assert ours.in_time(4.1)
-    ours.changed(Scale(0.9), hop, 4.1)
+    ours.changed(Scale(0.9), hop, 4.5, 4.1)
     assert ours.brakes(due_s)
 
 
@@ -143,6 +144,62 @@ def test_a_new_plan_takes_back_the_order_to_brake(hop: Plan) -> None:
     ours = PlanChange(10.0, LEAD_S)
     ours.ask(ahead(hop), "a test", 3.0, hop)
     assert ours.in_time(3.1)
-    ours.changed(ahead(hop), hop, 3.1)
+    ours.changed(ahead(hop), hop, 4.0, 3.1)
     assert not ours.brakes(1000.0)
     assert not ours.blocked
+
+
+@pytest.mark.parametrize(
+    ("last", "order", "waits"),
+    [
+        (FlyHome(), FAR, True),
+        (FlyHome(), Hold(), False),
+        (Hold(), FAR, False),
+        (Hold(), GoOn(), False),
+        (CloseRanks((1, 2), ()), Slower(0.7), True),
+    ],
+)
+def test_an_order_to_a_formation_whose_last_new_plan_has_not_begun_waits_for_it_where_it_must(
+    hop: Plan, last: PlanOrder, order: PlanOrder, waits: bool
+) -> None:
+    """A return begins up to 15 s ahead: programs of its own know nothing before that."""
+    ours = PlanChange(10.0, LEAD_S, 0.5)
+    ours.changed(last, hop, 24.0, 10.0)
+    begins_s = ours.ask(order, "a test", 10.0, hop).begin_s
+    assert begins_s == 24.0 if waits else begins_s < 12.0
+
+
+def test_before_a_zone_that_a_plan_comes_too_late_for_because_a_return_has_not_begun_the_brake_is_first(
+    hop: Plan,
+) -> None:
+    ours, zone = PlanChange(10.0, LEAD_S, 0.1), ahead(hop)
+    ours.changed(FlyHome(), hop, 24.0, 3.0)
+    ours.ask(zone, "a test", 3.0, hop)
+    assert ours.brakes_at_s < 24.0
+    assert ours.would_be_late(3.0)
+
+
+def test_a_plan_that_was_verified_with_a_zone_is_flown_past_it_as_near_as_it_is(hop: Plan) -> None:
+    """One that goes on after a brake answers no `avoid`."""
+    ours, zone = PlanChange(10.0, LEAD_S), ahead(hop)
+    ours.ask(zone, "a test", 3.0, hop)
+    ours.changed(GoOn(), hop, 4.0, 3.5)
+    assert ours.zones == (zone.zone,)
+    assert ours.blocked
+    past = replace(hop, scenario=hop.scenario.model_copy(update={"no_fly": (zone.zone,)}))
+    ours.changed(GoOn(), past, 4.0, 3.5)
+    ours.note(zone, 4.0, past)
+    assert not ours.zones
+    assert not ours.blocked
+    assert not ours.brakes(1000.0)
+
+
+def test_a_zone_has_the_time_at_which_it_was_given_first(hop: Plan) -> None:
+    ours, zone = PlanChange(10.0, LEAD_S), ahead(hop)
+    ours.note(zone, 3.0, hop)
+    ours.ask(zone, "a test", 7.0, hop)
+    assert ours.given == ((zone.zone, 3.0),)
+    assert ours.instead == f"all brake at t = {ours.brakes_at_s:.1f} s: {ours.blocked}"
+    assert ours.brakes(ours.brakes_at_s)
+    assert ours.has_braked
+    assert ours.instead == ""

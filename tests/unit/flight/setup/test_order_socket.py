@@ -16,8 +16,8 @@ import pytest
 from gcs.errors import FlightError, UsageError
 from gcs.flight.monitoring.progress import AskedOrder
 from gcs.flight.setup.order_socket import NAME, Told, newest_flying, taking_orders, tell
-from gcs.plan.plan_changer import Hold, PlanOrder, Scale
-from gcs.scenario.schema.scenario import Scenario
+from gcs.plan.formation_orders import Hold, PlanOrder, Scale
+from gcs.scenario.schema.scenario import EventTable, Scenario
 
 
 class Flight:
@@ -66,6 +66,8 @@ def test_a_refusal_has_its_reason(tmp_path: Path, simulation1: Scenario) -> None
         told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("home",)))))
     with pytest.raises(FlightError, match="is no order"):
         told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("dance",)))))
+    with pytest.raises(FlightError, match="home is for the whole formation"):
+        told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("home",), (2,)))))
     assert len(flight.asked) == 1
 
 
@@ -78,6 +80,32 @@ def test_a_formation_that_cannot_hold_as_one_brakes_one_by_one(tmp_path: Path, s
     answers = told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("hold",)))))
     assert answers[1:] == ["no plan was made in time. Each brakes by itself.", "ordered to hold: vehicles 1, 2"]
     assert [order for order, _, _ in flight.asked] == [Hold(), AskedOrder.HOLD]
+
+
+@pytest.mark.parametrize(
+    ("row", "then"),
+    [
+        ({"order": "home", "otherwise": "return"}, AskedOrder.RETURN),
+        ({"order": "hold"}, AskedOrder.HOLD),
+        ({"order": "home"}, None),
+    ],
+)
+def test_an_event_whose_order_has_no_plan_gets_its_other_order(
+    tmp_path: Path, simulation1: Scenario, row: dict[str, Any], then: AskedOrder | None
+) -> None:
+    class Late(Flight):
+        async def answer(self) -> str:
+            raise FlightError("no plan was made in time.", hint="land")
+
+    events = (EventTable(event="fog", order="land"), EventTable(event="storm", **row))
+    flight = Late(simulation1.model_copy(update={"on": events}))
+    if then is None:
+        with pytest.raises(FlightError, match="no plan was made in time"):
+            told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("event", "storm")))))
+    else:
+        answers = told(tmp_path, flight, lambda: list(tell(tmp_path, Told(("event", "storm")))))
+        assert answers[-1] == f"ordered to {then.value}: vehicles 1, 2"
+    assert [order for order, _, _ in flight.asked][1:] == ([] if then is None else [then])
 
 
 def test_the_socket_is_open_to_the_same_user_alone(tmp_path: Path, simulation1: Scenario) -> None:

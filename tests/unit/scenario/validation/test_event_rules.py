@@ -25,6 +25,11 @@ from tests.unit.scenario.validation.orchard import orchard
         ({"silent_for_s": 3.0, "order": "home"}, "one that is not heard gets no new plan"),
         ({"battery_below_percent": 0.0, "order": "land"}, "greater than 0"),
         ({"event": "Big Storm", "order": "land"}, "pattern"),
+        ({"at_s": 5.0, "order": "slower"}, 'missing; order = "slower" needs it'),
+        ({"at_s": 5.0, "order": "slower", "factor": 1.2}, "not from 0.1 to 0.99"),
+        ({"at_s": 5.0, "order": "go"}, 'missing; order = "go" needs it'),
+        ({"at_s": 5.0, "order": "hold", "position_m": [1.0, 2.0, 3.0]}, 'or give order = "go"'),
+        ({"silent_for_s": 3.0, "order": "resume"}, "one that is not heard gets no new plan"),
     ],
 )
 def test_a_row_that_cannot_mean_anything_is_refused(row: dict[str, Any], told: str) -> None:
@@ -38,6 +43,11 @@ def test_a_row_that_cannot_mean_anything_is_refused(row: dict[str, Any], told: s
         ([{"at_s": 5.0, "order": "shape", "shape": "vee"}], "on[0].shape: is no shape of the formation; it has start"),
         ([{"at_s": 5.0, "order": "shape", "shape": "start"}], ""),
         ([{"at_s": 9000.0 / 3, "order": "hold"}], "on[0].at_s: after the flight"),
+        (
+            [{"at_s": 5.0, "order": "go", "position_m": [1.0, 2.0, 9e3]}],
+            "on[0].position_m[2]: outside of limits.height_m",
+        ),
+        ([{"at_s": 5.0, "order": "slower", "factor": 0.5}, {"event": "on", "order": "resume"}], ""),
         ([{"event": "storm", "order": "hold"}, {"event": "storm", "order": "land"}], "on[1].event: the event of row 1"),
     ],
 )
