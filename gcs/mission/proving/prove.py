@@ -48,6 +48,7 @@ _CELLS_MAX = 20_000_000
 _LISTED = 5
 _STEP_MPS2 = 0.01  # of the acceleration at a joint: setpoints are written in micrometres
 _TAKEOFF, _AIRBORNE, _LANDING = range(3)  # phases of the ground's proof
+_LOOKED_AT = 8  # edges of windows at once
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class _Proofs:
             separation_m = separation_m or own.separation_min_m
             # Its lower height holds in the air alone, where the clearance says more.
             height_m = height_m or (-np.inf, own.height_m[1])
-        checks = self._continuity()
+        checks = self._continuity(motion)
         if separation_m and len(self.tracks) > 1:
             family = TrackSeparation(motion, separation_m, self.limits.vertical_scale)
             checks += settled_checks(self._names, family, family.criteria, family.cells())
@@ -265,7 +266,7 @@ class _Proofs:
         )
         return ("northing", north), ("easting", east), ("height", height_m)
 
-    def _continuity(self) -> list[TrackCheck]:
+    def _continuity(self, motion: FleetMotion) -> list[TrackCheck]:
         """Steps at joints: of the place, of the velocity where the acceleration counts, of that where the jerk does."""
         found = []
         jerk = self.limits.jerk_mps3 is not None
@@ -277,12 +278,9 @@ class _Proofs:
         ):
             if not counts:
                 continue
-            most, who, t_s = 0.0, self.tracks[0].name, float(self.tracks[0].position_ned_m.x[0])
-            for each in self.tracks:
-                steps = each.jumps(derivative)
-                if len(steps) and steps.max() > most:
-                    joint = int(steps.argmax())
-                    most, who, t_s = float(steps[joint]), each.name, float(each.position_ned_m.x[joint + 1])
+            steps = motion.steps(derivative)
+            piece = int(steps.argmax())
+            most, who, t_s = float(steps[piece]), self._names[motion.row[piece]], float(motion.starts_s[piece])
             found.append(TrackCheck(name, unit, allowed, True, most, most, 0.0, (who,), t_s))
         return found
 
@@ -317,18 +315,38 @@ class _Proofs:
 
     def _phases(self, scenario: Scenario, motion: FleetMotion) -> tuple[Rows, Array]:
         """Whether vehicles take off, fly or land in each piece (P,), and the heights of their pads (3, V)."""
-        limit_m, pads = self._clearance_m(scenario), np.zeros((3, len(self.tracks)))
-        phase = np.full((len(self.tracks), len(motion.edges_s) - 1), _AIRBORNE, dtype=np.intp)
-        for row in range(len(self.tracks)):
-            of_row = np.full(len(motion.edges_s), row, dtype=np.intp)
-            places = motion.places(of_row, motion.edges_s)
-            north_m, east_m, up_m = (places * NED_FROM_UP).T
-            high = np.flatnonzero(ground_distance_m(scenario.terrain, north_m, east_m, up_m, 2.0 * limit_m) >= limit_m)
-            # One that is never high enough does not only take off and land.
-            first, last = (high[0], high[-1]) if len(high) else (0, len(places))
-            phase[row, :first], phase[row, last:] = _TAKEOFF, _LANDING
-            pads[_TAKEOFF, row], pads[_LANDING, row] = places[0, 2], places[-1, 2]
+        count, windows = len(self.tracks), len(motion.edges_s) - 1
+        phase = np.full((count, windows), _AIRBORNE, dtype=np.intp)
+        first, last = self._high_ends(scenario, motion)
+        number = np.arange(windows)
+        phase[number < first[:, None]] = _TAKEOFF
+        phase[number >= last[:, None]] = _LANDING
+        pads, rows = np.zeros((3, count)), np.arange(count)
+        for of, t_s in ((_TAKEOFF, motion.edges_s[0]), (_LANDING, motion.edges_s[-1])):
+            pads[of] = motion.places(rows, np.full(count, t_s))[:, 2]
         return phase[motion.row, motion.window], pads
+
+    def _high_ends(self, scenario: Scenario, motion: FleetMotion) -> tuple[Rows, Rows]:
+        """The first and the last edge (V,) of windows at which a vehicle is as high as its clearance.
+
+        One that is never high enough does not only take off and land: 0, and the last edge of all.
+        """
+        limit_m, count, edges = self._clearance_m(scenario), len(self.tracks), len(motion.edges_s)
+        ends = np.zeros(count, dtype=np.intp), np.full(count, edges - 1)
+        for found, order in zip(ends, (1, -1), strict=True):
+            waiting, numbers = np.arange(count), np.arange(edges)[::order]
+            for begin in range(0, edges, _LOOKED_AT):  # most are high after a few: the others need not be computed
+                some = numbers[begin : begin + _LOOKED_AT]
+                row, at_s = np.repeat(waiting, len(some)), np.tile(motion.edges_s[some], len(waiting))
+                north_m, east_m, up_m = (motion.places(row, at_s) * NED_FROM_UP).T
+                away_m = ground_distance_m(scenario.terrain, north_m, east_m, up_m, 2.0 * limit_m)
+                is_high = away_m.reshape(len(waiting), -1) >= limit_m
+                there = is_high.any(axis=1)
+                found[waiting[there]] = some[is_high[there].argmax(axis=1)]
+                waiting = waiting[~there]
+                if not len(waiting):
+                    break
+        return ends
 
     def _ground(self, scenario: Scenario, motion: FleetMotion) -> list[TrackCheck]:
         """The distance to the ground from take-off to landing; before and after, what is beside the place below."""
