@@ -37,15 +37,17 @@ from gcs.plan.verification.proof.verdict import (
 )
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import Zone, ZoneName, zone_changes_s, zone_names, zones
-from gcs.scenario.schema.scenario import LimitsTable, Scenario
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
-from gcs.scenario.values.si import NED_FROM_UP, steady_wind
+from gcs.scenario.values.si import NED_FROM_UP, landing_points_ned_m, pads_ned_m, steady_wind
 from gcs.types import Array
 from gcs.util.long_work import searching_for
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
+_ROUNDED_M = 1e-4  # far below the tolerance of lengths
 _STEP_MPS2 = 0.01  # of the acceleration at a joint: setpoints are written in micrometres
 _TAKEOFF, _AIRBORNE, _LANDING = range(3)  # phases of the ground's proof
 _LOOKED_AT = 8  # edges of windows at once
@@ -130,6 +132,11 @@ def _refuse(
     names = [each.name for each in tracks]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise UsageError(f"two tracks have the name {twice[0]}", hint="name each vehicle once")
+    if vague := [each for each in tracks if not each.rounding_m <= _ROUNDED_M]:
+        raise UsageError(
+            f"track {vague[0].name} has terms so large that rounding moves its places by {vague[0].rounding_m:.2g} m",
+            hint="give places nearer to 0, or polynomials in shorter pieces, each from time 0",
+        )
     if limits.clearance_m is not None and scenario is None:
         raise UsageError("a clearance above the ground needs the ground", hint="give the scenario with the terrain")
     if len(tracks) > 1 and limits.separation_m is None and scenario is None:
@@ -194,7 +201,9 @@ class _Proofs:
         checks += self._effort(motion)
         places = TrackPlaces(
             motion,
-            (("northing", None), ("easting", None), ("height", height_m)) if own is None else self._box(own, height_m),
+            (("northing", None), ("easting", None), ("height", height_m))
+            if self.scenario is None
+            else self._box(self.scenario, height_m),
             avoided,
             0.0 if own is None else own.zone_margin_m or 0.0,
         )
@@ -257,11 +266,16 @@ class _Proofs:
     def _clearance_m(self, scenario: Scenario) -> float:
         return self.limits.clearance_m or scenario.limits.clearance_min_m
 
-    def _box(self, limits: LimitsTable, height_m: tuple[float, float] | None) -> NamedRanges:
-        """The scenario's box, so wide that the pads and the landing points are in it."""
-        ends = np.array([each.position_ned_m(each.position_ned_m.x[[0, -1]]) for each in self.tracks])
+    def _box(self, scenario: Scenario, height_m: tuple[float, float] | None) -> NamedRanges:
+        """The scenario's box, so wide that its pads and landing points, and those of the tracks, are in it."""
+        ends = np.concatenate([each.position_ned_m(each.position_ned_m.x[[0, -1]]) for each in self.tracks])
+        north_m, east_m, up_m = (ends * NED_FROM_UP).T
+        above_m = up_m - ground_height_m(scenario.terrain, north_m, east_m)
+        own = pads_ned_m(scenario), landing_points_ned_m(scenario)
+        stands = np.concatenate([ends[above_m < self._clearance_m(scenario)], *own])
+        limits = scenario.limits
         north, east = (
-            (min(low, float(ends[..., axis].min())), max(high, float(ends[..., axis].max())))
+            (min(low, stands[:, axis].min().item()), max(high, stands[:, axis].max().item()))
             for axis, (low, high) in enumerate((limits.north_m, limits.east_m))
         )
         return ("northing", north), ("easting", east), ("height", height_m)

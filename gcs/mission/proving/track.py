@@ -17,6 +17,7 @@ from gcs.types import Array
 
 ORDER = 2
 _NUMBERS_MAX = 40_000_000  # coefficients of all pieces of all vehicles
+_ROUNDINGS = 4  # for each power: of the shift to a piece, and of that to an interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,16 @@ class PolynomialTrack:
                 f"track {self.name}: a coefficient or a time is not finite, or times do not increase.",
                 hint="give finite numbers, and times that increase",
             )
+        if not 0.0 <= self.off_m < np.inf:
+            raise FileFormatError(f"track {self.name}: off_m is {self.off_m}.", hint="give a length, or leave it out")
+
+    @property
+    def rounding_m(self) -> float:
+        """How far rounding may move a place: where large terms cancel, much of them is lost."""
+        c, x = np.abs(self.position_ned_m.c[::-1]), self.position_ned_m.x
+        with np.errstate(over="ignore", invalid="ignore"):
+            terms_m = (c * (np.diff(x) ** np.arange(len(c))[:, None])[..., None]).sum(axis=0)
+            return float(_ROUNDINGS * len(c) * np.finfo(np.float64).eps * np.nan_to_num(terms_m, nan=np.inf).max())
 
     @property
     def accelerates(self) -> bool:
