@@ -160,7 +160,7 @@ def fly(
 
 def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     """Fly, judge by true states (emulated vehicles) or reports (on a link), and write the folder. Raises as `fly`."""
-    plan = order.plan
+    plan, how = order.plan, order.options
     if order.keeping.mode is FlightMode.MISSION:
         refuse_late_starts(plan.scenario)
     if (share := _telemetry_share(order)) < 1.0:
@@ -171,12 +171,12 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
         write_plan(plan, order.report, folder / PLAN, order.returns)
+        how.keep(folder)
         with shown(watcher.say):
             index, navigator = order.exported or export_for_flight(
                 plan, order.report, folder / "export", order.keeping, watcher.say
             )
         if order.link is None:  # the emulated vehicles get the scenario that the plan was made from
-            how = order.options
             kept = EmulationRecord(order.keeping, order.emulated, how.follow, how.on_loss, how.on_leader_loss)
             write_emulation(folder, kept)
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from gcs.cli.flights.attach_view import AttachRequest, _volumes
+from gcs.cli.shared.console import Screen
 from gcs.errors import FileFormatError
 from gcs.flight.contingency.choices import FlightMode
-from gcs.flight.monitoring.volume_watch import FlownVolumes
+from gcs.flight.contingency.options import FlightOptions
+from gcs.flight.execution.resume import Resume
+from gcs.flight.monitoring.volume_watch import VOLUMES, FlownVolumes
 from gcs.mission.export.flight_volumes import VolumeOrder, flight_volumes
 from gcs.mission.formats.f3548 import write_operational_intent
 from gcs.plan.trajectory.plan import Plan
@@ -66,3 +70,28 @@ def test_volumes_of_another_plan_or_geoid_are_refused(hop: Plan, tmp_path: Path)
     (tmp_path / "other.json").write_text('{"volumes": []}')
     with pytest.raises(FileFormatError, match="has no volumes"):
         FlownVolumes.read(tmp_path / "other.json", hop, GEOID_M)
+
+
+def test_attach_watches_the_volumes_that_a_flight_was_begun_with(
+    hop: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    volumes = FlownVolumes.read(volumes_file(hop, tmp_path), hop, GEOID_M)
+    flight = tmp_path / "flight"
+    flight.mkdir()
+    FlightOptions().keep(flight)
+    assert not [*flight.iterdir()]
+    FlightOptions(volumes=volumes).keep(flight)
+    assert FlownVolumes.load(flight / VOLUMES, hop).volumes == volumes.volumes
+
+    def watched(what: Resume) -> FlownVolumes | None:
+        return _volumes(AttachRequest(flight, what, (), None, Screen(json=False)), hop)
+
+    for what in (Resume.RETURN, Resume.RESUME):
+        taken = watched(what)
+        assert taken is not None
+        assert taken.volumes == volumes.volumes
+    assert watched(Resume.SHOW) is None
+    for damaged in ("{}", '{"geoid_m": NaN, "operational_intent": {}}', "[", '{"geoid_m": 1, "operational_intent": 2}'):
+        (flight / VOLUMES).write_text(damaged)
+        assert watched(Resume.RESUME) is None
+        assert "not detected" in capsys.readouterr().out

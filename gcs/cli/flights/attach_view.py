@@ -24,6 +24,7 @@ from gcs.flight.execution.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.execution.takeoff_landing import FlightVehicle, request_telemetry, until_placed
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.flight.monitoring.progress import FlightHooks
+from gcs.flight.monitoring.volume_watch import VOLUMES, FlownVolumes
 from gcs.flight.recording.flight_folder import BEFORE, PREDICTED, later_plans
 from gcs.flight.recording.flight_record import FlightJournal
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
@@ -150,6 +151,7 @@ async def _take_up(
         follow=book.follow,
         telemetry_share=telemetry_share(known.slowest_baud, len(plan.sysids), mode, rate_hz),
         watched_elsewhere=bool(request.also_to),
+        volumes=_volumes(request, plan),
     )
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
@@ -189,6 +191,18 @@ def _predicted(request: AttachRequest, mode: FlightMode) -> PredictedTracks | No
         return PredictedTracks.load(request.folder / PREDICTED)
     except FileFormatError as problem:
         request.screen.warn(f"{problem.message} Vehicles that are late or off their tracks are not detected.")
+        return None
+
+
+def _volumes(request: AttachRequest, plan: Plan) -> FlownVolumes | None:
+    """The volumes that the flight was begun with, if there were any. If they are damaged it goes on, with a warning."""
+    file = request.folder / VOLUMES
+    if request.what is Resume.SHOW or not file.exists():
+        return None
+    try:
+        return FlownVolumes.load(file, plan)
+    except FileFormatError as problem:
+        request.screen.warn(f"{problem.message} Vehicles that leave their volumes are not detected.")
         return None
 
 

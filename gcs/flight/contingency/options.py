@@ -1,11 +1,12 @@
 """The options of a flight and their defaults."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from gcs.flight.contingency.choices import FlightMode, OnLeaderLoss, OnLoss
 from gcs.flight.contingency.detection import DetectionLimits
 from gcs.flight.monitoring.preflight_check import CheckName
-from gcs.flight.monitoring.volume_watch import FlownVolumes
+from gcs.flight.monitoring.volume_watch import VOLUMES, FlownVolumes
 
 POSITION_HZ, STATE_HZ = 10.0, 2.0  # full telemetry rates; those of attitudes are half those of positions
 _LEAST_STATE_HZ = 0.5
@@ -34,6 +35,11 @@ class FlightOptions:
     volumes: FlownVolumes | None = None  # that a service supplier has for this flight
     texts_after_upload_s: float = 2.5  # vehicle time: so long a critical text about the upload may take
     limits: DetectionLimits = field(default_factory=DetectionLimits)
+
+    def keep(self, folder: Path) -> None:
+        """Write to a flight's folder what `gcs attach` must know of them, beside its `flight.json`."""
+        if self.volumes is not None:
+            self.volumes.save(folder / VOLUMES)
 
     @property
     def position_rate_hz(self) -> float:

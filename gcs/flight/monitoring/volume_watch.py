@@ -5,6 +5,7 @@ A volume holds every vehicle with its navigation error, so one that reports itse
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,12 +18,14 @@ from gcs.errors import FileFormatError
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.export.flight_volumes import VolumeOrder, containment
-from gcs.mission.formats.flight_volume import FlightVolume
+from gcs.mission.formats.flight_volume import FlightVolume, OperationalIntent
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
-from gcs.util.bounded_file import PLAN_FILE, read_file
+from gcs.util.atomic_write import atomic_write
+from gcs.util.bounded_file import PLAN_FILE, read_file, read_json
 
+VOLUMES = "volumes.json"  # in a flight's folder, for `gcs attach`
 CONFIRMED_S = 0.5  # of reports outside: an estimate may jump
 _OTHER_PLAN_M = 0.05  # so far outside a vehicle is of another plan; instants of a file are rounded
 
@@ -55,14 +58,14 @@ class FlownVolumes:
     """The volumes of one flight, in the frame of its plan."""
 
     volumes: tuple[_LocalVolume, ...]
+    data: bytes  # of the file
+    geoid_m: float
 
     @classmethod
     def read(cls, file: Path, plan: Plan, geoid_m: float) -> FlownVolumes:
         """Those of a file that `gcs export --format f3548` wrote of this plan. Raises FileFormatError for others."""
-        from gcs.mission.formats.f3548 import read_operational_intent  # noqa: PLC0415 (few flights need its types)
-
         hint = "name a file that `gcs export --format f3548` wrote of this plan, with the same --geoid"
-        intent = read_operational_intent(read_file(file, PLAN_FILE, hint=hint), file.name)
+        found, intent = cls._of(read_file(file, PLAN_FILE, hint=hint), file.name, plan, geoid_m)
         if not intent.volumes:
             raise FileFormatError(f"{file} has no volumes.", hint=hint)
         start = min(volume.start for volume in intent.volumes)
@@ -71,7 +74,31 @@ class FlownVolumes:
             where = "there is no volume" if np.isinf(margin_m) else f"a vehicle is {-margin_m:.2f} m outside them"
             text = f"{file} has volumes of another flight: with a take-off at their begin, {where} at t = {t_s:.1f} s."
             raise FileFormatError(text, hint=hint)
-        return cls(tuple(_LocalVolume.of(each, local_origin(plan.scenario), geoid_m) for each in intent.volumes))
+        return found
+
+    @classmethod
+    def _of(cls, data: bytes, source: str, plan: Plan, geoid_m: float) -> tuple[FlownVolumes, OperationalIntent]:
+        from gcs.mission.formats.f3548 import read_operational_intent  # noqa: PLC0415 (few flights need its types)
+
+        intent, origin = read_operational_intent(data, source), local_origin(plan.scenario)
+        return cls(tuple(_LocalVolume.of(each, origin, geoid_m) for each in intent.volumes), data, geoid_m), intent
+
+    def save(self, path: Path) -> None:
+        """Write the file and its geoid, for `load`."""
+        intent = json.loads(self.data)
+        atomic_write(path, json.dumps({"geoid_m": self.geoid_m, "operational_intent": intent}) + "\n")
+
+    @classmethod
+    def load(cls, path: Path, plan: Plan) -> FlownVolumes:
+        """Those that a flight of this plan, or of what became of it, was begun with. Raises FileFormatError."""
+        try:
+            kept = read_json(read_file(path, PLAN_FILE))
+            geoid_m, intent = float(kept["geoid_m"]), json.dumps(kept["operational_intent"]).encode()
+            if not np.isfinite(geoid_m):
+                raise ValueError("geoid_m is not finite")
+        except (ValueError, TypeError, KeyError) as problem:
+            raise FileFormatError(f"{path} are not the volumes of a flight ({problem}).") from problem
+        return cls._of(intent, path.name, plan, geoid_m)[0]
 
     def outside(self, unix_s: float, ned_m: Array) -> str:
         """How far a place (3,) is outside all volumes in force, in words; empty inside one."""

@@ -37,17 +37,20 @@ from gcs.plan.verification.proof.verdict import (
 )
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import Zone, ZoneName, zone_changes_s, zone_names, zones
-from gcs.scenario.schema.scenario import LimitsTable, Scenario
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.schema.vehicle_types import VehicleFile
 from gcs.scenario.sources.load import vehicle_type
-from gcs.scenario.values.si import NED_FROM_UP, steady_wind
+from gcs.scenario.values.si import NED_FROM_UP, landing_points_ned_m, pads_ned_m, steady_wind
 from gcs.types import Array
 from gcs.util.long_work import searching_for
 
 _CELLS_MAX = 20_000_000
 _LISTED = 5
+_ROUNDED_M = 1e-4  # far below the tolerance of lengths
 _STEP_MPS2 = 0.01  # of the acceleration at a joint: setpoints are written in micrometres
 _TAKEOFF, _AIRBORNE, _LANDING = range(3)  # phases of the ground's proof
+_LOOKED_AT = 8  # edges of windows at once
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,11 @@ def _refuse(
     names = [each.name for each in tracks]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise UsageError(f"two tracks have the name {twice[0]}", hint="name each vehicle once")
+    if vague := [each for each in tracks if not each.rounding_m <= _ROUNDED_M]:
+        raise UsageError(
+            f"track {vague[0].name} has terms so large that rounding moves its places by {vague[0].rounding_m:.2g} m",
+            hint="give places nearer to 0, or polynomials in shorter pieces, each from time 0",
+        )
     if limits.clearance_m is not None and scenario is None:
         raise UsageError("a clearance above the ground needs the ground", hint="give the scenario with the terrain")
     if len(tracks) > 1 and limits.separation_m is None and scenario is None:
@@ -185,7 +193,7 @@ class _Proofs:
             separation_m = separation_m or own.separation_min_m
             # Its lower height holds in the air alone, where the clearance says more.
             height_m = height_m or (-np.inf, own.height_m[1])
-        checks = self._continuity()
+        checks = self._continuity(motion)
         if separation_m and len(self.tracks) > 1:
             family = TrackSeparation(motion, separation_m, self.limits.vertical_scale)
             checks += settled_checks(self._names, family, family.criteria, family.cells())
@@ -193,7 +201,9 @@ class _Proofs:
         checks += self._effort(motion)
         places = TrackPlaces(
             motion,
-            (("northing", None), ("easting", None), ("height", height_m)) if own is None else self._box(own, height_m),
+            (("northing", None), ("easting", None), ("height", height_m))
+            if self.scenario is None
+            else self._box(self.scenario, height_m),
             avoided,
             0.0 if own is None else own.zone_margin_m or 0.0,
         )
@@ -256,16 +266,21 @@ class _Proofs:
     def _clearance_m(self, scenario: Scenario) -> float:
         return self.limits.clearance_m or scenario.limits.clearance_min_m
 
-    def _box(self, limits: LimitsTable, height_m: tuple[float, float] | None) -> NamedRanges:
-        """The scenario's box, so wide that the pads and the landing points are in it."""
-        ends = np.array([each.position_ned_m(each.position_ned_m.x[[0, -1]]) for each in self.tracks])
+    def _box(self, scenario: Scenario, height_m: tuple[float, float] | None) -> NamedRanges:
+        """The scenario's box, so wide that its pads and landing points, and those of the tracks, are in it."""
+        ends = np.concatenate([each.position_ned_m(each.position_ned_m.x[[0, -1]]) for each in self.tracks])
+        north_m, east_m, up_m = (ends * NED_FROM_UP).T
+        above_m = up_m - ground_height_m(scenario.terrain, north_m, east_m)
+        own = pads_ned_m(scenario), landing_points_ned_m(scenario)
+        stands = np.concatenate([ends[above_m < self._clearance_m(scenario)], *own])
+        limits = scenario.limits
         north, east = (
-            (min(low, float(ends[..., axis].min())), max(high, float(ends[..., axis].max())))
+            (min(low, stands[:, axis].min().item()), max(high, stands[:, axis].max().item()))
             for axis, (low, high) in enumerate((limits.north_m, limits.east_m))
         )
         return ("northing", north), ("easting", east), ("height", height_m)
 
-    def _continuity(self) -> list[TrackCheck]:
+    def _continuity(self, motion: FleetMotion) -> list[TrackCheck]:
         """Steps at joints: of the place, of the velocity where the acceleration counts, of that where the jerk does."""
         found = []
         jerk = self.limits.jerk_mps3 is not None
@@ -277,12 +292,9 @@ class _Proofs:
         ):
             if not counts:
                 continue
-            most, who, t_s = 0.0, self.tracks[0].name, float(self.tracks[0].position_ned_m.x[0])
-            for each in self.tracks:
-                steps = each.jumps(derivative)
-                if len(steps) and steps.max() > most:
-                    joint = int(steps.argmax())
-                    most, who, t_s = float(steps[joint]), each.name, float(each.position_ned_m.x[joint + 1])
+            steps = motion.steps(derivative)
+            piece = int(steps.argmax())
+            most, who, t_s = float(steps[piece]), self._names[motion.row[piece]], float(motion.starts_s[piece])
             found.append(TrackCheck(name, unit, allowed, True, most, most, 0.0, (who,), t_s))
         return found
 
@@ -317,18 +329,38 @@ class _Proofs:
 
     def _phases(self, scenario: Scenario, motion: FleetMotion) -> tuple[Rows, Array]:
         """Whether vehicles take off, fly or land in each piece (P,), and the heights of their pads (3, V)."""
-        limit_m, pads = self._clearance_m(scenario), np.zeros((3, len(self.tracks)))
-        phase = np.full((len(self.tracks), len(motion.edges_s) - 1), _AIRBORNE, dtype=np.intp)
-        for row in range(len(self.tracks)):
-            of_row = np.full(len(motion.edges_s), row, dtype=np.intp)
-            places = motion.places(of_row, motion.edges_s)
-            north_m, east_m, up_m = (places * NED_FROM_UP).T
-            high = np.flatnonzero(ground_distance_m(scenario.terrain, north_m, east_m, up_m, 2.0 * limit_m) >= limit_m)
-            # One that is never high enough does not only take off and land.
-            first, last = (high[0], high[-1]) if len(high) else (0, len(places))
-            phase[row, :first], phase[row, last:] = _TAKEOFF, _LANDING
-            pads[_TAKEOFF, row], pads[_LANDING, row] = places[0, 2], places[-1, 2]
+        count, windows = len(self.tracks), len(motion.edges_s) - 1
+        phase = np.full((count, windows), _AIRBORNE, dtype=np.intp)
+        first, last = self._high_ends(scenario, motion)
+        number = np.arange(windows)
+        phase[number < first[:, None]] = _TAKEOFF
+        phase[number >= last[:, None]] = _LANDING
+        pads, rows = np.zeros((3, count)), np.arange(count)
+        for of, t_s in ((_TAKEOFF, motion.edges_s[0]), (_LANDING, motion.edges_s[-1])):
+            pads[of] = motion.places(rows, np.full(count, t_s))[:, 2]
         return phase[motion.row, motion.window], pads
+
+    def _high_ends(self, scenario: Scenario, motion: FleetMotion) -> tuple[Rows, Rows]:
+        """The first and the last edge (V,) of windows at which a vehicle is as high as its clearance.
+
+        One that is never high enough does not only take off and land: 0, and the last edge of all.
+        """
+        limit_m, count, edges = self._clearance_m(scenario), len(self.tracks), len(motion.edges_s)
+        ends = np.zeros(count, dtype=np.intp), np.full(count, edges - 1)
+        for found, order in zip(ends, (1, -1), strict=True):
+            waiting, numbers = np.arange(count), np.arange(edges)[::order]
+            for begin in range(0, edges, _LOOKED_AT):  # most are high after a few: the others need not be computed
+                some = numbers[begin : begin + _LOOKED_AT]
+                row, at_s = np.repeat(waiting, len(some)), np.tile(motion.edges_s[some], len(waiting))
+                north_m, east_m, up_m = (motion.places(row, at_s) * NED_FROM_UP).T
+                away_m = ground_distance_m(scenario.terrain, north_m, east_m, up_m, 2.0 * limit_m)
+                is_high = away_m.reshape(len(waiting), -1) >= limit_m
+                there = is_high.any(axis=1)
+                found[waiting[there]] = some[is_high[there].argmax(axis=1)]
+                waiting = waiting[~there]
+                if not len(waiting):
+                    break
+        return ends
 
     def _ground(self, scenario: Scenario, motion: FleetMotion) -> list[TrackCheck]:
         """The distance to the ground from take-off to landing; before and after, what is beside the place below."""

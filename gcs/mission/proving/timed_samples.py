@@ -18,7 +18,10 @@ from gcs.mission.proving.csv_rows import TrackFile, in_ned
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.types import Array
 
-_VEHICLE = ("vehicle", "sysid", "id", "name", "drone", "uav", "robot", "agent")
+_VEHICLE = re.compile(
+    r"(?:id|name|(?:vehicle|system|sys|drone|uav|robot|agent|crazyflie|cf|quad|quadrotor|quadcopter|aircraft|member)s?"
+    r"[ _.-]*(?:id|name|no|nr|number|num|index|idx)?)"
+)
 _WAYS = {  # the axis in NED and the sign; x, y, z are of the stated frame
     **dict.fromkeys(("north", "n"), (0, 1.0)),
     **dict.fromkeys(("east", "e"), (1, 1.0)),
@@ -60,7 +63,7 @@ def read_samples(file: TrackFile) -> tuple[list[PolynomialTrack], list[str]]:
     line, names = next(rows, (1, [""]))
     columns = [_column(file, line, name) for name in names]
     wanted = _wanted(file, line, columns)
-    vehicle = next((index for index, name in enumerate(names) if name.lower() in _VEHICLE), None)
+    vehicle = next((index for index, name in enumerate(names) if _VEHICLE.fullmatch(name.lower())), None)
     fleet: dict[str, _Samples] = {}
     for number, cells in rows:
         if len(cells) != len(names):

@@ -17,6 +17,7 @@ from gcs.types import Array
 
 ORDER = 2
 _NUMBERS_MAX = 40_000_000  # coefficients of all pieces of all vehicles
+_ROUNDINGS = 4  # for each power: of the shift to a piece, and of that to an interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,25 +44,31 @@ class PolynomialTrack:
                 f"track {self.name}: a coefficient or a time is not finite, or times do not increase.",
                 hint="give finite numbers, and times that increase",
             )
+        if not 0.0 <= self.off_m < np.inf:
+            raise FileFormatError(f"track {self.name}: off_m is {self.off_m}.", hint="give a length, or leave it out")
+
+    @property
+    def rounding_m(self) -> float:
+        """How far rounding may move a place: where large terms cancel, much of them is lost."""
+        c, x = np.abs(self.position_ned_m.c[::-1]), self.position_ned_m.x
+        with np.errstate(over="ignore", invalid="ignore"):
+            terms_m = (c * (np.diff(x) ** np.arange(len(c))[:, None])[..., None]).sum(axis=0)
+            return float(_ROUNDINGS * len(c) * np.finfo(np.float64).eps * np.nan_to_num(terms_m, nan=np.inf).max())
 
     @property
     def accelerates(self) -> bool:
         """Whether it says how the vehicle accelerates: straight lines between samples do not."""
         return len(self.position_ned_m.c) > 2
 
-    def jumps(self, derivative: int = 0) -> Array:
-        """Sizes (pieces - 1,) of the steps at the inner joints, of the place (m) or of a derivative of it.
-
-        Infinite where the polynomial overflows.
-        """
-        x = self.position_ned_m.x
-        starts, ends = both_ends(scaled_coefficients(self.position_ned_m, x[:-1], x[1:], derivative))
-        return np.asarray(np.nan_to_num(np.linalg.norm(starts[1:] - ends[:-1], axis=-1), nan=np.inf))
-
 
 def both_ends(scaled: Array) -> tuple[Array, Array]:
     """Values (...) at the start and at the end of intervals, of coefficients (D+1, ...), the lowest power first."""
     return np.tensordot((-1.0) ** np.arange(len(scaled)), scaled, axes=1), np.asarray(scaled.sum(axis=0))
+
+
+def derived(c: Array) -> Array:
+    """Coefficients (D, P, 3) of the derivative, the lowest power first."""
+    return c[1:] * np.arange(1.0, len(c))[:, None, None] if len(c) > 1 else np.zeros_like(c[:1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,18 +121,28 @@ class FleetMotion:
     def relative(self) -> FleetMotion:
         """The motion beside the mean of all vehicles: of a formation it is small, and differences are the same.
 
-        The mean is a cubic in each window, which goes on in place and velocity from one to the next.
+        The mean is exact in windows without a joint of any vehicle. In others it is a cubic, which goes on in place and
+        velocity from one window to the next.
         """
-        vehicles = np.arange(len(self.begins))
-        place, velocity = np.zeros((len(self.edges_s), 3)), np.zeros((len(self.edges_s), 3))
-        for number, t_s in enumerate(self.edges_s):
-            at_s = np.full(len(vehicles), t_s)
-            place[number] = self.places(vehicles, at_s).mean(axis=0)
-            velocity[number] = self.enclosed(vehicles, at_s, at_s, 1).middle.mean(axis=1)
-        mean = CubicHermiteSpline(self.edges_s, place, velocity)
+        vehicles, windows = np.arange(len(self.begins)), len(self.edges_s) - 1
+        plain = (np.diff(self.begins, axis=1) == 1).all(axis=0)
         c = np.zeros((max(len(self.c), 4), *self.c.shape[1:]))
         c[: len(self.c)] = self.c
-        c[:4] -= scaled_coefficients(mean, self.starts_s, self.ends_s)
+        if plain.any():
+            mean = np.zeros((len(self.c), windows, 3))
+            for firsts in self.begins[:, :-1]:
+                mean[:, plain] += self.c[:, firsts[plain]] / len(vehicles)
+            c[: len(self.c)] -= mean[:, self.window]
+        if not plain.all():
+            place, velocity = np.zeros((windows + 1, 3)), np.zeros((windows + 1, 3))
+            beside = ~np.append(plain, True) | ~np.append(True, plain)
+            for number in np.flatnonzero(beside).tolist():
+                at_s = np.full(len(vehicles), self.edges_s[number])
+                place[number] = self.places(vehicles, at_s).mean(axis=0)
+                velocity[number] = self.enclosed(vehicles, at_s, at_s, 1).middle.mean(axis=1)
+            pieces = np.flatnonzero(~plain[self.window])
+            cubic = CubicHermiteSpline(self.edges_s, place, velocity)
+            c[:4, pieces] -= scaled_coefficients(cubic, self.starts_s[pieces], self.ends_s[pieces])
         return replace(self, c=c)
 
     @cached_property
@@ -153,7 +170,7 @@ class FleetMotion:
         half = 0.5 * (self.ends_s[piece] - self.starts_s[piece])
         c = self.c[:, piece]
         for _ in range(derivative):
-            c = c[1:] * np.arange(1.0, len(c))[:, None, None] if len(c) > 1 else np.zeros_like(c[:1])
+            c = derived(c)
         c = shifted(c, ((middle_s - self.starts_s[piece] - half) / half)[:, None])
         share = 0.5 * (end_s - start_s) / half
         c *= (share ** np.arange(len(c))[:, None] / half**derivative)[..., None]
@@ -170,12 +187,23 @@ class FleetMotion:
             found = found * s + power[piece]
         return found
 
+    def steps(self, derivative: int = 0) -> Array:
+        """Sizes (P,) of the steps of the place (m), or of a derivative, where pieces begin; infinite if one overflows.
+
+        A vehicle that begins to move, or stops, has no step of a derivative there.
+        """
+        c, half_s = self.c, 0.5 * (self.ends_s - self.starts_s)
+        for _ in range(derivative):
+            c = derived(c) / half_s[:, None]
+        starts, ends = both_ends(c)
+        goes_on = (self.row[1:] == self.row[:-1]) & ((derivative == 0) | (self.moves[1:] & self.moves[:-1]))
+        sizes = np.nan_to_num(np.linalg.norm(starts[1:] - ends[:-1], axis=1), nan=np.inf)
+        return np.append(0.0, np.where(goes_on, sizes, 0.0))
+
     @cached_property
     def jumps_m(self) -> Array:
         """Steps (P,) of the place before each piece, added up, for the difference of two pieces of one vehicle."""
-        starts, ends = both_ends(self.c)
-        steps = np.linalg.norm(starts[1:] - ends[:-1], axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return np.cumsum(self.steps())
 
     def single(self, row: Rows, window: Rows) -> Mask:
         """Whether vehicles (M,) have one piece only in windows (M,)."""

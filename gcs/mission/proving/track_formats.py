@@ -10,7 +10,9 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError, UsageError
+from gcs.frames import geodetic_to_ned
 from gcs.mission.formats.tables.setpoint_table import read_setpoints
+from gcs.mission.model import SetpointStream
 from gcs.mission.proving.csv_rows import TrackFile
 from gcs.mission.proving.mission_tracks import is_mission, read_missions
 from gcs.mission.proving.polynomial_pieces import are_pieces, read_pieces
@@ -18,8 +20,10 @@ from gcs.mission.proving.skyc_show import is_show, read_show
 from gcs.mission.proving.timed_samples import are_samples, read_samples, through
 from gcs.mission.proving.track import PolynomialTrack
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.values.si import local_origin
 from gcs.util.bounded_file import TRACK_FILE, read_file
 
+_ORIGINS_M = 1e-3
 _Read = tuple[list[PolynomialTrack], list[str]]  # the tracks of a file, and what was left out
 
 
@@ -52,8 +56,21 @@ def _are_setpoints(file: TrackFile) -> bool:
     return file.text.startswith("# Skein setpoints") or file.text.startswith("t_s,sysid,north_m,")
 
 
-def _read_setpoints(file: TrackFile) -> _Read:
-    stream = read_setpoints(file.text, file.source).stream
+def _read_setpoints(files: Sequence[TrackFile], scenario: Scenario | None) -> list[_Read]:
+    """The tracks of files, whose places count from one origin: that of the scenario, if there is one."""
+    read = [(file, read_setpoints(file.text, file.source)) for file in files]
+    origins = [(file.source, stream.origin) for file, stream in read if stream.origin is not None]
+    if scenario is not None:
+        origins.insert(0, ("the scenario", local_origin(scenario)))
+    for source, origin in origins[1:]:
+        apart_m = np.linalg.norm(geodetic_to_ned(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m, origins[0][1]))
+        if apart_m > _ORIGINS_M:
+            text = f"{source}: its places count from an origin that is {apart_m:.2f} m from that of {origins[0][0]}."
+            raise FileFormatError(text, hint="give setpoints and a scenario of one origin")
+    return [_of_stream(file, stream.stream) for file, stream in read]
+
+
+def _of_stream(file: TrackFile, stream: SetpointStream) -> _Read:
     if len(stream.t_s) < 2:
         raise FileFormatError(f"{file.source}: one instant only.", hint="give two or more")
     each = zip(
@@ -70,7 +87,7 @@ _MISSIONS = "waypoint missions (.plan, .waypoints), as the models of their autop
 TRACK_FORMATS = (
     TrackFormat("skyc", "shows of Skybrush (.skyc)", is_show, _one_by_one(read_show)),
     TrackFormat("mission", _MISSIONS, is_mission, read_missions),
-    TrackFormat("setpoints", "Skein's setpoints; quintics through them", _are_setpoints, _one_by_one(_read_setpoints)),
+    TrackFormat("setpoints", "Skein's setpoints; quintics through them", _are_setpoints, _read_setpoints),
     TrackFormat(
         "pieces", "polynomial pieces of uav_trajectories and Crazyswarm (CSV)", are_pieces, _one_by_one(read_pieces)
     ),

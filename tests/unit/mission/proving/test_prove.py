@@ -53,11 +53,36 @@ def test_two_lines_that_cross_are_as_near_as_the_formula_says(seed: int) -> None
     assert np.linalg.norm(apart + violated.t_s * moving) == pytest.approx(violated.seen, abs=1e-9)
 
 
-def test_a_step_that_overflows_is_no_step_of_0() -> None:
+def test_polynomials_that_overflow_or_whose_terms_cancel_are_refused() -> None:
+    """(t - 500 s)^7 / 1000 is below 0.5 m from 497.6 s to 502.4 s: in powers of t, rounding moves it by far more."""
     c = np.zeros((8, 2, 3))
     c[0], c[7, 1] = 1e300, 5.0
-    (step,) = gcs.prove([gcs.PolynomialTrack("far", PPoly(c, [0.0, 1e200, 2e200]))]).failures
-    assert step.verdict == "violated"
+    overflows = PPoly(c, [0.0, 1e200, 2e200])
+    powers = np.zeros((8, 1, 3))
+    powers[:, 0, 0] = np.poly([500.0] * 7) / 1000.0
+    far = PPoly(np.full((1, 1, 3), 1e13), [0.0, 1.0])
+    for polynomial in (overflows, PPoly(powers, [0.0, 1000.0]), far):
+        with pytest.raises(UsageError, match="rounding moves its places by"):
+            gcs.prove([gcs.PolynomialTrack("far", polynomial)])
+    shifted = np.zeros((8, 1, 3))
+    shifted[0, 0, 0] = 1e-3
+    assert gcs.prove([gcs.PolynomialTrack("near", PPoly(shifted, [0.0, 9.0]))]).ok
+
+
+@pytest.mark.parametrize("off_m", [-0.1, math.nan, math.inf])
+def test_a_track_is_off_its_polynomial_by_a_length(off_m: float) -> None:
+    with pytest.raises(GcsError, match="off_m"):
+        gcs.PolynomialTrack("a", PPoly(np.zeros((1, 1, 3)), [0.0, 1.0]), off_m)
+
+
+@pytest.mark.parametrize(("end_m", "verdict"), [(-10.0, "violated"), (0.0, "proved")])
+def test_only_an_end_on_the_ground_may_be_outside_the_box(
+    simulation1: gcs.Scenario, end_m: float, verdict: str
+) -> None:
+    scenario = changed(simulation1, terrain=FLAT, no_fly=[])
+    places = np.array([[0, 0, 0], [0, 0, -10], [-90, 0, -10], [-90, 0, end_m]])
+    away = gcs.PolynomialTrack("away", through(np.array([0.0, 5.0, 30.0, 35.0]), places))
+    assert check_of(gcs.prove([away], None, scenario), "least northing").verdict == verdict
 
 
 def near_pass(rng: np.random.Generator, limit_m: float, beyond_m: float, lasts_s: float) -> tuple[Array, Array]:
@@ -65,7 +90,7 @@ def near_pass(rng: np.random.Generator, limit_m: float, beyond_m: float, lasts_s
 
     They are nearer than the limit for so long only, between two samples. All follow one random course beside that.
     """
-    t_s = np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.0, 12))])
+    t_s = np.concatenate([[0.0], np.cumsum(np.round(rng.uniform(0.2, 1.0, 12), 3))]).round(3)
     piece = int(rng.integers(2, 9))
     nearest_s = rng.uniform(t_s[piece] + 0.05, t_s[piece + 1] - 0.05)
     least_m = limit_m - beyond_m

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 
 import gcs
 from gcs.errors import FileFormatError, GcsError, UsageError
+from gcs.mission.formats.tables.setpoint_table import StreamFile, write_setpoints
+from gcs.mission.model import SetpointStream
+from gcs.scenario.values.si import local_origin
 
 PLACES = [[1.0, 2.0, -3.0], [2.0, 4.0, -3.5]]  # NED, at 0 s and 2 s
 PIECE = "1.5,1,2,0,0,0,0,0,0,3,0,-1,0,0,0,0,0,4,0,0,0.5,0,0,0,0,0,0,0,0,0,0,0,0"
@@ -57,6 +61,30 @@ def test_one_file_holds_a_fleet(tmp_path: Path) -> None:
     read = gcs.read_tracks([file], frame="enu")
     assert [track.name for track in read.tracks] == ["a", "b"]
     np.testing.assert_allclose(read.tracks[0].position_ned_m(0.5), [0.0, 0.5, -1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "column", ["drone_id", "Vehicle ID", "uav_name", "sys_id", "robot", "cf", "agent-no", "DroneIndex", "vehicle.nr"]
+)
+def test_a_column_that_tells_vehicles_apart_is_known_by_many_names(tmp_path: Path, column: str) -> None:
+    """Taken for one vehicle that jumps to and fro, it would be proved that this one keeps its height."""
+    rows = "0,0,0,1,7\n0.1,5,0,1,8\n1,0,0,1,7\n1.1,5,0,1,8\n"
+    read = gcs.read_tracks([written(tmp_path, f"t,x,y,z,{column}\n{rows}")], frame="enu")
+    assert [track.name for track in read.tracks] == ["7", "8"]
+
+
+def test_setpoints_of_different_origins_are_not_proved_together(tmp_path: Path, simulation1: gcs.Scenario) -> None:
+    stream = SetpointStream((1,), np.array([0.0, 1.0]), *np.zeros((3, 1, 2, 3)), np.zeros((1, 2)))
+    here = local_origin(simulation1)
+    north = replace(here, lat_deg=here.lat_deg + 1e-5)
+    files = [tmp_path / "one.setpoints", tmp_path / "two.setpoints"]
+    for file, sysid, origin in zip(files, (1, 2), (here, north), strict=True):
+        file.write_bytes(write_setpoints(StreamFile(replace(stream, sysids=(sysid,)), "", origin)))
+    with pytest.raises(FileFormatError, match=r"two\.setpoints: its places .* 1\.11 m from that of .*one\.setpoints"):
+        gcs.read_tracks(files)
+    with pytest.raises(FileFormatError, match=r"two\.setpoints: .* from that of the scenario"):
+        gcs.read_tracks(files[1:], scenario=simulation1)
+    assert len(gcs.read_tracks(files[:1], scenario=simulation1).tracks) == 1
 
 
 @pytest.mark.parametrize("header", ["", HEADER + "\n", "# " + HEADER.lower() + ",\n"])
