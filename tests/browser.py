@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -49,6 +49,7 @@ class Browser:
         more = (f"--user-data-dir={self._profile.name}", f"--window-size={width},{height}", "about:blank")
         quiet = subprocess.DEVNULL
         self._process = subprocess.Popen([CHROMIUM, *_FLAGS, *more], stdout=quiet, stderr=quiet)
+        self._links = ExitStack()
         self._link = self._opened()
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.call(f"{domain}.enable")
@@ -64,7 +65,7 @@ class Browser:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with suppress(Exception):
-            self._link.close()
+            self._links.close()
         self._process.kill()
         self._process.wait()
         self._profile.cleanup()
@@ -123,7 +124,8 @@ class Browser:
 
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
             page = next(one for one in json.load(answer) if one["type"] == "page")
-        return connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
+        link = connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
+        return self._links.enter_context(link)
 
     def _note(self, method: str, given: dict[str, Any]) -> None:
         if method == "Network.requestWillBeSent":
