@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import shutil
 import subprocess
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,6 +22,8 @@ CHROMIUM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
 )
 WHY_NOT = "no Chromium on this machine: install Debian's package chromium"
+# As root, Chromium goes before everything else on the machine, also before the vehicles that it shows.
+_BEHIND = ("setpriv", "--bounding-set", "-sys_nice") if os.geteuid() == 0 and shutil.which("setpriv") else ()
 _START_S, _STEP_S = 60.0, 0.05
 _FLAGS = (
     "--headless=new",
@@ -48,7 +51,8 @@ class Browser:
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         more = (f"--user-data-dir={self._profile.name}", f"--window-size={width},{height}", "about:blank")
         quiet = subprocess.DEVNULL
-        self._process = subprocess.Popen([CHROMIUM, *_FLAGS, *more], stdout=quiet, stderr=quiet)
+        self._process = subprocess.Popen([*_BEHIND, CHROMIUM, *_FLAGS, *more], stdout=quiet, stderr=quiet)
+        self._links = ExitStack()
         self._link = self._opened()
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.call(f"{domain}.enable")
@@ -64,7 +68,7 @@ class Browser:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with suppress(Exception):
-            self._link.close()
+            self._links.close()
         self._process.kill()
         self._process.wait()
         self._profile.cleanup()
@@ -123,7 +127,8 @@ class Browser:
 
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
             page = next(one for one in json.load(answer) if one["type"] == "page")
-        return connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
+        link = connect(page["webSocketDebuggerUrl"], max_size=None, ping_interval=None)
+        return self._links.enter_context(link)
 
     def _note(self, method: str, given: dict[str, Any]) -> None:
         if method == "Network.requestWillBeSent":

@@ -20,6 +20,7 @@ from tools.pictures.flight import draw_flight
 from tools.pictures.gallery import write_gallery
 from tools.pictures.live import write_page
 from tools.pictures.live_change import write_proposal
+from tools.pictures.page_film import write_page_film
 from tools.pictures.scenery import save
 from tools.pictures.tutorial import write_pictures
 from tools.pictures.view import camera_near, draw_view
@@ -105,6 +106,7 @@ def written(name: str, folder: Path) -> Iterator[Path]:
     elif name == PAGE:
         yield from write_page(ROOT, folder)
         yield from write_proposal(ROOT, folder)
+        yield write_page_film(ROOT, folder / "flight.gif")
     else:
         yield from PICTURES[name](gcs.make_plan(gcs.load_scenario(ROOT / "missions" / name)), folder)
 

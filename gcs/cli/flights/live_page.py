@@ -119,7 +119,7 @@ class LivePage:
 
     def event(self, event: Event) -> None:
         """Add an event to the page's log."""
-        self._feed.tell(event_json(happening(event, is_bad=True)))
+        self._feed.tell(event_json(happening(event, is_bad=not event.is_remark)))
 
     def replay(self, folder: Path) -> None:
         """Show the recording of the flight that is over instead, with what was true where that is known."""

@@ -220,6 +220,11 @@ class Event:
     alarm: bool = False  # a vehicle says that something fails: shown as a warning
     action: Action | None = None  # of an order to it
 
+    @property
+    def is_remark(self) -> bool:
+        """Whether it only says how the whole flight goes on: no incident, no order."""
+        return self.sysid == ALL_VEHICLES and not (self.rule or self.data or self.alarm or self.action)
+
     def __str__(self) -> str:
         when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"
         others = {ALL_VEHICLES: "all vehicles", OURSELVES: "this program"}

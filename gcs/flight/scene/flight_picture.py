@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gcs.flight.monitoring.progress import InFlight
+from gcs.flight.monitoring.progress import InFlight, Snapshot, Step
 from gcs.flight.scene.scene_curves import course_rad, neighbours
 from gcs.flight.scene.scene_model import FlightPicture, VehiclePicture
 
@@ -17,7 +17,7 @@ def picture_of(flight: InFlight) -> FlightPicture:
     nearest = snapshot.nearest
     return FlightPicture(
         math.nan if snapshot.plan_time_s is None else snapshot.plan_time_s,
-        f"{snapshot.phase}: {snapshot.plan_phase}" if snapshot.plan_phase else snapshot.phase,
+        _step_of(snapshot),
         tuple(
             VehiclePicture(
                 now.sysid,
@@ -41,3 +41,9 @@ def picture_of(flight: InFlight) -> FlightPicture:
         (0, 0) if nearest is None else nearest.pair,
         snapshot.formation_error_m,
     )
+
+
+def _step_of(snapshot: Snapshot) -> str:
+    """The step of the flight, with the phase of the plan while it is flown."""
+    is_over = snapshot.phase in (Step.LAND, Step.DONE) or not snapshot.plan_phase
+    return snapshot.phase if is_over else f"{snapshot.phase}: {snapshot.plan_phase}"

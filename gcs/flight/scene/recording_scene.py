@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.autopilots.traits import mode_name
 from gcs.flight.monitoring.progress import ALL_VEHICLES, Action, Event
-from gcs.flight.recording.recording import Recording
+from gcs.flight.recording.recording import SILENCE_S, Recording
 from gcs.flight.scene import scene_curves
 from gcs.flight.scene.plan_scene import (
     changes_of,
@@ -28,6 +29,9 @@ from gcs.plan.trajectory.distances import formation_error_m
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
+Flags = NDArray[np.bool_]
+
+_AWAY = frozenset({Action.LAND, Action.RETURN, Action.DIVERT, Action.LEAVE})
 _LOW = 0.8  # of the hover before T0: a vehicle that returns is lower only to land
 
 
@@ -40,13 +44,12 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
     flown = scene_curves.motion_of(scenario, places, rates)
     expected = recording.planned(t_s)
     planned = None if expected is None else _planned(recording, t_s, *expected)
+    on_plan = _on_plan(recording, t_s)
     error_m = np.full(places.shape[:2], np.nan)
     if planned is not None:
-        error_m = np.linalg.norm(places - planned.places_ned_m, axis=-1)
+        error_m = _error_m(places, planned, on_plan)
     true = _true(recording, t_s)
-    true_m = None
-    if true is not None and planned is not None:
-        true_m = np.linalg.norm(true.places_ned_m - planned.places_ned_m, axis=-1)
+    true_m = None if true is None or planned is None else _error_m(true.places_ned_m, planned, on_plan)
     limits = {} if scenario is None else limits_of(scenario)
     return Scene(
         recording.name,
@@ -58,7 +61,7 @@ def scene_of_recording(recording: Recording, from_s: float, to_s: float) -> Scen
         () if scenario is None or plan is None else (*zones_of(scenario), fence_of(plan)),
         planned,
         flown,
-        _reported(recording, t_s, places, error_m),
+        _reported(recording, t_s, places, error_m, on_plan),
         () if plan is None else phases_of_plan(plan),
         () if plan is None else changes_of(plan),
         (*_curves(plan, ids, t_s, (flown, planned, true), (error_m, true_m), limits), *_controls(plan, ids, t_s)),
@@ -91,7 +94,31 @@ def _known(places: Array, planned: Motion | None) -> Array:
     return places if planned is None else np.concatenate([places, planned.places_ned_m])
 
 
-def _reported(recording: Recording, t_s: Array, places_ned_m: Array, error_m: Array) -> ReportedState:
+def _error_m(places_ned_m: Array, planned: Motion, on_plan: Flags) -> Array:
+    """Position errors (V, N) of places (V, N, 3); NaN for a vehicle that left the plan: its own says nothing."""
+    return np.where(on_plan, np.linalg.norm(places_ned_m - planned.places_ned_m, axis=-1), np.nan)
+
+
+def _on_plan(recording: Recording, t_s: Array) -> Flags:
+    """Whether each vehicle flies the plan (V, N): not once it was ordered away from it, or was never heard again."""
+    found = np.ones((len(recording.tracks), len(t_s)), dtype=np.bool_)
+    lost_s = _lost_s(recording)
+    for row, track in enumerate(recording.tracks):
+        for event in recording.events:
+            if event.sysid in (track.sysid, ALL_VEHICLES) and event.action is not None:
+                found[row, t_s >= event.t_s] = event.action not in _AWAY
+        found[row, t_s > lost_s[track.sysid]] = False
+    return found
+
+
+def _lost_s(recording: Recording) -> dict[int, float]:
+    """When each vehicle was heard last, of those that fell silent before the others did; else infinite."""
+    last_s = {track.sysid: float(track.t_s[-1]) if len(track.t_s) else -math.inf for track in recording.tracks}
+    end_s = max(last_s.values(), default=0.0) - SILENCE_S
+    return {sysid: at_s if at_s < end_s else math.inf for sysid, at_s in last_s.items()}
+
+
+def _reported(recording: Recording, t_s: Array, places_ned_m: Array, error_m: Array, on_plan: Flags) -> ReportedState:
     tracks, plan, predicted = recording.tracks, recording.plan, recording.predicted
     words: dict[str, int] = {}
     shape = len(tracks), len(t_s)
@@ -108,7 +135,7 @@ def _reported(recording: Recording, t_s: Array, places_ned_m: Array, error_m: Ar
         age_s[row, heard] = t_s[heard] - track.t_s[at]
     band = np.full(shape, -1, dtype=np.int64)
     if plan is not None and predicted is not None:
-        band = in_band(predicted, plan, t_s, places_ned_m)
+        band = np.where(on_plan, in_band(predicted, plan, t_s, places_ned_m), -1)
     return ReportedState(tuple(words), mode, armed, battery, age_s, error_m, band)
 
 
@@ -127,11 +154,12 @@ def _true(recording: Recording, t_s: Array) -> Motion | None:
 
 
 def _lands_s(recording: Recording, t_s: Array, flown: Motion) -> float:
-    """When the last vehicle begins to land: by the plan, or after an order that took it down."""
+    """When the last vehicle begins to land: by the plan, or after an order that took it down, or never heard again."""
     plan = recording.plan
     if plan is None:
         return math.inf
-    begins_s = dict.fromkeys(plan.sysids, plan.landing_s)
+    lost_s = _lost_s(recording)
+    begins_s = {sysid: min(plan.landing_s, lost_s.get(sysid, math.inf)) for sysid in plan.sysids}
     hover_m = _LOW * float(planned_motion(plan, np.zeros(1)).above_ground_m.min())
     for event in recording.events:
         for row, sysid in enumerate(plan.sysids):
@@ -163,7 +191,7 @@ def _curves(
     if plan is not None:
         curves.append(scene_curves.error_curve(ids, *errors_m))
     if plan is not None and len(ids) > 1:
-        curves.append(_formation_curve(plan, t_s, flown, true))
+        curves.append(_formation_curve(plan, t_s, motions, errors_m))
     return (*curves, scene_curves.speed_curve(ids, flown, planned, true))
 
 
@@ -171,23 +199,26 @@ def _controls(plan: Plan | None, ids: tuple[int, ...], t_s: Array) -> tuple[Curv
     return () if plan is None else scene_curves.control_curves(ids, plan.controls(inside_s(plan, t_s)))
 
 
-def _formation_curve(plan: Plan, t_s: Array, flown: Motion, true: Motion | None) -> Curve:
-    """Definition 1, from T0 to the order to land, where all vehicles are known: elsewhere no shape is kept."""
+def _formation_curve(
+    plan: Plan, t_s: Array, motions: tuple[Motion, Motion | None, Motion | None], errors_m: tuple[Array, Array | None]
+) -> Curve:
+    """Definition 1, from T0 to the order to land, while all vehicles fly the plan: elsewhere no shape is kept."""
 
-    def error_m(motion: Motion) -> Array:
-        places = motion.places_ned_m
-        kept = (t_s >= 0.0) & (t_s <= plan.landing_s) & np.isfinite(places[..., 0]).all(axis=0)
+    def formation_m(places: Array, off_m: Array) -> Array:
+        kept = (t_s >= 0.0) & (t_s <= plan.landing_s) & np.isfinite(off_m).all(axis=0)
         found = np.full(len(t_s), np.nan)
         if kept.any():
             found[kept] = formation_error_m(places[:, kept], plan.offsets(t_s[kept]))
         return found
 
     none = np.zeros((len(t_s), 2), dtype=np.int64)
-    is_true = None if true is None else error_m(true)
-    return Curve("formation error", "m", error_m(flown), None, none, at_least=False, true=is_true)
+    flown, _, true = motions
+    true_m = None if true is None or errors_m[1] is None else formation_m(true.places_ned_m, errors_m[1])
+    reported_m = formation_m(flown.places_ned_m, errors_m[0])
+    return Curve("formation error", "m", reported_m, None, none, at_least=False, true=true_m)
 
 
 def _events(recording: Recording, from_s: float, to_s: float) -> tuple[Happening, ...]:
-    found = [happening(event, is_bad=True) for event in recording.events]
+    found = [happening(event, is_bad=not event.is_remark) for event in recording.events]
     found += [happening(event, is_bad=event.alarm) for event in recording.remarks]
     return tuple(sorted((one for one in found if from_s <= one.t_s <= to_s), key=lambda one: one.t_s))

@@ -131,6 +131,10 @@ export class Board {
     this.report.hidden = false;
   }
 
+  get isAsking() {
+    return !this.question.hidden;
+  }
+
   get isOver() {
     return !this.report.hidden;
   }

@@ -1,5 +1,7 @@
-// Curves over time, one panel each, above a strip with the phases: one canvas, dragged to choose the time.
+// Curves over time, one panel each, above a strip with the phases that stays in sight: both are dragged to choose the time.
 
+import { colourOf } from "./colours.js";
+import { fixed } from "./scene_data.js";
 import { niceStep } from "./world.js";
 
 const PANEL = 62;
@@ -7,20 +9,25 @@ const STRIP = 36; // phases and changes of shape
 const LEFT = 46;
 const RIGHT = 10;
 const NARROW = 700; // pixels: there the words of a curve alone have room
+const EACH = 20; // vehicles with a line of their own, at most
+const DOTS = 1500; // of such a line
 
 export class Curves {
-  constructor(canvas, scene, onTime) {
+  constructor(canvas, strip, scene, onTime) {
     this.canvas = canvas;
+    this.strip = strip;
     this.scene = scene;
-    this.pen = canvas.getContext("2d");
+    strip.style.height = `${STRIP}px`;
     const drag = (event) => onTime(this.timeAt(event.offsetX));
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      drag(event);
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (event.buttons) drag(event);
-    });
+    for (const part of [canvas, strip]) {
+      part.addEventListener("pointerdown", (event) => {
+        part.setPointerCapture(event.pointerId);
+        drag(event);
+      });
+      part.addEventListener("pointermove", (event) => {
+        if (event.buttons) drag(event);
+      });
+    }
     this.update();
   }
 
@@ -34,7 +41,7 @@ export class Curves {
   update() {
     const isShown = (curve) => (!curve.on_demand || this.showsAll) && curve.flown.length + curve.planned.length > 0;
     this.lines = this.scene.curveLines().filter(isShown);
-    this.canvas.style.height = `${this.lines.length * PANEL + STRIP}px`;
+    this.canvas.style.height = `${this.lines.length * PANEL}px`;
     this.drawn = null;
   }
 
@@ -52,31 +59,15 @@ export class Curves {
   // All but the line of now is drawn once, and again when size, colours or curves change.
   draw(t, style) {
     const ratio = window.devicePixelRatio;
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    const key = `${width} ${height} ${ratio} ${style.text}`;
+    const key = `${this.canvas.clientWidth} ${this.canvas.clientHeight} ${ratio} ${style.text}`;
     if (this.drawn !== key) {
       this.drawn = key;
-      this.width = width;
-      this.canvas.width = width * ratio;
-      this.canvas.height = height * ratio;
-      this.still = document.createElement("canvas");
-      this.still.width = this.canvas.width;
-      this.still.height = this.canvas.height;
-      const pen = this.still.getContext("2d");
-      pen.scale(ratio, ratio);
-      this.drawStill(pen, style, height);
+      this.width = this.canvas.clientWidth;
+      this.still = [this.canvas, this.strip].map((part) => this.blank(part, ratio));
+      this.drawStill(this.still[0].pen, style, this.canvas.clientHeight);
+      this.drawStrip(this.still[1].pen, style);
     }
-    const { pen } = this;
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    pen.drawImage(this.still, 0, 0);
-    pen.scale(ratio, ratio);
-    pen.strokeStyle = style.text;
-    pen.lineWidth = 1.5;
-    pen.beginPath();
-    pen.moveTo(this.x(t), 0);
-    pen.lineTo(this.x(t), height);
-    pen.stroke();
+    const [pen] = [this.canvas, this.strip].map((part, n) => this.drawNow(part, this.still[n].canvas, t, style, ratio));
     pen.font = "12px system-ui, sans-serif";
     pen.textAlign = "left";
     pen.textBaseline = "top";
@@ -92,14 +83,40 @@ export class Curves {
     }
   }
 
+  // What stands still of a canvas, empty, with its pen; the canvas gets the size that it has in the window.
+  blank(part, ratio) {
+    part.width = part.clientWidth * ratio;
+    part.height = part.clientHeight * ratio;
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [part.width, part.height];
+    const pen = canvas.getContext("2d");
+    pen.scale(ratio, ratio);
+    return { canvas, pen };
+  }
+
+  drawNow(part, still, t, style, ratio) {
+    const pen = part.getContext("2d");
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, part.width, part.height);
+    pen.drawImage(still, 0, 0);
+    pen.scale(ratio, ratio);
+    pen.strokeStyle = style.text;
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    pen.moveTo(this.x(t), 0);
+    pen.lineTo(this.x(t), part.clientHeight);
+    pen.stroke();
+    return pen;
+  }
+
   // What a curve says at a time, and whether it is beyond its limit.
   words(curve, t) {
     const value = valueAt(known(curve), t);
     const named = curve.behind(t).filter((sysid) => sysid > 0);
     const who = named.length ? ` (${named.length > 1 ? "vehicles" : "vehicle"} ${named.join(", ")})` : "";
     const told = curve.true.length ? valueAt(curve.flown, t) : NaN;
-    const also = Number.isFinite(told) && this.width > NARROW ? `, reported ${told.toFixed(2)}` : "";
-    const said = Number.isFinite(value) ? `${value.toFixed(2)} ${curve.unit}${who}${also}` : "–";
+    const also = Number.isFinite(told) && this.width > NARROW ? `, reported ${fixed(told, 2)}` : "";
+    const said = Number.isFinite(value) ? `${fixed(value, 2)} ${curve.unit}${who}${also}` : "–";
     const holds = curve.name !== "least height above ground" || this.scene.isAloft(t);
     const isBad = holds && curve.limit != null && (curve.at_least ? value < curve.limit : value > curve.limit);
     return { text: `${isBad ? "! " : ""}${curve.name}: ${said}`, isBad };
@@ -122,7 +139,11 @@ export class Curves {
   drawStill(pen, style, height) {
     pen.font = "10px system-ui, sans-serif";
     for (const [n, curve] of this.lines.entries()) this.drawPanel(pen, style, curve, n * PANEL);
-    this.drawStrip(pen, style, this.lines.length * PANEL);
+    this.drawEvents(pen, style, height);
+  }
+
+  // When incidents and orders were.
+  drawEvents(pen, style, height) {
     for (const event of this.scene.events) {
       if (!event.is_bad || event.t_s === null) continue;
       pen.strokeStyle = style.bad;
@@ -163,7 +184,7 @@ export class Curves {
     if (worst) {
       pen.font = "12px system-ui, sans-serif";
       pen.textBaseline = "top";
-      const text = `${curve.at_least ? "least" : "most"} ${worst.value.toFixed(2)} ${curve.unit} at ${worst.t.toFixed(1)} s`;
+      const text = `${curve.at_least ? "least" : "most"} ${fixed(worst.value, 2)} ${curve.unit} at ${fixed(worst.t, 1)} s`;
       if (this.width > NARROW) pen.fillText(text, this.width - RIGHT, top + 4);
       pen.font = "10px system-ui, sans-serif";
       pen.textBaseline = "middle";
@@ -175,6 +196,7 @@ export class Curves {
     pen.beginPath();
     pen.rect(LEFT, top + 2, this.width - LEFT - RIGHT, PANEL - 6);
     pen.clip();
+    this.strokeEach(pen, curve.each ?? [], y);
     this.stroke(pen, curve.planned, y, curve.flown.length || this.scene.isLive ? style.planned : style.line, 1.3);
     this.stroke(pen, curve.flown, y, style.line, 1.6);
     pen.setLineDash([5, 3]);
@@ -189,6 +211,18 @@ export class Curves {
     pen.lineTo(this.width - RIGHT, y(curve.limit));
     pen.stroke();
     pen.setLineDash([]);
+  }
+
+  // The line of each vehicle, faint beneath the worst of them.
+  strokeEach(pen, each, y) {
+    if (each.length > EACH) return;
+    pen.globalAlpha = 0.55;
+    for (const [row, points] of each.entries()) {
+      const every = Math.ceil(points.length / DOTS);
+      const some = every > 1 ? points.filter((_, n) => n % every === 0) : points;
+      this.stroke(pen, some, y, colourOf(this.scene, this.scene.sysids[row]), 1);
+    }
+    pen.globalAlpha = 1;
   }
 
   stroke(pen, points, y, colour, width) {
@@ -208,28 +242,30 @@ export class Curves {
     pen.stroke();
   }
 
-  drawStrip(pen, style, top) {
+  drawStrip(pen, style) {
     const { begin, end, phases, changes } = this.scene;
+    pen.font = "10px system-ui, sans-serif";
     pen.textBaseline = "middle";
     pen.textAlign = "center";
     for (const [n, { name, begin_s, end_s }] of phases.entries()) {
       const [from, to] = [this.x(Math.max(begin_s, begin)), this.x(Math.min(end_s, end))];
       if (to <= from) continue;
       pen.fillStyle = n % 2 ? style.faint : style.band;
-      pen.fillRect(from, top, to - from, 16);
+      pen.fillRect(from, 0, to - from, 16);
       pen.fillStyle = style.text;
-      if (pen.measureText(name).width < to - from - 4) pen.fillText(name, (from + to) / 2, top + 8);
+      if (pen.measureText(name).width < to - from - 4) pen.fillText(name, (from + to) / 2, 8);
     }
     for (const { name, begin_s, end_s } of changes) {
       const [from, to] = [this.x(begin_s), this.x(end_s)];
       pen.fillStyle = style.change;
-      pen.fillRect(from, top + 16, Math.max(to - from, 2), 4);
+      pen.fillRect(from, 16, Math.max(to - from, 2), 4);
     }
     pen.fillStyle = style.text;
     const step = niceStep((end - begin) / Math.max(Math.floor(this.width / 110), 2));
     for (let t = Math.ceil(begin / step) * step; t <= end; t += step) {
-      pen.fillText(`${Number(t.toPrecision(6))} s`, this.x(t), top + 28);
+      pen.fillText(`${Number(t.toPrecision(6))} s`, this.x(t), 28);
     }
+    this.drawEvents(pen, style, 20);
   }
 }
 

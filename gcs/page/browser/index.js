@@ -45,7 +45,7 @@ const PAGE = `
       <span class="legend" aria-label="lines of the curves"></span>
       <label class="more" hidden><input type="checkbox"> U1–U4</label>
     </div>
-    <div class="curves"><canvas></canvas></div>
+    <div class="curves"><canvas></canvas><canvas class="strip"></canvas></div>
   </footer>`;
 
 export function openPage(element, onDrawn) {
@@ -89,11 +89,10 @@ class Page {
     if (!this.isNow && kept) this.t = kept.t;
     this.find(".live").hidden = !scene.isLive;
     this.world = new World(this.find(".space"), scene, () => (this.isStale = true));
-    this.curves = new Curves(this.find(".curves canvas"), scene, (t) => this.seek(t));
+    this.curves = new Curves(this.find(".curves canvas"), this.find(".strip"), scene, (t) => this.seek(t));
     this.makeTable();
     this.orders = this.changes = null;
     if (scene.isLive) {
-      this.find(".command").hidden = false;
       this.orders = new Orders(this.find(".ordered"), () => this.table.ticked());
       this.changes = new PlanOrders(this.find(".changed"), scene, this.world);
       this.changes.onView = () => this.look("above");
@@ -101,6 +100,7 @@ class Page {
     this.board = new Board(this.find(".board"));
     this.showBoard(whole.board);
     this.log = new EventLog(this.find(".events"), scene, (t) => this.seek(t));
+    this.find(".events").hidden = scene.kind === "plan" && !scene.events.length; // none will come
     this.listen();
     this.setDark(kept?.isDark ?? window.matchMedia("(prefers-color-scheme: dark)").matches);
     this.world.drawTracks();
@@ -233,6 +233,11 @@ class Page {
       [line.className, line.textContent] = [kind, names[kind]];
       return line;
     });
+    if (this.scene.curves.some((curve) => curve.limit != null)) {
+      const limit = document.createElement("span");
+      [limit.className, limit.textContent] = ["limit", "limit"];
+      lines.push(limit);
+    }
     this.find(".legend").replaceChildren(...lines);
   }
 
@@ -259,7 +264,7 @@ class Page {
     if (document.hidden) this.onDrawn(this.scene.events.length); // a hidden page draws no frame
   }
 
-  // A flight that is over takes no orders.
+  // Before the word that arms nothing flies, and a flight that is over takes no orders.
   showBoard(changes) {
     this.board.show(changes);
     if (changes.outcome) this.changes?.say(changes.outcome);
@@ -272,7 +277,7 @@ class Page {
       this.scene.take("band", changes.band);
       this.makeTable();
     }
-    if (this.board.isOver) this.find(".command").hidden = true;
+    this.find(".command").hidden = !this.orders || this.board.isOver || this.board.isAsking;
   }
 
   // Draw if anything has changed: a browser that draws in software takes its time from a flight on the same machine.

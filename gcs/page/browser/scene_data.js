@@ -1,5 +1,10 @@
 // A scene as the server sends it, and every vehicle at a time: from the plan, from a recording, or from pictures.
 
+// Where the values of each vehicle are, of curves that show the worst of them: in a scene, and in a picture.
+const EACH = {
+  "greatest position error": { of: "error_m", key: "error_m" },
+  "greatest speed": { of: "speed_mps", motion: true, key: "speed_mps" },
+};
 const FORMS = { f4: Float32Array, i2: Int16Array, i4: Int32Array };
 
 export function unpacked(value) {
@@ -12,6 +17,11 @@ export function unpacked(value) {
     }
   }
   return Object.fromEntries(Object.entries(value).map(([key, one]) => [key, unpacked(one)]));
+}
+
+// A number in so many decimals; what rounds to zero has no sign.
+export function fixed(value, decimals) {
+  return value.toFixed(decimals).replace(/^-(?=[0.]+$)/, "");
 }
 
 const finite = (value) => (value === null || Number.isNaN(value) ? NaN : value);
@@ -191,6 +201,7 @@ export class SceneData {
       planned: pairs(curve.planned),
       true: pairs(curve.true),
       behind: behind(curve),
+      each: this.each(curve.name),
     }));
     if (!this.isLive) return lines;
     const known = this.pictures.filter((picture) => !Number.isNaN(picture.t_s));
@@ -220,8 +231,21 @@ export class SceneData {
       ...curve,
       flown: known.map((picture) => [picture.t_s, figures[curve.name](picture)[0]]),
       behind: (t) => (known.length ? figures[curve.name](this.pictureAt(t))[1] : []),
+      each: EACH[curve.name] ? this.eachReported(known, EACH[curve.name].key) : [],
     });
     return [...lines, ...added].map((curve) => (curve.name in figures ? grown(curve) : curve));
+  }
+
+  // The values of each vehicle behind a curve: [time, value] over all times; none where the curve has no such values.
+  each(name) {
+    const { of, motion } = EACH[name] ?? {};
+    const values = of && (motion ? (this.flown ?? this.planned) : this.told)?.[of];
+    if (!values) return [];
+    return this.sysids.map((_, row) => Array.from(this.times, (t, n) => [t, values.data[row * this.times.length + n]]));
+  }
+
+  eachReported(pictures, key) {
+    return this.sysids.map((_, row) => pictures.map(({ t_s, vehicles }) => [t_s, finite(vehicles[row][key])]));
   }
 
   // Displacement, north and east, of a zone at a time.

@@ -1,9 +1,11 @@
 // The table of vehicles: sorted by any column, red and marked with "!" where a limit is near or passed.
 
+import { fixed } from "./scene_data.js";
+
 const LINK_S = 2; // a vehicle that was last heard longer ago is silent
 const NEAR = 1.1; // of a limit: red from there on
 
-const number = (value, decimals) => (Number.isFinite(value) ? value.toFixed(decimals) : "–");
+const number = (value, decimals) => (Number.isFinite(value) ? fixed(value, decimals) : "–");
 
 function columns(scene) {
   const { above_ground_m: low, separation_m: apart } = scene.limits;
@@ -68,27 +70,26 @@ export class VehicleTable {
         const row = document.createElement("tr");
         const cells = this.columns.map(() => row.appendChild(document.createElement("td")));
         row.onclick = () => onVehicle(sysid);
-        if (scene.isLive) row.append(this.tick(sysid));
+        if (scene.isLive) cells[0] = this.ticking(cells[0], sysid);
         return [sysid, { row, cells }];
       }),
     );
-    if (scene.isLive) this.table.querySelector("tr").append(document.createElement("th"));
     this.body = this.table.querySelector("tbody");
     element.append(this.table);
     this.sort(this.columns[0], false);
   }
 
-  // A box that an order goes to this vehicle; none ticked: to all.
-  tick(sysid) {
-    const cell = document.createElement("td");
+  // Put a box into a cell that an order goes to this vehicle, none ticked: to all; return what has its text.
+  ticking(cell, sysid) {
     const box = document.createElement("input");
     box.type = "checkbox";
     box.value = sysid;
     box.setAttribute("aria-label", `order to vehicle ${sysid}`);
-    cell.onclick = (event) => event.stopPropagation();
+    box.onclick = (event) => event.stopPropagation();
     box.onchange = () => this.onTick();
-    cell.append(box);
-    return cell;
+    const text = document.createElement("span");
+    cell.append(box, text);
+    return text;
   }
 
   ticked() {

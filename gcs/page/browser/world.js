@@ -445,11 +445,9 @@ export class World {
     const limit = this.scene.limits.separation_m;
     const shown = [];
     this.labelPoints();
-    for (const [row, name] of this.names.entries()) {
-      const one = vehicles[row];
-      const seen = this.markers.get(one.sysid)?.clone().project(this.camera);
-      name.style.display = "none";
-      if (!seen || Math.abs(seen.x) > 1 || Math.abs(seen.y) > 1 || Math.abs(seen.z) > 1) continue;
+    for (const name of this.names) name.style.display = "none";
+    for (const [n, { one, seen }] of this.inSight(vehicles).entries()) {
+      const name = this.names[n];
       const at = [((seen.x + 1) * this.width) / 2 + 9, ((1 - seen.y) * this.height) / 2 - 20];
       const beside = shown.find((other) => {
         const [right, down] = [at[0] - other.at[0], at[1] - other.at[1]];
@@ -468,6 +466,17 @@ export class World {
       name.classList.toggle("bad", isBad);
       name.style.transform = `translate(${at[0]}px, ${at[1]}px)`;
     }
+  }
+
+  // The vehicles in sight, and where: of more than can have a number those nearest to the camera.
+  inSight(vehicles) {
+    const found = [];
+    for (const one of vehicles) {
+      const seen = this.markers.get(one.sysid)?.clone().project(this.camera);
+      if (seen && Math.abs(seen.x) <= 1 && Math.abs(seen.y) <= 1 && Math.abs(seen.z) <= 1) found.push({ one, seen });
+    }
+    if (found.length <= LABELS) return found;
+    return found.sort((a, b) => a.seen.z - b.seen.z).slice(0, LABELS);
   }
 
   // Write the names of route points where they are; a bare number gives way to what stands there already.

@@ -97,6 +97,14 @@ def test_a_plan_is_drawn_where_it_flies_at_every_time(plan: Plan, shown: Browser
         least = shown.value("skein.curves.lines.length")
         shown.value("document.querySelector('.more input').click()")
         assert shown.value("skein.curves.lines.length") == least + 4
+        at(shown, 130.0)
+        foot = "document.querySelector('.strip').getBoundingClientRect()"
+        assert shown.value(f"{foot}.height > 30 && {foot}.bottom <= innerHeight"), "the phases stay in sight"
+        assert shown.value("document.querySelector('.events').offsetHeight") == 0, "this plan has no events to come"
+        each = np.array(shown.value("skein.curves.lines.find((one) => one.name === 'greatest speed').each"))
+        assert each.shape[0] == len(plan.sysids)
+        speeds = np.linalg.norm(plan.named_states(each[2, 100:900, 0]).velocity_ned_mps[2], axis=-1)
+        assert each[2, 100:900, 1] == pytest.approx(speeds, abs=0.01), "of each vehicle"
         thrust_N = np.abs(plan.controls(np.array([130.0]))[:, 0, 0]).max()
         words = shown.value("skein.curves.words(skein.curves.lines.at(-4), 130).text")
         assert float(words.split()[2]) == pytest.approx(thrust_N, rel=0.01) and words.startswith("U1, largest: ")
@@ -161,6 +169,10 @@ def test_a_silent_flight_under_way_shows_its_newest_picture_and_its_events(plan:
         feed.show(picture(plan, 50.0, 0.0))
         shown.until("skein.t === 50 && skein.log.lines.length === 1")
         assert off_m(shown, places, plan.sysids) < 0.1
+        flat = "{ name: 'x', unit: 'm', true: [], flown: [[0, -0.001]], planned: [], behind: () => [] }"
+        assert shown.value(f"skein.curves.words({flat}, 1).text") == "x: 0.00 m"
+        each = shown.value("skein.curves.lines.find((one) => one.name === 'greatest position error').each")
+        assert [row[-1] for row in each] == [[50.0, 3.0]] * len(plan.sysids)
         assert shown.until("skein.table.rows.get(3).row.innerText.includes('GUIDED')")
         assert "flying: mission" in shown.until("document.querySelector('.now').innerText")
         words = shown.value("skein.curves.lines.map((curve) => skein.curves.words(curve, 50).text)")
@@ -193,6 +205,7 @@ def test_checks_the_word_that_arms_and_the_report_stand_beside_the_scene(
         feed.put("checks", {"title": "GO", "rows": more})
         feed.put("question", "Type 'arm' to continue:")
         shown.until(f"!{shown_board}.querySelector('.question').hidden")
+        assert shown.value("document.querySelector('.command').offsetHeight") == 0, "nothing flies that could obey"
         bottoms = (
             f"[{shown_board}.querySelector('input'), {shown_board}].map((one) => one.getBoundingClientRect().bottom)"
         )
@@ -212,6 +225,10 @@ def test_checks_the_word_that_arms_and_the_report_stand_beside_the_scene(
         feed.put("question", None)
         shown.until(f"{shown_board}.querySelector('.question').hidden && !{shown_board}.querySelector('.checks').open")
         assert feed.readers == 1
+        assert shown.value("document.querySelector('.command').offsetHeight") > 0
+        rights = "['tbody tr', '.fleet'].map((one) => document.querySelector(one).getBoundingClientRect().right)"
+        row, fleet = shown.value(rights)
+        assert row <= fleet + 1, "every column is in sight"
         feed.offer([tmp_path / "map.png"])
         criterion = {"name": "separation", "definition": "of centres", "measured": "0.8 m", "vehicles": "vehicles 1, 2"}
         criterion |= {"t_s": 12.0, "limit": "at least 1.3 m", "verdict": "FAILED", "is_bad": True}
@@ -233,6 +250,10 @@ def test_a_thousand_vehicles_leave_the_page_in_its_window(shown: Browser) -> Non
     with page_of(scene_of_recording(recording, 0.0, 59.0), shown):
         at(shown, 30.0)
         assert shown.value("skein.world.placeOf(1000)") == pytest.approx([5.0 * 7 + 30.0, 5.0 * 31, -20.0], abs=0.1)
+        shown.value("skein.look('1000')")
+        at(shown, 30.0)
+        numbers = shown.value("skein.world.names.filter((one) => one.style.display === '').map((one) => one.innerText)")
+        assert "1000" in " ".join(numbers).split(), "what is near has its number, however many there are"
         bottoms = (
             "['.fleet', '.space', 'footer'].map((one) => document.querySelector(one).getBoundingClientRect().bottom)"
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import re
 from collections.abc import Callable
@@ -10,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import image
+from PIL import Image
 
 import gcs
 from gcs.plan.trajectory.plan import Plan
@@ -19,6 +22,7 @@ from tools.pictures.change import draw_change
 from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
 from tools.pictures.measures import clearance_m, nearest_m, size
+from tools.pictures.page_film import save_film, smaller
 from tools.pictures.scenery import chain_lines, save
 from tools.pictures.tutorial import commands, draw_exported, waypoints_deg
 from tools.pictures.view import HEIGHT, WIDTH, Camera, camera_near, draw_view, ground_image, hidden
@@ -80,7 +84,6 @@ def test_ground_hides_what_is_behind_it_and_nothing_else(repo_root: Path) -> Non
 
 @pytest.mark.long
 def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None:
-    from PIL import Image
 
     path = write_film(changing, tmp_path / "film.gif", frame_s=75.0)
     with Image.open(path) as film:
@@ -149,3 +152,23 @@ def test_pictures_of_the_tutorial_are_its_own(repo_root: Path) -> None:
 def test_pictures_belong_to_missions(repo_root: Path) -> None:
     for name in figures.PICTURES:
         assert (repo_root / "missions" / name / "scenario.toml").is_file()
+
+
+def test_the_film_of_the_page_has_every_picture_in_its_colours_and_rests_on_the_last(tmp_path: Path) -> None:
+    pictures = []
+    for left in (100, 500, 900):
+        window = Image.new("RGB", (1200, 750), "#dfe7ef")
+        window.paste("#d55e00", (left, 300, left + 60, 360))
+        packed = io.BytesIO()
+        window.save(packed, "PNG")
+        pictures.append(smaller(base64.b64encode(packed.getvalue()).decode()))
+    path = save_film(pictures, tmp_path / "flight.gif")
+    with Image.open(path) as film:
+        assert (film.size, film.n_frames) == ((800, 500), 3)
+        shown_ms = []
+        for number, left in enumerate((100, 500, 900)):
+            film.seek(number)
+            shown_ms.append(film.info["duration"])
+            marker = film.convert("RGB").getpixel((int((left + 30) / 1.5), 220))
+            assert isinstance(marker, tuple) and marker == pytest.approx((213, 94, 0), abs=8)
+    assert shown_ms[-1] > 5 * shown_ms[0] > 0

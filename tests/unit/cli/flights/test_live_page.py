@@ -126,6 +126,16 @@ def test_a_picture_has_every_vehicle_as_it_reports_itself() -> None:
     assert (first.mode, first.armed, first.battery_pct, first.error_m) == ("GUIDED", True, 80.0, 0.3)
 
 
+@pytest.mark.parametrize(
+    ("step", "plan_phase", "shown"),
+    [("landing", "mission", "landing"), ("landed", "hover", "landed"), ("take-off", "hover", "take-off: hover")],
+)
+def test_a_picture_names_the_phase_of_the_plan_only_while_the_plan_is_flown(
+    step: str, plan_phase: str, shown: str
+) -> None:
+    assert picture_of(Flight(replace(NOW, phase=step, plan_phase=plan_phase))).step == shown
+
+
 def test_before_the_first_report_a_picture_says_that_nothing_is_known() -> None:
     unheard = VehicleNow(3, "", False, *[math.nan] * 3, math.inf, math.nan, math.nan, math.inf, math.nan)
     before = replace(NOW, plan_time_s=None, nearest=None, separation_m=math.nan, plan_phase="")
@@ -175,6 +185,8 @@ def test_every_event_reaches_the_log_in_words() -> None:
     feed = Feed()
     LivePage(feed, print).event(Event(1.7e9, 12.5, 3, "is silent", "lost: land"))  # type: ignore[arg-type]
     assert json.loads(feed.events[0]) == {"t_s": 12.5, "sysid": 3, "text": "is silent. lost: land", "is_bad": True}
+    LivePage(feed, print).event(Event(1.7e9, -10.0, 0, "start their missions"))  # type: ignore[arg-type]
+    assert json.loads(feed.events[1])["is_bad"] is False
 
 
 class ReplanningFlight(Flight):

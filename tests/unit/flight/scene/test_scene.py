@@ -104,6 +104,39 @@ def test_the_landing_begins_when_the_last_vehicle_is_ordered_down(plan: Plan) ->
         assert lands_s(*all_but_one, leaves) == pytest.approx(79.5, abs=0.2), "it was never low again"
 
 
+def test_a_vehicle_that_left_the_plan_or_was_lost_has_no_error_and_does_not_keep_the_flight_aloft(plan: Plan) -> None:
+    """The first is told to land, the last is never heard again, and falls; its place in the plan flies on."""
+    whole = recording_of(plan)
+    *others, last = whole.tracks
+    heard = last.t_s <= 45.0
+    fields = ("t_s", "position_ned_m", "velocity_ned_mps", "armed", "mode", "battery_pct")
+    lost = replace(last, **{name: getattr(last, name)[heard] for name in fields})
+    t_s = np.arange(0.0, 80.0, 0.25)
+    places = plan.states(t_s)[..., POSITION].copy()
+    places[-1, t_s > 45.0, 2] = 0.0
+    land = [Event(math.nan, 50.0, sysid, "ordered to land", "x", action=Action.LAND) for sysid in plan.sysids[:-1]]
+    recording = replace(whole, tracks=(*others, lost), events=tuple(land), truth=Tracks(t_s, places))
+    scene = scene_of_recording(recording, 0.0, 79.0)
+    assert scene.lands_s == 50.0 and scene.reported is not None
+    late, early = scene.t_s >= 50.0, scene.t_s < 45.0
+    assert np.isnan(scene.reported.error_m[:, late]).all() and np.isfinite(scene.reported.error_m[0, early]).all()
+    curves = {curve.name: curve for curve in scene.curves}
+    for name in ("greatest position error", "formation error"):
+        true = curves[name].true
+        assert true is not None and np.isnan(true[late]).all() and np.isfinite(true[early]).all(), name
+    back = Event(math.nan, 60.0, plan.sysids[0], "ordered to rejoin", "x", action=Action.REJOIN)
+    again = scene_of_recording(replace(recording, events=(*land, back)), 0.0, 79.0).reported
+    assert again is not None and np.isfinite(again.error_m[0, scene.t_s > 60.5]).all()
+
+
+def test_what_is_no_incident_and_no_order_is_not_marked_as_one(plan: Plan) -> None:
+    start = Event(math.nan, -10.0, ALL_VEHICLES, "start their missions at 12:00:39 UTC")
+    told = Event(math.nan, 5.0, ALL_VEHICLES, "asked to hold", data={"order": "hold"})
+    silent = Event(math.nan, 6.0, 2, "link lost")
+    scene = scene_of_recording(replace(recording_of(plan), events=(start, told, silent), remarks=()), -20.0, 20.0)
+    assert [one.is_bad for one in scene.events] == [False, True, True]
+
+
 def test_a_plan_is_shown_where_it_flies(plan: Plan) -> None:
     scene = scene_of_plan(plan)
     assert scene.planned is not None and scene.flown is None and scene.kind is SceneKind.PLAN
