@@ -73,6 +73,7 @@ class VehicleSession:
         self._mission_lock = asyncio.Lock()
         self._command_locks: dict[int, asyncio.Lock] = {}
         self.heard = True  # whether any message came from it
+        self.silence_reason = ""  # why it may not answer, if that is known
         self.receive(heartbeat, self._loop.time())
 
     @classmethod
@@ -338,6 +339,8 @@ class VehicleSession:
                 except TimeoutError:
                     self._send_all(machine.tick(self._loop.time()))
         if machine.error is not None:
+            if self.silence_reason and isinstance(machine.error, PeerTimeout):
+                machine.error.hint = f"it {self.silence_reason}"
             raise machine.error
 
     @asynccontextmanager
@@ -359,4 +362,8 @@ class VehicleSession:
         age_s = self.heartbeat_age_s()
         if age_s > 3.0:
             return f"its last heartbeat is {age_s:.1f} s old: check the vehicle and the link"
-        return "its heartbeats arrive, but it did not answer: try again"
+        return (
+            f"it {self.silence_reason}"
+            if self.silence_reason
+            else "its heartbeats arrive, but it did not answer: try again"
+        )
