@@ -110,7 +110,7 @@ class Discharge:
 
     @property
     def scale(self) -> float:
-        """The factor on every modelled need; that of the start for a gauge that stands still while the vehicle flies."""
+        """The factor on every modelled need; that of the start where a gauge stands still in flight."""
         measured = (self.used + _PRIOR * self.prior) / (self.modelled + _PRIOR)
         return self.prior if measured < _STANDS * self.prior else measured
 
