@@ -30,6 +30,10 @@ class GcsError(Exception):
         self.message, self.hint, self.reason = map(for_people, (message, hint, reason or message))
         super().__init__(self.message)
 
+    def advise(self, hint: str) -> None:
+        """Give another next step: whoever catches it knows more."""
+        self.hint = for_people(hint)
+
 
 def for_people(text: str) -> str:
     """The text with at most three digits after the point of a quantity, or three significant digits below 0.1."""

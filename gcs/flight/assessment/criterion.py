@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
 
+import numpy as np
+
+from gcs.types import Array
+
 GRID_S = 0.05
 
 
@@ -119,3 +123,39 @@ class Criterion:
         if self.outcome is FlightOutcome.UNKNOWN:
             return f"not known within ±{self.within:.2g} {self.unit}" if math.isfinite(self.within) else "not known"
         return "ok" if self.ok else "FAILED"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Metres (V, N) of all vehicles at times (N,), each known to `within_m`; infinite for one that is not heard."""
+
+    sysids: tuple[int, ...]
+    t_s: Array
+    metres: Array
+    within_m: Array
+
+    def at_least(self, name: CriterionName, limit: float, planned: float | None = None) -> Criterion:
+        """The least of all, which must not be below the limit."""
+        return self._criterion(name, limit, planned, at_least=True)
+
+    def at_most(self, name: CriterionName, limit: float, planned: float | None = None) -> Criterion:
+        """The greatest of all, which must not be above the limit."""
+        return self._criterion(name, limit, planned, at_least=False)
+
+    def _criterion(self, name: CriterionName, limit: float, planned: float | None, *, at_least: bool) -> Criterion:
+        worst, none = (np.min, np.inf) if at_least else (np.max, -np.inf)
+        heard = np.isfinite(np.broadcast_to(self.within_m, self.metres.shape))
+        told = np.where(heard, self.metres, none) if heard.any() else self.metres
+        row, instant = np.unravel_index(int((np.argmin if at_least else np.argmax)(told)), told.shape)
+        return Criterion(
+            name,
+            "m",
+            float(told[row, instant]),
+            limit,
+            at_least,
+            self.sysids[row],
+            float(self.t_s[instant]),
+            planned=planned,
+            lowest=float(worst(self.metres - self.within_m)),
+            highest=float(worst(self.metres + self.within_m)),
+        )

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FileFormatError
-from gcs.flight.assessment.criterion import GRID_S, Criterion, CriterionName, FlightOutcome
+from gcs.flight.assessment.criterion import GRID_S, Criterion, CriterionName, Figures, FlightOutcome
 from gcs.flight.assessment.route_passing import route_criterion
 from gcs.flight.monitoring.progress import FlightTimes, PlanTime
 from gcs.mission.returns.fence_areas import inclusion_corners, inside_m, planned_places_m
@@ -86,48 +86,14 @@ def area_criteria(plan: Plan, everywhere: Tracks, airborne: Tracks) -> list[Crit
         if zones:
             away_m = nearest_zone_m(zones, t_s, places[..., 0], places[..., 1], -places[..., 2], from_s)
             has_heights = any(zone.height_m is not None for zone in zones)
-            figures = _Figures(plan.sysids, t_s, away_m, everywhere.within_m if has_heights else within_m)
+            figures = Figures(plan.sysids, t_s, away_m, everywhere.within_m if has_heights else within_m)
             found.append(figures.at_least(name, 0.0, scenario.limits.zone_margin_m))
     inside = inside_m(inclusion_corners(planned_places_m(plan)), places)
-    found.append(_Figures(plan.sysids, t_s, inside, within_m).at_least(CriterionName.FENCE, 0.0))
+    found.append(Figures(plan.sysids, t_s, inside, within_m).at_least(CriterionName.FENCE, 0.0))
     ceiling_m = scenario.limits.height_m[1]
     limit_m = round(ceiling_m + navigation_error(scenario).vertical_m, 3)
-    heights = _Figures(plan.sysids, airborne.t_s, -airborne.ned_m[..., 2], airborne.vertical_m)
+    heights = Figures(plan.sysids, airborne.t_s, -airborne.ned_m[..., 2], airborne.vertical_m)
     return [*found, heights.at_most(CriterionName.HEIGHT, limit_m, ceiling_m)]
-
-
-@dataclass(frozen=True)
-class _Figures:
-    """Metres (V, N) of all vehicles at times (N,), each known to `within_m`."""
-
-    sysids: tuple[int, ...]
-    t_s: Array
-    metres: Array
-    within_m: Array
-
-    def at_least(self, name: CriterionName, limit: float, planned: float | None = None) -> Criterion:
-        """The least of all, which must not be below the limit."""
-        return self._criterion(name, limit, planned, at_least=True)
-
-    def at_most(self, name: CriterionName, limit: float, planned: float | None = None) -> Criterion:
-        """The greatest of all, which must not be above the limit."""
-        return self._criterion(name, limit, planned, at_least=False)
-
-    def _criterion(self, name: CriterionName, limit: float, planned: float | None, *, at_least: bool) -> Criterion:
-        worst = np.min if at_least else np.max
-        row, instant = np.unravel_index(int((np.argmin if at_least else np.argmax)(self.metres)), self.metres.shape)
-        return Criterion(
-            name,
-            "m",
-            float(self.metres[row, instant]),
-            limit,
-            at_least,
-            self.sysids[row],
-            float(self.t_s[instant]),
-            planned=planned,
-            lowest=float(worst(self.metres - self.within_m)),
-            highest=float(worst(self.metres + self.within_m)),
-        )
 
 
 @dataclass(frozen=True)
@@ -188,7 +154,7 @@ def judge_tracks(plan: Plan, everywhere: Tracks, airborne: Tracks) -> Verdict:
     off_plan = mission & airborne.off_plan
     mission &= ~off_plan
     rms, within = (np.sqrt(np.mean(m[:, mission] ** 2, axis=1)) for m in (error, airborne.within_m))
-    errors = _Figures(plan.sysids, t_s, rms[:, None], within[:, None])
+    errors = Figures(plan.sysids, t_s, rms[:, None], within[:, None])
     criteria = [replace(errors.at_most(CriterionName.POSITION_RMS, limits.position_rms_m), t_s=None)]
     criteria.append(_clearance(plan, airborne))
     criteria += area_criteria(plan, everywhere, airborne)
@@ -223,6 +189,8 @@ def _separations(plan: Plan, tracks: Tracks) -> list[Criterion]:
         least, lowest, highest, nearest = np.inf, np.inf, np.inf, (0, 0)
         for n in np.flatnonzero(instants).tolist():
             between_m = pdist(tracks.ned_m[:, n])
+            lost = np.broadcast_to(np.isinf(tracks.within_m[:, n]), len(plan.sysids))
+            between_m[lost[first] | lost[second]] = np.inf
             pair = int(np.argmin(between_m))
             if between_m[pair] < least:
                 least, nearest = float(between_m[pair]), (n, pair)
@@ -248,7 +216,7 @@ def _clearance(plan: Plan, tracks: Tracks) -> Criterion:
     terrain, (north_m, east_m, up_m) = plan.scenario.terrain, np.moveaxis(tracks.ned_m * (1.0, 1.0, -1.0), -1, 0)
     lowest_m = float((up_m - ground_height_m(terrain, north_m, east_m)).min())  # the least distance is no more
     above = ground_distance_m(terrain, north_m, east_m, up_m, lowest_m)
-    figures = _Figures(plan.sysids, tracks.t_s, above, tracks.within_m)
+    figures = Figures(plan.sysids, tracks.t_s, above, tracks.within_m)
     return figures.at_least(CriterionName.CLEARANCE, 0.0, plan.scenario.limits.clearance_min_m)
 
 
@@ -259,7 +227,7 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
     missed, within = np.linalg.norm(tracks.ned_m - goal, axis=-1), tracks.within_m
     end = slice(at_end, at_end + 1)
     when_s, limit_m = np.array([plan.flight_s]), limits.arrival_position_m
-    figures = _Figures(plan.sysids, when_s, missed[:, end], within[:, end])
+    figures = Figures(plan.sysids, when_s, missed[:, end], within[:, end])
     there = figures.at_most(CriterionName.ARRIVAL_POSITION, limit_m)
     away = np.linalg.norm(planned - goal, axis=-1)
     edges_m = [_edge_m(plan, t_s, distance_m) for distance_m in away]
@@ -267,8 +235,8 @@ def _arrivals(plan: Plan, tracks: Tracks, planned: Array) -> list[Criterion]:
         np.array([_last_entry(t_s, d, edge_m) for d, edge_m in zip(distances, edges_m, strict=True)])
         for distances in (away, missed, missed - within, missed + within)
     )
-    late = np.abs(entered - due)
-    latest = int(np.argmax(late))
+    late, heard = np.abs(entered - due), np.isfinite(within).all(axis=1)
+    latest = int(np.argmax(np.where(heard, late, -np.inf) if heard.any() else late))
     bounds = np.abs(first - due), np.abs(last - due)
     least = np.where((first <= due) & (due <= last), 0.0, np.minimum(*bounds))
     name, value_s, limit_s = CriterionName.ARRIVAL_TIME, float(late[latest]), limits.arrival_time_s
@@ -392,7 +360,8 @@ def reported_tracks(plan: Plan, record: pa.Table, plan_time: PlanTime) -> Tracks
         places[row] = CubicHermiteSpline(reported_s, *at.values())(np.clip(unix_s, reported_s[0], reported_s[-1]))
         after = np.clip(np.searchsorted(reported_s, unix_s), 1, len(mine) - 1)
         strayed_m = _ACCELERATION_MPS2 * (reported_s[after] - reported_s[after - 1]) ** 2 / 8.0
-        lost = (unix_s > reported_s[-1] + _ENDS_S) & bool(columns["armed"][mine[-1]])
+        ends_early = bool(columns["armed"][mine[-1]]) and reported_s[-1] < armed_s.max() - _ENDS_S
+        lost = (unix_s > reported_s[-1]) & ends_early
         for name, within in (("horizontal_within_m", horizontal_m), ("vertical_within_m", vertical_m)):
             reported_m = columns[name][mine]
             within[row] = np.maximum(reported_m[after - 1], reported_m[after]) + strayed_m

@@ -23,6 +23,7 @@ from gcs.types import Array, JsonObject
 
 WayLength = Callable[[Array, Array], float]  # from (3,), to (3,) -> metres by the route
 _PRIOR = 0.01  # of a full battery: the weight of the model against the measured discharge
+_STANDS = 1.0 / 3.0  # of the expected discharge: a gauge that shows less measures something else
 _JUMP = 0.03  # a larger step between two reports is no discharge
 _BRAKE_MPS2 = 1.5
 _OVER_M = 10.0  # horizontally: over its landing point
@@ -109,8 +110,9 @@ class Discharge:
 
     @property
     def scale(self) -> float:
-        """The factor on every modelled need."""
-        return (self.used + _PRIOR * self.prior) / (self.modelled + _PRIOR)
+        """The factor on every modelled need; that of the start where a gauge stands still in flight."""
+        measured = (self.used + _PRIOR * self.prior) / (self.modelled + _PRIOR)
+        return self.prior if measured < _STANDS * self.prior else measured
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class PlanOrders:
             if why := self._why_not(order):
                 self._change.note(order, now_s, self._fleet.plan)
                 why += f"; {self._change.instead}" if isinstance(order, Avoid) and self._change.instead else ""
-                raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
+                raise FlightError(f"the formation would not {order}: {why}.", hint=self._next())
             planning = self._change.ask(order, by, now_s, self._fleet.plan)
         except FlightError as refusal:
             self._tell("keep their plan", f"refused: {refusal.message}")
@@ -95,7 +95,7 @@ class PlanOrders:
     async def propose(self, order: PlanOrder) -> PlanForecast:
         """Return what an order would lead to now; nobody flies it. Raises as `ask` and `answer` do."""
         if why := self._why_not(order):
-            raise FlightError(f"the formation would not {order}: {why}.", hint="order hold, return or land")
+            raise FlightError(f"the formation would not {order}: {why}.", hint=self._next())
         begin_s = self._change.would_begin_s(order, self._now_s())
         # Whoever no longer waits for it leaves the planner's process as it is.
         found: PlanForecast = await asyncio.shield(asyncio.ensure_future(self._worker.call("propose", order, begin_s)))
@@ -336,6 +336,12 @@ class PlanOrders:
         if away := [sysid for sysid in needed if states[sysid] is not State.FLYING]:
             return f"vehicle {away[0]} is {states[away[0]].value}"
         return ""
+
+    def _next(self) -> str:
+        """What the operator can order instead: vehicles that wait do not go on into a new zone."""
+        if not self._contingency.waits:
+            return "order hold, return or land"
+        return "order return or land" if self._change.blocked else "order continue, return or land"
 
     def _now_s(self) -> float:
         return self._fleet.time.sure_s() - self._fleet.monitor.t0_s

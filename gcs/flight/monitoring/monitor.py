@@ -16,6 +16,7 @@ from gcs.autopilots.columns import LandingProfile
 from gcs.autopilots.local_frame import local_frame
 from gcs.flight.monitoring.expected_motion import ExpectedMotion, landing_profiles
 from gcs.flight.monitoring.lateness import Lateness
+from gcs.flight.monitoring.least_separation import LeastSeparation
 from gcs.flight.monitoring.progress import FlightPart, NearestPair
 from gcs.frames import LocalFrame
 from gcs.link.protocols.clock import VehicleClock
@@ -27,7 +28,6 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.values.si import local_origin
 from gcs.types import Array
 
-_HEARD_S = 2.0  # an older report is no position
 _AHEAD_S = 1.0  # a report is extrapolated by this much or less
 
 
@@ -89,7 +89,7 @@ class Monitor:
         self.plan_time_s: float | None = None
         self.in_formation: Collection[int] = plan.sysids  # the vehicles of the formation error
         self.aloft: Collection[int] = ()  # the vehicles of the separation: none before the take-off
-        self.nearest: dict[FlightPart, NearestPair] = {}
+        self._least = LeastSeparation()
 
     def expect_landings(self, landings: Mapping[int, LandingProfile]) -> None:
         """Compare landings with these descents from now on."""
@@ -115,6 +115,7 @@ class Monitor:
         view.position_ned_m = view.frame.common_ned_m(np.array(motion[:3]))
         view.velocity_ned_mps = np.array(motion[3:]) / view.frame.counts
         view.unix_s = unix_s
+        self._least.receive(view.sysid, unix_s, view.position_ned_m, view.velocity_ned_mps)
         if self.t0_unix_s is not None:
             self._compare(row, view, unix_s - self.t0_unix_s)
 
@@ -146,17 +147,23 @@ class Monitor:
     def watch_separation(self, aloft: Collection[int]) -> None:
         """Take in which vehicles are in the air, and note the nearest two of those that are heard."""
         self.aloft = aloft
-        times_s = [self.views[sysid].unix_s for sysid in aloft]
-        newest_s = max((t for t in times_s if not math.isnan(t)), default=math.nan)
-        heard = [i for i, t in zip(aloft, times_s, strict=True) if newest_s - t < _HEARD_S]
-        now = self._nearest(heard)
-        if now is not None and (now.part not in self.nearest or now.distance_m < self.nearest[now.part].distance_m):
-            self.nearest[now.part] = now
+        errors = {i: error for i in aloft if (error := self.views[i].standing_error_ned_m) is not None}
+        self._least.look(aloft, self._part_at, errors)
+
+    @property
+    def nearest(self) -> Mapping[FlightPart, NearestPair]:
+        """The nearest two vehicles of each part of the flight so far."""
+        return self._least.nearest
 
     @property
     def part(self) -> FlightPart:
         """The part of the flight: before T0, on the plan, or in the landing."""
-        t_s = self.plan_time_s
+        return self._part(self.plan_time_s)
+
+    def _part_at(self, unix_s: float) -> FlightPart:
+        return self._part(None if self.t0_unix_s is None else unix_s - self.t0_unix_s)
+
+    def _part(self, t_s: float | None) -> FlightPart:
         if self.t0_unix_s is None or t_s is None or t_s < 0.0:
             return FlightPart.TAKEOFF
         return FlightPart.FLIGHT if t_s < self.plan.landing_s else FlightPart.LANDING

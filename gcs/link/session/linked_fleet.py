@@ -25,12 +25,13 @@ from gcs.link.session.unknown_systems import LinkNotice, UnknownSystems
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station, is_autopilots_beat
-from gcs.link.wire.signing import Signing
+from gcs.link.wire.signing import Signing, is_signed
 from gcs.mavlink import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 
 _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1
 _AUTOPILOT_COMPONENT = 1
+_KEY_MISSING = "signs its frames, and no key is set here: it may answer nothing without --signing-key-file"
 _IDENTITY_REQUESTS = 30  # once a second, to vehicles that do not report an id
 
 _HEARTBEAT = Message(
@@ -289,9 +290,17 @@ class LinkedFleet:
 
     def _add_vehicle(self, heartbeat: Message) -> None:
         system = heartbeat.sysid
-        self.sessions[system] = VehicleSession(
-            heartbeat, lambda m: self.send(m, system), timers=self._timers, transfer=self._transfer
+        silent = _KEY_MISSING if is_signed(heartbeat.raw) and not self._signing.on else ""
+        session = VehicleSession(
+            heartbeat,
+            lambda m: self.send(m, system),
+            timers=self._timers,
+            transfer=self._transfer,
+            silence_reason=silent,
         )
+        if silent:
+            self._report(system, silent)
+        self.sessions[system] = session
         self._found.set()
 
     def _expect(self, system: int, autopilot: int) -> None:

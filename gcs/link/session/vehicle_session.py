@@ -45,7 +45,9 @@ class VehicleSession:
         *,
         timers: ProtocolTimers | None = None,
         transfer: Transfer = Transfer.AUTO,
+        silence_reason: str = "",
     ) -> None:
+        """Of the vehicle that sent this heartbeat; `silence_reason` is why it may not answer, if that is known."""
         self.station = heartbeat.source
         self.sysid = heartbeat.sysid  # the vehicle's number in the plan: its system id unless mapped
         self.clock = VehicleClock()
@@ -73,6 +75,7 @@ class VehicleSession:
         self._mission_lock = asyncio.Lock()
         self._command_locks: dict[int, asyncio.Lock] = {}
         self.heard = True  # whether any message came from it
+        self._silence_reason = silence_reason
         self.receive(heartbeat, self._loop.time())
 
     @classmethod
@@ -342,6 +345,8 @@ class VehicleSession:
                 except TimeoutError:
                     self._send_all(machine.tick(self._loop.time()))
         if machine.error is not None:
+            if self._silence_reason and isinstance(machine.error, PeerTimeout):
+                machine.error.advise(f"it {self._silence_reason}")
             raise machine.error
 
     @asynccontextmanager
@@ -363,4 +368,8 @@ class VehicleSession:
         age_s = self.heartbeat_age_s()
         if age_s > 3.0:
             return f"its last heartbeat is {age_s:.1f} s old: check the vehicle and the link"
-        return "its heartbeats arrive, but it did not answer: try again"
+        return (
+            f"it {self._silence_reason}"
+            if self._silence_reason
+            else "its heartbeats arrive, but it did not answer: try again"
+        )

@@ -218,3 +218,28 @@ def test_nothing_is_known_of_a_vehicle_without_a_fix(hop: Plan) -> None:
     assert words["position error (RMS)"] == "not known"
     assert words["separation"].startswith("not known within ±")
     assert words["arrival position"] == "ok"
+
+
+def test_a_vehicle_that_is_heard_no_more_gives_no_figure_and_fails_nothing(hop: Plan) -> None:
+    """Its last place is not where it is: the others fly through it, and it stays behind the plan."""
+    t_s = np.arange(hop.t_start_s, hop.t_end_s, 0.1)
+    states, plan_time, lost = np.array(hop.states(t_s)), PlanTime.of(T0_UNIX_S), hop.sysids[0]
+    gone_s = hop.flight_s / 2.0
+    there = int(np.searchsorted(t_s, gone_s))
+    states[1, there + 10 :, POSITION] = states[0, there, POSITION]  # 1 s later in its last place
+    states[1, there + 10 :, VELOCITY] = 0.0
+    last_ms = (T0_UNIX_S + gone_s - BOOT_UNIX_S) * 1e3
+    said = [
+        message
+        for message in told(hop, t_s, states, np.zeros((len(hop.sysids), 3)), 1, None, 1.0)
+        if message.sysid != lost or message.fields.get("time_boot_ms", 0) <= last_ms
+    ]
+    tracks = reported_tracks(hop, build_record(hop, plan_time, said), plan_time)
+    assert tracks is not None
+    found = {one.name: one for one in judge_reports(hop, tracks).criteria}
+    assert lost not in {one.sysid for one in found.values() if one.t_s is None or one.t_s > gone_s + 0.1}
+    separation = found[CriterionName.SEPARATION]
+    assert separation.outcome is FlightOutcome.UNKNOWN
+    assert separation.value > 1.0
+    for name in (CriterionName.SEPARATION, CriterionName.ZONES, CriterionName.FENCE):
+        assert name not in found or found[name].outcome is not FlightOutcome.FAILED

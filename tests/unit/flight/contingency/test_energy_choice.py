@@ -69,7 +69,7 @@ def test_the_rest_of_the_plan_is_preferred(
     assert str(choice)
 
 
-@given(st.floats(0.2, 5.0), st.integers(200, 900))
+@given(st.floats(0.4, 5.0), st.integers(200, 900))
 def test_the_measured_discharge_scales_the_needs(scale: float, endurance_s: int) -> None:
     """Whole percents, twice a second."""
     discharge = Discharge()
@@ -86,6 +86,16 @@ def test_another_battery_reading_is_no_discharge() -> None:
         discharge.report(share)
     assert discharge.scale == pytest.approx(1.0)
     assert Discharge().scale == 1.0
+
+
+def test_a_gauge_that_stands_still_makes_no_need_smaller() -> None:
+    """The battery of PX4's simulator falls to 51 % within a minute of arming, and stays there."""
+    discharge = Discharge(prior=1.2)
+    for _ in range(300):
+        discharge.expect(0.001)
+        discharge.report(0.51)
+        assert discharge.scale > 0.4
+    assert discharge.scale == pytest.approx(1.2)
 
 
 @pytest.fixture(scope="module")

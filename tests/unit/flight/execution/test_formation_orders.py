@@ -158,8 +158,9 @@ def test_a_late_planner_is_asked_again_and_then_refused(hop: Plan, built: Replan
 def test_a_formation_that_holds_keeps_its_plan(hop: Plan, built: Replanner, returns: ReturnPlan) -> None:
     async def story(fleet: PointFleet, orders: PlanOrders) -> None:
         fleet.executor.ask(AskedOrder.HOLD, (), "a test")
-        with pytest.raises(FlightError, match="the plan waits"):
+        with pytest.raises(FlightError, match="the plan waits") as refused:
             orders.ask(ahead(hop), "a test")
+        assert refused.value.hint == "order continue, return or land"
 
     fleet = told(Planner(built), returns, story)
     assert not fleet.told(NEW_PLAN)
@@ -241,6 +242,9 @@ def test_each_vehicle_brakes_by_itself_where_the_formation_cannot(
         await asyncio.sleep(24.0)
         with pytest.raises(FlightError, match="enters the new no-fly zone"):
             fleet.executor.ask(AskedOrder.CONTINUE, (), "a test")
+        with pytest.raises(FlightError, match="the plan waits") as refused:
+            orders.ask(GoOn(), "a test")
+        assert refused.value.hint == "order return or land"
 
     fleet = told(planner, returns, story)
     assert set(fleet.executor.policy.states.values()) == {State.WAITING}

@@ -11,6 +11,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerTimeout
 from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.unknown_systems import LinkNotice
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.link.wire.signing import KEY_BYTES, Signature
@@ -41,6 +42,26 @@ def test_a_payload_that_is_heard_first_is_not_the_vehicle(kind: MavType, autopil
         fleet._receive(0, beat(MavType.QUADROTOR, Autopilot.PX4, 1), ADDRESS)
         assert fleet.sessions[1].station == (1, 1)
         assert fleet.sessions[1].autopilot == Autopilot.PX4
+
+    run(scene())
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_a_vehicle_that_signs_and_gets_no_answer_without_a_key_is_said_to(*, signed: bool) -> None:
+    async def scene() -> None:
+        notices: list[LinkNotice] = []
+        fleet = LinkedFleet("udpin:127.0.0.1:0", on_notice=notices.append)
+        heart = Message("HEARTBEAT", BEAT | {"type": 2, "autopilot": 3})
+        signature = Signature(bytes([7]) * KEY_BYTES, 0, 1 << 47) if signed else None
+        fleet._receive(0, Codec(1, 1).encode(heart, signature), ADDRESS)
+        session = fleet.sessions[1]
+        session._send = lambda _: None
+        reason = "signs its frames, and no key is set here"
+        assert [notice.system for notice in notices if reason in notice.text] == [1] * signed
+        for asked in (session.command(400, 1.0), session.read_parameters(["RTL_ALT"])):
+            with pytest.raises(PeerTimeout) as silence:
+                await asked
+            assert (reason in silence.value.hint) == signed
 
     run(scene())
 
