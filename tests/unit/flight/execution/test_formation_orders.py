@@ -158,9 +158,10 @@ def test_a_late_planner_is_asked_again_and_then_refused(hop: Plan, built: Replan
 def test_a_formation_that_holds_keeps_its_plan(hop: Plan, built: Replanner, returns: ReturnPlan) -> None:
     async def story(fleet: PointFleet, orders: PlanOrders) -> None:
         fleet.executor.ask(AskedOrder.HOLD, (), "a test")
-        with pytest.raises(FlightError, match="the plan waits") as refused:
-            orders.ask(ahead(hop), "a test")
-        assert refused.value.hint == "order continue, return or land"
+        for order, hint in ((Slower(0.9), "order continue, return or land"), (ahead(hop), "order return or land")):
+            with pytest.raises(FlightError, match="the plan waits") as refused:
+                orders.ask(order, "a test")
+            assert refused.value.hint == hint
 
     fleet = told(Planner(built), returns, story)
     assert not fleet.told(NEW_PLAN)
