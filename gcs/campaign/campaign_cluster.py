@@ -29,6 +29,9 @@ _CONFIG = {
     "distributed.scheduler.worker-saturation": 1.0,  # a worker holds one flight; the others wait at the scheduler
     "distributed.scheduler.allowed-failures": 1,
     "distributed.worker.daemon": True,  # nothing of a worker outlives the campaign
+    # At the lowest priority beside other work, processes of this machine may say nothing for minutes.
+    "distributed.scheduler.worker-ttl": "1h",
+    "distributed.comm.timeouts.connect": "10m",
     "distributed.admin.tick.limit": "1h",  # a flight holds Python's lock longer than Dask finds usual
 }
 _KEY = "skein_campaign"

@@ -31,7 +31,7 @@ SCRATCH = "scratch"
 _FLUSH_S = 2.0  # results wait so long at most before they are written
 _ROOM = 2  # flights with the scheduler for each worker: one flies, one waits
 _LOOK_S = 0.2
-_NO_WORKERS_S = 120.0
+_NO_WORKERS_S = 600.0  # at the lowest priority beside other work, a killed one takes minutes to start again
 
 OnProgress = Callable[[Counter[str]], None]
 

@@ -14,7 +14,7 @@ Before T0 a vehicle climbs on at its present rate up to its hover, as far to the
 it, and it comes back. A vehicle more than `COLUMN_M` to the side is off the plan.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from gcs.flight.monitoring.monitor import VehicleView
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.states import POSITION, VELOCITY
+from gcs.plan.formation.shape import Rows
 from gcs.plan.trajectory.plan import Plan
 from gcs.types import Array
 
@@ -35,6 +36,7 @@ PLANNED = 2.0
 FADE_S = 0.5
 COLUMN_M = 1.0
 _GRAVITY_MPS2 = 9.81
+_AT_ONCE = 512  # pairs: their arrays stay in the processor's cache
 _LOOKS = 3  # checks in a row with a new report: one noisy sample is no conflict
 
 
@@ -88,26 +90,24 @@ class SeparationWatch:
         late = self._ahead_s[:-1] >= STRAIGHT_S
         hovers = np.linalg.norm(planned[:, 1, :2], axis=-1) <= _HOVERS_MPS
         found: dict[tuple[int, int], Conflict] = {}
-        for a in range(len(sysids) - 1):
-            rest = slice(a + 1, None)
-            between = paths[rest] - paths[a]
-            distances, _ = least_distance(
-                between[:, :-1], between[:, 1:]
-            )  # (rest, T - 1): fast vehicles meet between samples
-            both = fly[rest] & fly[a]
+        for ones, others in _pairs(len(sysids)):
+            between = paths[others] - paths[ones]
+            # (P, T - 1): fast vehicles meet between samples.
+            distances, _ = least_distance(between[:, :-1], between[:, 1:])
+            both = fly[others] & fly[ones]
             distances[~both[:, None] & late] = np.inf
             straight_m, first_s = self._straight(
-                lines[rest] - lines[a],
-                planned[rest] - planned[a],
-                np.where(hovers[rest] & hovers[a], STEERED_S, self._straight_s),
+                lines[others] - lines[ones],
+                planned[others] - planned[ones],
+                np.where(hovers[others] & hovers[ones], STEERED_S, self._straight_s),
             )
             straight_m[~both] = np.inf
             near = distances < self._limit_m
-            for b in np.flatnonzero(near.any(axis=1) | (straight_m < self._limit_m)).tolist():
-                by_path_s = float(self._ahead_s[int(np.argmax(near[b]))]) if near[b].any() else np.inf
-                by_line_s = float(first_s[b]) if straight_m[b] < self._limit_m else np.inf
-                pair = sysids[a], sysids[a + 1 + b]
-                least_m = min(float(distances[b].min()), float(straight_m[b]))
+            for n in np.flatnonzero(near.any(axis=1) | (straight_m < self._limit_m)).tolist():
+                by_path_s = float(self._ahead_s[int(np.argmax(near[n]))]) if near[n].any() else np.inf
+                by_line_s = float(first_s[n]) if straight_m[n] < self._limit_m else np.inf
+                pair = sysids[int(ones[n])], sysids[int(others[n])]
+                least_m = min(float(distances[n].min()), float(straight_m[n]))
                 found[pair] = Conflict(pair, min(by_path_s, by_line_s), least_m)
         seen = {}
         for one, other in found:
@@ -184,3 +184,10 @@ class SeparationWatch:
         hover_down_m = self._hover_down_m[self._plan.sysids.index(view.sysid)]
         path[:, 2] = np.maximum(path[:, 2], min(view.place_ned_m[2], hover_down_m))
         return np.asarray(path)
+
+
+def _pairs(count: int) -> Iterator[tuple[Rows, Rows]]:
+    """All pairs of so many vehicles, first and second ones, in order; of many vehicles `_AT_ONCE` at a time."""
+    first, second = np.triu_indices(count, 1)
+    for begin in range(0, len(first), _AT_ONCE):
+        yield first[begin : begin + _AT_ONCE], second[begin : begin + _AT_ONCE]

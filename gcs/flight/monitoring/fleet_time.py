@@ -155,6 +155,7 @@ class FleetClock:
     def __init__(self) -> None:
         self._last_s: float | None = None  # common time, and the local time of it
         self._last_now_s = 0.0
+        self._last_readings: list[tuple[float, bool] | None] = []  # of the clocks, at that local time
         self._held = False
         self._reported: dict[int, bool] = {}  # vehicles whose GNSS time had jumped when it was last looked at
         self._restarts: dict[int, int] = {}
@@ -164,17 +165,17 @@ class FleetClock:
 
         It stands while no vehicle reports. Once the clocks are held it never runs back.
         """
-        standing: list[float] = []
-        running: list[float] = []
-        for clock in clocks.values():
-            reading = clock.reading(now_s)
-            if reading is not None:
-                unix_s, stands = reading
-                (standing if stands else running).append(unix_s)
-        known = running or standing
+        readings = [clock.reading(now_s) for clock in clocks.values()]
+        if now_s == self._last_now_s and readings == self._last_readings:  # asked for every frame
+            return self._last_s
+        heard = [reading for reading in readings if reading is not None]
+        known = [unix_s for unix_s, stands in heard if not stands] or [unix_s for unix_s, _ in heard]
         if not known:
             return self._last_s
-        common_s = common_time_s(known, self._expected_s(clocks, now_s))
+        common_s = max(known)
+        if common_s - min(known) > AGREE_S:  # else all agree
+            common_s = common_time_s(known, self._expected_s(clocks, now_s))
+        self._last_readings = readings
         if self._last_s is None or common_s > self._last_s or (not self._held and common_s < self._last_s - AGREE_S):
             self._last_s = common_s
         self._last_now_s = now_s

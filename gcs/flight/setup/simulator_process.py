@@ -25,7 +25,7 @@ from gcs.link.endpoints.lockstep_endpoint import LockstepEndpoint
 from gcs.scenario.schema.scenario import Scenario
 
 EPOCH_UNIX_S = 1_767_268_800  # 2026-01-01 12:00 UTC: at noon no mission waits across midnight
-_START_TIMEOUT_S = 60.0  # a busy machine takes half of it; a process that fails ends at once
+_START_TIMEOUT_S = 600.0  # at the lowest priority beside other work it takes minutes; a process that fails ends at once
 _STOP_TIMEOUT_S = 10.0
 
 

@@ -59,6 +59,8 @@ class VehicleClock:
         self._returned_boot_s = float("-inf")
         self._ahead_known: tuple[float, int, tuple[float, float]] | None = None
         self._ahead = (0.0, 0.0)  # the sample that is furthest ahead
+        self._read: tuple[float, tuple[float, bool] | None] | None = None  # local time, and the reading at it
+        self._measure_rate()
 
     @property
     def ready(self) -> bool:
@@ -68,12 +70,17 @@ class VehicleClock:
     @property
     def rate(self) -> float:
         """Vehicle seconds per local second; until the window is a quarter full 1, or the rate before a pause."""
-        known = 1.0 if self._rate_kept is None else self._rate_kept
-        if not self._samples:
-            return known
-        (now_0, boot_0), (now_1, boot_1) = self._samples[0], self._samples[-1]
-        span_s = now_1 - now_0
-        return (boot_1 - boot_0) / span_s if span_s >= self._window_s / 4 else known
+        return self._rate
+
+    def _measure_rate(self) -> None:
+        """Know the rate anew: it is asked for far more often than samples come."""
+        self._read = None
+        self._rate = 1.0 if self._rate_kept is None else self._rate_kept
+        if self._samples:
+            (now_0, boot_0), (now_1, boot_1) = self._samples[0], self._samples[-1]
+            span_s = now_1 - now_0
+            if span_s >= self._window_s / 4:
+                self._rate = (boot_1 - boot_0) / span_s
 
     def stood_still(self, now_s: float) -> None:
         """Start a new window after a pause of this program: messages read now have waited, and measure no rate."""
@@ -82,6 +89,7 @@ class VehicleClock:
         rate = self._rate_kept = self.rate
         self._resumed = now_s, max(boot + rate * (now_s - then) for then, boot in self._samples)
         self._samples.clear()
+        self._measure_rate()
 
     def is_behind(self, now_s: float) -> bool:
         """Whether messages that arrived in a pause of this program may still be unread."""
@@ -118,6 +126,7 @@ class VehicleClock:
         if shown_s is None or self._offset_s is None:
             return
         self._offset_s += unix_s - shown_s
+        self._read = None
         self._offsets_s.clear()
         self._look_for_jump()
 
@@ -145,10 +154,12 @@ class VehicleClock:
         if boot_s <= self._newest_boot_s:
             return
         self._newest_boot_s, self._newest_s = boot_s, now_s
+        self._read = None
         if self.is_behind(now_s):
             return
         if not self._samples or now_s - self._samples[-1][0] >= self._window_s / _KEPT:
             self._samples.append((now_s, boot_s))
+            self._measure_rate()
 
     def unix_s(self, time_boot_ms: int) -> float | None:
         """Return the unix time of a boot clock stamp; None before SYSTEM_TIME."""
@@ -170,6 +181,11 @@ class VehicleClock:
 
     def reading(self, now_s: float) -> tuple[float, bool] | None:
         """Return the unix time at `now_s`, and whether the clock has stopped because the vehicle does not report."""
+        if self._read is None or self._read[0] != now_s:  # asked often at one instant
+            self._read = now_s, self._reading(now_s)
+        return self._read[1]
+
+    def _reading(self, now_s: float) -> tuple[float, bool] | None:
         if self._offset_s is None or not math.isfinite(self._newest_boot_s):
             return None
         known = bool(self._samples) or (self._rate_kept is not None and not self.is_behind(now_s))
@@ -221,6 +237,7 @@ class VehicleClock:
         return True
 
     def _learn_offset(self, offset_s: float, boot_s: float) -> None:
+        self._read = None
         if self.held and self._offset_s is not None:
             assert self._offset_s is not None
             self._reported_s.append(offset_s)
@@ -239,6 +256,7 @@ class VehicleClock:
         self._adopt(sum(self._offsets_s) / len(self._offsets_s))
 
     def _adopt(self, offset_s: float | None) -> None:
+        self._read = None
         self._offset_s = offset_s
         self._jumped = False
         self._reported_s.clear()

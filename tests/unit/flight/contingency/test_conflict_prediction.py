@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.conflict_prediction import SeparationWatch
+from gcs.flight.contingency.conflict_prediction import SeparationWatch, _pairs
 from gcs.flight.monitoring.monitor import VehicleView
 from gcs.flight.monitoring.predicted_tracks import PredictedTracks
 from gcs.physics.states import POSITION, VELOCITY
@@ -281,3 +282,9 @@ def test_every_vehicle_climbs_to_its_own_hover() -> None:
         path = ours._climb(views[sysid], 0.25)
         np.testing.assert_allclose(path[:, :2], np.tile(pad[:2], (len(path), 1)))
         np.testing.assert_allclose(path[:, 2], np.maximum(-4.0 * (0.25 * np.arange(25) + 0.25), hover_down_m))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 33, 40])
+def test_all_pairs_are_looked_at_once_however_many(count: int) -> None:
+    found = [pair for one, other in _pairs(count) for pair in zip(one.tolist(), other.tolist(), strict=True)]
+    assert found == list(itertools.combinations(range(count), 2))

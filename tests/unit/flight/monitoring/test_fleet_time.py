@@ -107,6 +107,19 @@ def test_time_is_unknown_before_the_first_report(monkeypatch: pytest.MonkeyPatch
     on_a_loop(work, monkeypatch)
 
 
+def test_a_report_counts_at_the_instant_of_the_last_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work() -> None:
+        fleet = Fleet(0.0, 0.0, 0.0)
+        fleet.hear()
+        first_s = fleet.time.sure_s()
+        assert fleet.time.sure_s() == first_s
+        fleet.began_s -= 0.3
+        fleet.hear()
+        assert fleet.time.sure_s() == pytest.approx(first_s + 0.3, abs=2e-3)
+
+    on_a_loop(work, monkeypatch)
+
+
 @pytest.mark.parametrize("rate", [1.0, 10.0])
 def test_a_wait_ends_at_the_vehicles_time(rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
     async def work() -> None:

@@ -150,3 +150,39 @@ def test_messages_that_waited_while_this_program_stood_still_measure_nothing() -
         clock.receive(attitude(10.0 + now_s), now_s)
         assert clock.rate == pytest.approx(1.0, abs=1e-6)
         assert clock.now_unix_s(now_s) == pytest.approx(before + now_s - 3.0, abs=1e-3)
+
+
+def test_what_is_learned_between_two_questions_at_one_instant_counts():
+    clock = VehicleClock()
+    clock.receive(system_time(10.0), 1.0)
+    assert clock.now_unix_s(1.0) == pytest.approx(UNIX_S + 10.0)
+    clock.receive(attitude(10.3), 1.0)
+    assert clock.now_unix_s(1.0) == pytest.approx(UNIX_S + 10.3)
+    clock.set_unix_s(UNIX_S + 60.0, 1.0)
+    assert clock.now_unix_s(1.0) == pytest.approx(UNIX_S + 60.0)
+    clock.follow_gnss()
+    assert clock.now_unix_s(1.0) == pytest.approx(UNIX_S + 60.0)  # nothing is reported before it is held
+    clock.hold()
+    for _ in range(3):
+        clock.receive(system_time(10.3), 1.0)
+    clock.follow_gnss()
+    assert clock.now_unix_s(1.0) == pytest.approx(UNIX_S + 10.3)
+    clock.receive(system_time(10.3, UNIX_S + 0.2), 1.0)
+    clock.receive(system_time(10.4, UNIX_S + 0.2), 1.0)
+    assert UNIX_S + 10.4 < clock.now_unix_s(1.0) < UNIX_S + 10.5
+
+
+def test_the_rate_is_that_of_the_samples_there_are():
+    clock = VehicleClock()
+    for n in range(1, 30):
+        clock.receive(system_time(0.4 * n), 0.1 * n)
+    assert clock.rate == pytest.approx(4.0)
+    clock.stood_still(5.0)
+    assert clock.rate == pytest.approx(4.0)  # kept, until there are samples again
+    for n in range(1, 30):
+        clock.receive(system_time(20.0 + 0.2 * n), 5.0 + 0.1 * n)
+    assert clock.rate == pytest.approx(2.0)
+    for n in range(1, 6):
+        clock.receive(system_time(0.1 * n), 8.0 + 0.1 * n)  # it rebooted
+    assert clock.restarts == 1
+    assert clock.rate == 1.0
