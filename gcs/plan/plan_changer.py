@@ -117,7 +117,7 @@ class PlanChanger:
             raise PlanningError(f"the new plan would begin with a jump of {jump}", hint=_OTHERWISE)
         report = verify(plan)
         if not report.ok:
-            raise PlanningError(f"the new plan failed verification: {refusal(report).message}", hint=_OTHERWISE)
+            raise PlanningError(f"the new plan failed verification: {refusal(report).reason}", hint=_OTHERWISE)
         return Proposal(plan, report, time.perf_counter() - began_s, left, rate)
 
     def adopt(self, found: Proposal) -> None:

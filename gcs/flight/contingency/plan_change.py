@@ -123,6 +123,8 @@ class PlanChange:
         if self.has_braked:
             return f"all have braked: {self.blocked}"
         if math.isinf(enters_at_s(plan, order, now_s)):
+            if self._last is not None and isinstance(self._last[0], Hold) and self._last[0].zones:
+                return f"all brake as one, from t = {self._last[1]:.1f} s on, and hover for the next order"
             return "the old plan is flown on, it does not enter the zone"
         self.watch(plan, now_s)
         return self.instead

@@ -62,7 +62,7 @@ async def request_telemetry(vehicle: FlightVehicle) -> None:
     session, options = vehicle.session, vehicle.options
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, options.position_rate_hz)
     await session.set_message_interval(MessageId.ATTITUDE, options.position_rate_hz / 2.0)
-    state = (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME)
+    state = (session.estimator.message, MessageId.SYSTEM_TIME)
     for number in (*state, *vehicle.behaviour.health_ids):
         await session.set_message_interval(number, options.state_rate_hz)
     if options.watched_elsewhere:

@@ -152,8 +152,9 @@ class Report:
 def refusal(report: Report) -> VerificationError:
     """The error for a plan that failed verification, with its worst checks."""
     worst = "; ".join(str(c) for c in report.failures[:_LISTED])
-    more = f"; and {len(report.failures) - _LISTED} more" if len(report.failures) > _LISTED else ""
+    worst += f"; and {len(report.failures) - _LISTED} more" if len(report.failures) > _LISTED else ""
     return VerificationError(
-        f"the plan failed verification: {worst}{more}",
+        f"the plan failed verification: {worst}",
+        reason=worst,
         hint="change the scenario and plan again, or add --unverified to use the plan for inspection",
     )

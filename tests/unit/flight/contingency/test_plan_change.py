@@ -203,3 +203,16 @@ def test_a_zone_has_the_time_at_which_it_was_given_first(hop: Plan) -> None:
     assert ours.brakes(ours.brakes_at_s)
     assert ours.has_braked
     assert ours.instead == ""
+
+
+@pytest.mark.parametrize(
+    ("brakes", "instead"), [(False, "the old plan is flown on"), (True, "all brake as one, from t = 12.5 s on")]
+)
+def test_a_refusal_says_which_plan_is_flown(hop: Plan, brakes: bool, instead: str) -> None:
+    """A brake that was made first leads no more into the zone; it does not lead on either."""
+    ours, zone = PlanChange(10.0, LEAD_S, 0.5), ahead(hop)
+    ours.ask(zone, "a test", 1.0, hop)
+    past_s = hop.flight_s  # the flown plan does not enter the zone any more
+    if brakes:
+        ours.changed(Hold((zone.zone,)), hop, 12.5, past_s)
+    assert ours.refused(zone, hop, past_s).startswith(instead)

@@ -72,6 +72,7 @@ def test_a_refusal_names_the_first_failures_and_counts_the_others() -> None:
             for n, kind in enumerate(STATES[:listed], start=1)
         )
         assert error.message == f"the plan failed verification: {words}{more}"
+        assert error.reason == f"{words}{more}"
         assert "--unverified" in str(error.hint)
 
 
