@@ -35,7 +35,7 @@ _STEP_MAX = 0.6  # of the logarithm of a speed, per round
 _COARSE = 2.0  # factor on the navigator's step
 _BET = 5.0  # cost of a cruise faster than commanded by a factor of e, in s of lateness
 _SPARE = 0.8  # share of OBEYED_WITHIN from which it costs
-_PULL = 0.1  # cost of a speed off by a factor of e, in s of lateness
+_PULL = 0.2  # cost of a speed off by a factor of e, in s of lateness
 _ROUNDS, _TRIES, _DAMPED = 8, 3, 6.0
 _TIMES, _AGAIN, _DEARER = (
     4,

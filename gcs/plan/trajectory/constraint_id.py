@@ -73,6 +73,7 @@ class Kind(Enum):
     LEG_DURATION = "duration of leg {of}"
     LEG_CORRIDOR = "leg {of}: distance beside the line"
     LEG_HEIGHT = "leg {of}: distance above or below the line"
+    LEG_ENDS = "leg {of}: distance beyond its ends"
     LEG_YAW = "leg {of}: yaw"
     POINTS_PASSED = "route points passed"
     POINT_ORDER = "route {of}: order"
@@ -152,7 +153,7 @@ class ConstraintId:
     @property
     def is_of_route(self) -> bool:
         """Whether a point of the route or a line between two asks for it."""
-        route = Kind.POINTS_PASSED, Kind.LEG_CORRIDOR, Kind.LEG_HEIGHT, Kind.LEG_YAW
+        route = Kind.POINTS_PASSED, Kind.LEG_CORRIDOR, Kind.LEG_HEIGHT, Kind.LEG_ENDS, Kind.LEG_YAW
         return isinstance(self.of, PointName) or self.kind in route
 
     def __str__(self) -> str:

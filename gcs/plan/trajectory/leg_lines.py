@@ -105,7 +105,7 @@ class LegLine:
         """
         north, east, down = np.diff(self._ends, axis=0)[0]
         length_m = float(np.hypot(north, east))
-        if abs(down) > length_m:
+        if self.is_steep:
             return np.array(
                 [[1.0, 0.0, -north / down, 0.0], [0.0, 1.0, -east / down, 0.0], [0.0] * 4, [0.0, 0.0, 0.0, 1.0]]
             )
@@ -113,6 +113,22 @@ class LegLine:
         return np.array(
             [[-east, north, 0.0, 0.0], [0.0] * 4, [-slope * north, -slope * east, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
         )
+
+    @property
+    def is_steep(self) -> bool:
+        """Whether it climbs or sinks more steeply than 45 degrees: it has no height at a place."""
+        north, east, down = np.diff(self._ends, axis=0)[0]
+        return bool(abs(down) > np.hypot(north, east))
+
+    @property
+    def along(self) -> tuple[Array, Array, float]:
+        """The middle of the line, place and yaw (4,); a row (1, 4) that takes a difference from it to what is along the
+        line, or for a steep one below it; and how far the ends are from the middle.
+        """
+        way = np.append(np.diff(self._ends, axis=0)[0], 0.0)
+        way[[0, 1] if self.is_steep else [2]] = 0.0
+        length_m = float(np.linalg.norm(way))
+        return np.append(self._ends.mean(axis=0), self.yaw_ned_rad), way[None] / length_m, 0.5 * length_m
 
     @property
     def begin(self) -> Array:

@@ -60,18 +60,25 @@ def route_checks(plan: Plan) -> list[Check]:
 
 
 def _line_checks(plan: Plan, sysid: int) -> list[Check]:
-    """The worst leg for its corridor, its height and its yaw, at every instant between two points."""
+    """The worst leg for its corridor, its height, its ends and its yaw, at every instant between two points.
+
+    Beyond the points at its ends the leader flies no farther than it may from the line, or from the points.
+    """
     if not plan.lines:
         return []
     worst: dict[Kind, tuple[float, Check]] = {}
     mission, made = plan.phase(PhaseKind.MISSION), plan.passages
     begins = mission.start_s, *(passage.leaves_s for passage in made)
     ends = *(passage.arrives_s for passage in made), mission.end_s
-    for line, start_s, end_s in zip(plan.lines, begins, ends, strict=True):
-        for kind, rows, most, unit, tolerance in (
-            (Kind.LEG_CORRIDOR, line.rows[:2], line.limits.corridor_m, "m", LENGTH_TOLERANCE_M),
-            (Kind.LEG_HEIGHT, line.rows[2:3], line.limits.height_m, "m", LENGTH_TOLERANCE_M),
-            (Kind.LEG_YAW, line.rows[3:], line.limits.yaw_rad, "deg", ANGLE_TOLERANCE_DEG),
+    near_m = [0.0, *(passage.point.radius_m or 0.0 for passage in made), 0.0]
+    for line, start_s, end_s, radii_m in zip(plan.lines, begins, ends, pairwise(near_m), strict=True):
+        middle, along, ends_m = line.along
+        beyond_m = max(line.limits.height_m if line.is_steep else line.limits.corridor_m, *radii_m)
+        for kind, origin, rows, most, unit, tolerance in (
+            (Kind.LEG_CORRIDOR, line.begin, line.rows[:2], line.limits.corridor_m, "m", LENGTH_TOLERANCE_M),
+            (Kind.LEG_HEIGHT, line.begin, line.rows[2:3], line.limits.height_m, "m", LENGTH_TOLERANCE_M),
+            (Kind.LEG_ENDS, middle, along, ends_m + beyond_m, "m", LENGTH_TOLERANCE_M),
+            (Kind.LEG_YAW, line.begin, line.rows[3:], line.limits.yaw_rad, "deg", ANGLE_TOLERANCE_DEG),
         ):
             if np.isinf(most) or not start_s < end_s:
                 continue
@@ -79,7 +86,7 @@ def _line_checks(plan: Plan, sysid: int) -> list[Check]:
                 seen, bound, t_s = _farthest_from_ground_line(plan, line, (start_s, end_s))
             else:
                 allowed = most + (float(np.radians(tolerance)) if kind is Kind.LEG_YAW else tolerance)
-                seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, line.begin, (start_s, end_s), allowed, rows)
+                seen, bound, t_s = _farthest(plan, _PLACE_AND_YAW, origin, (start_s, end_s), allowed, rows)
             margin, proved = (float(np.degrees(m) if kind is Kind.LEG_YAW else m) for m in (most - seen, most - bound))
             if kind not in worst or proved < worst[kind][0]:
                 name = ConstraintId(kind, of=line.number)

@@ -73,7 +73,7 @@ def test_a_vehicle_begins_with_what_was_found_for_one_like_it(monkeypatch: pytes
     alone, alone_flights = correct(navigator, beside, (0.0, 3.0)), len(flights)
     like = correct(navigator, beside, (0.0, 3.0), found)
     assert len(flights) - alone_flights <= alone_flights // 2
-    assert np.abs(like.late_s).max() < max(np.abs(alone.late_s).max(), 0.2) + 0.05
+    assert np.abs(like.late_s).max() < max(np.abs(alone.late_s).max(), 0.2) + 0.1
 
 
 def test_a_speed_with_little_effect_stays_near_the_planned_one() -> None:

@@ -182,6 +182,30 @@ def test_what_the_scenario_says_of_a_leg_no_plan_gives_away(meadow_plan: Plan) -
     assert failed(replace(beside, leg_limits=(NO_LIMITS,) * 3)) == ["leg 2: distance beside the line"]
 
 
+@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize(("limit_m", "said"), [(1.9, ["leg 1: distance beyond its ends"]), (2.1, [])])
+def test_who_flies_past_the_end_of_a_leg_and_comes_back_fails(
+    meadow_plan: Plan, axis: int, limit_m: float, said: list[str]
+) -> None:
+    """By 2 m along the line, north or straight up: beside it the leader is nowhere."""
+    state = np.zeros((2, 3, 12))
+    sign = 1.0 if axis == 0 else -1.0
+    state[1, :, 2] = -8.0
+    state[0, :, axis] = sign * np.array([1.2, -1.0, 1.25])
+    state[1, :, axis] += sign * np.array([0.0, 12.0, 10.0])
+    times_s = [0.0, 10.0, 12.0, 20.0]
+    motion = Trajectory(PPoly(state, times_s), PPoly(np.zeros((1, 3, 4)), times_s))
+    start, end = (motion.state(t_s)[:3] * [1.0, 1.0, -1.0] for t_s in (0.0, 20.0))
+    plan = with_route(replace(meadow_plan, leader_trajectory=motion), {12.0: {}})
+    ends = {
+        "start": plan.scenario.start.model_copy(update={"position_m": tuple(start.tolist())}),
+        "end": plan.scenario.end.model_copy(update={"position_m": tuple(end.tolist())}),
+    }
+    limits = LegLimits(limit_m, 50.0) if axis == 0 else LegLimits(50.0, limit_m)
+    drawn = replace(plan, scenario=plan.scenario.model_copy(update=ends), leg_limits=(limits, limits))
+    assert [name for name in failed(drawn) if name.startswith("leg")] == said
+
+
 def over_a_bump(plan: Plan, height_m: float, spread_m: float) -> Plan:
     """Level at 8 m above height 0 for 20 s at 1 m/s, over a bump at 10.3 m, drawn 8 m above the ground."""
     state = np.zeros((2, 1, 12))
